@@ -1,0 +1,100 @@
+"""What all estimators share: reading named signals from a table, trajectories, and scikit-learn's contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import validate_data
+
+from pamid.errors import MissingColumnError, ParameterError, ShapeError
+
+from ._trajectories import TRAJECTORY, encode_trajectory_column
+
+Signals = Mapping[str, "str | int"]
+
+
+class SignalEstimator(BaseEstimator):
+    """Base of every estimator that reads named signals from the columns of X.
+
+    In a DataFrame a signal is found by its name (``eps``, ``deps``, ``P``, ``dP``, ...). A plain array must hold
+    exactly the needed signals, in the order of `_needs`. The parameter `signals` overrides both: it maps a signal to
+    a column, by name or by position, and may send several signals to one column.
+
+    A column named ``trajectory`` in a DataFrame is never a signal: it names each row's trajectory.
+    """
+
+    _needs: ClassVar[tuple[str, ...]] = ()
+    signals: Signals | None
+
+    def _read(self, X: Any, y: Any = None, *, reset: bool, **checks: Any) -> tuple[np.ndarray, Any]:
+        """Validate X (and y) as scikit-learn does and note, on `reset`, which column is which signal.
+
+        Returns the table as a float array, and y (None if none was given).
+        """
+        X = encode_trajectory_column(X)
+        if y is None and not reset:
+            X, y = validate_data(self, X, reset=False, dtype=np.float64, **checks), None
+        elif y is None:
+            X = validate_data(self, X, reset=True, dtype=np.float64, **checks)
+        else:
+            X, y = validate_data(
+                self, X, y, reset=reset, dtype=np.float64, y_numeric=True, multi_output=True, **checks
+            )
+        if reset:
+            self.signal_columns_ = self._locate(X.shape[1])
+        return X, y
+
+    def _locate(self, n_columns: int) -> dict[str, int]:
+        """Find the column of each needed signal."""
+        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
+        if self.signals is not None and not isinstance(self.signals, Mapping):
+            raise ParameterError(
+                f"signals is a {type(self.signals).__name__}.",
+                "a mapping of signal names to columns",
+                "Pass for instance signals={'eps': 'contraction', 'P': 2}.",
+            )
+        given = dict(self.signals or {})
+        unknown = sorted(set(given) - set(self._needs))
+        if unknown:
+            raise ParameterError(
+                f"signals maps {', '.join(unknown)}, which {type(self).__name__} does not read.",
+                f"only {', '.join(self._needs)}",
+                "Remove the surplus entries.",
+            )
+        if not names and not given and n_columns != len(self._needs):
+            raise ShapeError(
+                f"X is an array with {n_columns} columns and no names.",
+                f"{len(self._needs)} columns ({', '.join(self._needs)})",
+                "Pass a DataFrame with these names, or signals={name: column}.",
+            )
+        return {
+            signal: self._column(given.get(signal, signal if names else position), names, n_columns, signal)
+            for position, signal in enumerate(self._needs)
+        }
+
+    def _column(self, column: str | int, names: list[str], n_columns: int, signal: str) -> int:
+        if isinstance(column, str):
+            if column not in names:
+                raise MissingColumnError(
+                    f"X has no column '{column}' for the signal {signal}; it has {', '.join(names) or 'no names'}.",
+                    f"the columns {', '.join(self._needs)}",
+                    f"Rename the column, or pass signals={{'{signal}': <its column>}}.",
+                )
+            return names.index(column)
+        if not 0 <= int(column) < n_columns:
+            raise MissingColumnError(
+                f"signals sends {signal} to column {column}, but X has {n_columns} columns.",
+                f"a position from 0 to {n_columns - 1}",
+                "Correct the position.",
+            )
+        return int(column)
+
+    def _signal(self, X: np.ndarray, name: str) -> np.ndarray:
+        """Return one signal of the validated table, shape (n_samples,)."""
+        return X[:, self.signal_columns_[name]]
+
+
+__all__ = ["TRAJECTORY", "SignalEstimator", "Signals"]

@@ -1,0 +1,100 @@
+"""Which rows belong to which trajectory: ``groups`` where routing brings it, a column where it does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pamid.errors import InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
+
+TRAJECTORY = "trajectory"
+"""Name of the column that says to which trajectory a row belongs."""
+
+
+def has_trajectory_column(X: Any) -> bool:
+    """Say whether X is a DataFrame with a ``trajectory`` column."""
+    return isinstance(X, pd.DataFrame) and TRAJECTORY in X.columns
+
+
+def encode_trajectory_column(X: Any) -> Any:
+    """Replace the names in a ``trajectory`` column by numbers, so that the table is numeric.
+
+    Rows keep their order; other inputs come back untouched.
+    """
+    if has_trajectory_column(X) and not pd.api.types.is_numeric_dtype(X[TRAJECTORY]):
+        return X.assign(**{TRAJECTORY: pd.factorize(X[TRAJECTORY])[0].astype(float)})
+    return X
+
+
+def trajectory_codes(
+    X: Any, groups: Any, *, one_trajectory: bool = False, needed_by: str | None = None
+) -> np.ndarray | None:
+    """Number the trajectories of the rows of X from 0, in order of appearance.
+
+    Parameters
+    ----------
+    X : DataFrame or array, shape (n_samples, n_columns)
+        The table; a ``trajectory`` column is used where there is one.
+    groups : array_like, shape (n_samples,), or None
+        Group of each row. Where X has a ``trajectory`` column as well, a trajectory is a pair of both: a group may
+        hold several trajectories (two muscles in one run), and history never crosses from one to the other.
+    one_trajectory : bool, default=False
+        Whether the caller states that all rows are one trajectory.
+    needed_by : str, optional
+        Name of what needs time order. If given, and there is nothing to tell trajectories, an error is raised, and
+        the rows of each trajectory must be contiguous.
+
+    Returns
+    -------
+    ndarray of int, shape (n_samples,), or None
+        Trajectory number of each row; None if nothing tells.
+
+    Raises
+    ------
+    MissingTrajectoryError
+        If `needed_by` is given and there is neither `groups` nor a column.
+    InterleavedTrajectoryError
+        If `needed_by` is given and a trajectory's rows are not contiguous.
+    """
+    n = X.shape[0] if hasattr(X, "shape") else len(X)
+    keys = []
+    if groups is not None:
+        groups = np.asarray(groups).ravel()
+        if groups.shape[0] != n:
+            raise ShapeError(
+                f"groups has {groups.shape[0]} entries for {n} rows.", "one entry a row", "Pass one group for each row."
+            )
+        keys.append(pd.factorize(groups)[0])
+    if has_trajectory_column(X):
+        keys.append(pd.factorize(X[TRAJECTORY])[0])
+    if not keys:
+        if one_trajectory:
+            return np.zeros(n, dtype=int)
+        if needed_by is None:
+            return None
+        raise MissingTrajectoryError(
+            f"{needed_by} needs to know which rows form a trajectory, and got neither groups nor a column "
+            f"'{TRAJECTORY}'.",
+            "one of the two",
+            "Pass groups= (with metadata routing on, or directly to fit), keep a 'trajectory' column in a DataFrame "
+            "(serves with routing off), or set one_trajectory=True if all rows are one run.",
+        )
+    codes = keys[0] if len(keys) == 1 else pd.factorize(keys[0].astype(np.int64) * (keys[1].max() + 1) + keys[1])[0]
+    if needed_by is not None:
+        borders = np.flatnonzero(np.diff(codes)) + 1
+        if len(borders) + 1 != len(np.unique(codes)):
+            raise InterleavedTrajectoryError(
+                f"{needed_by} got {len(np.unique(codes))} trajectories in {len(borders) + 1} separate blocks of rows.",
+                "the rows of each trajectory to be contiguous and in time order",
+                "Sort the table by trajectory and time, and do not shuffle rows.",
+            )
+    return codes
+
+
+def trajectory_slices(codes: np.ndarray) -> list[slice]:
+    """Return the rows of each trajectory as slices, for codes that are contiguous."""
+    borders = np.flatnonzero(np.diff(codes)) + 1
+    edges = [0, *borders.tolist(), len(codes)]
+    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]

@@ -1,0 +1,232 @@
+"""Every error and warning pamid raises, worded in one way: what was found, what was expected, what to do.
+
+Each class also derives from the builtin that a scikit-learn user expects (``ValueError``, ``TypeError``, ...),
+so ``except ValueError`` keeps working and the command line can turn any `PamidError` into one clear line.
+"""
+
+from __future__ import annotations
+
+
+class PamidError(Exception):
+    """Base of all errors of the package.
+
+    Parameters
+    ----------
+    found : str
+        What was found, as a full sentence, with numbers and units.
+    expected : str
+        What was expected instead; reads on after "expected".
+    remedy : str
+        What the user can do about it, as a full sentence.
+    """
+
+    def __init__(self, found: str, expected: str = "", remedy: str = "") -> None:
+        self.found = found
+        self.expected = expected
+        self.remedy = remedy
+        parts = [found.rstrip()]
+        if expected:
+            parts.append(f"Expected {expected.rstrip().rstrip('.')}.")
+        if remedy:
+            parts.append(remedy.rstrip())
+        super().__init__(" ".join(parts))
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        """Rebuild from the three parts, so that errors cross process borders whole."""
+        return type(self), (self.found, self.expected, self.remedy)
+
+
+# --- logs: the file -----------------------------------------------------------------------------------------
+class LogError(PamidError, ValueError):
+    """A log cannot be used as it is."""
+
+
+class LogNotFoundError(LogError, FileNotFoundError):
+    """No file where the log should be."""
+
+
+class LogFormatError(LogError):
+    """The file is of a kind that pamid does not read, or not what its name says."""
+
+
+class TruncatedLogError(LogError):
+    """The file ends before it should, or is damaged."""
+
+
+class EmptyLogError(LogError):
+    """The log has no rows."""
+
+
+# --- logs: the columns --------------------------------------------------------------------------------------
+class ColumnError(LogError):
+    """Something is wrong with the columns of a log or a table."""
+
+
+class MissingColumnError(ColumnError):
+    """A column that is needed is not there."""
+
+
+class DuplicateColumnError(ColumnError):
+    """Two columns carry the same name, or two sources map to one signal."""
+
+
+class ColumnTypeError(ColumnError, TypeError):
+    """A column holds text or objects where numbers are needed."""
+
+
+class MappingError(ColumnError):
+    """A mapping of names and units is malformed or names something that is not there."""
+
+
+# --- logs: the values ---------------------------------------------------------------------------------------
+class SignalError(LogError):
+    """The values of a signal are not usable."""
+
+
+class NonFiniteError(SignalError):
+    """NaN or infinite values in a signal."""
+
+
+class ConstantSignalError(SignalError):
+    """A signal that must vary does not."""
+
+
+class UnitError(SignalError):
+    """Values that are plainly in another unit than the one expected, or an unknown unit."""
+
+
+class PressureReferenceError(UnitError):
+    """Gauge pressure where absolute pressure is needed, or the reverse."""
+
+
+# --- time and trajectories ----------------------------------------------------------------------------------
+class TimeError(SignalError):
+    """Time is not usable."""
+
+
+class TimeOrderError(TimeError):
+    """Time does not increase within a trajectory."""
+
+
+class SamplingError(TimeError):
+    """The sampling is too irregular, too slow or mixed for what is asked."""
+
+
+class TrajectoryError(LogError):
+    """Something is wrong with the trajectories of a log."""
+
+
+class MissingTrajectoryError(TrajectoryError):
+    """What needs time order got neither ``groups`` nor a ``trajectory`` column."""
+
+
+class InterleavedTrajectoryError(TrajectoryError):
+    """The rows of a trajectory are not contiguous."""
+
+
+class TooFewTrajectoriesError(TrajectoryError):
+    """Fewer trajectories than a grouped split needs."""
+
+
+class ShortTrajectoryError(TrajectoryError):
+    """A trajectory has fewer samples than an operation needs."""
+
+
+# --- parameters and fits ------------------------------------------------------------------------------------
+class ParameterError(PamidError, ValueError):
+    """A parameter of an estimator, a law or a command is out of its domain."""
+
+
+class UnknownOptionError(ParameterError):
+    """A name that is not among the ones offered."""
+
+
+class ShapeError(PamidError, ValueError):
+    """Arrays whose shapes do not belong together."""
+
+
+class IncompatibleError(PamidError, ValueError):
+    """A volume model, a law and a trainer or adapter that do not fit together."""
+
+
+class FitError(PamidError, RuntimeError):
+    """A fit could not be carried out or gave nothing usable."""
+
+
+class DivergedError(FitError):
+    """A fit or a simulation left the finite numbers."""
+
+
+# --- simulator files ----------------------------------------------------------------------------------------
+class SimulatorFileError(PamidError, ValueError):
+    """A simulator file (``sim.toml``) is not usable."""
+
+
+class SimulatorSyntaxError(SimulatorFileError):
+    """A simulator file is not valid TOML."""
+
+
+class MissingParameterError(SimulatorFileError):
+    """A simulator file lacks a table or parameter."""
+
+
+class UnknownParameterError(SimulatorFileError):
+    """A simulator file has a table or parameter that means nothing to the bench."""
+
+
+class ImplausibleParameterError(SimulatorFileError):
+    """A simulator parameter is outside its physical range."""
+
+
+# --- model files --------------------------------------------------------------------------------------------
+class ModelFileError(PamidError, ValueError):
+    """A model file cannot be read."""
+
+
+class ModelNotFoundError(ModelFileError, FileNotFoundError):
+    """No file where the model should be."""
+
+
+class TruncatedModelError(ModelFileError):
+    """A model file is truncated or damaged."""
+
+
+class HostileModelError(ModelFileError):
+    """A model file asks for code or types that loading must never run."""
+
+
+class ModelVersionError(ModelFileError):
+    """A model file is of a format that this version does not know."""
+
+
+class OutputError(PamidError, OSError):
+    """An output cannot be written."""
+
+
+# --- warnings -----------------------------------------------------------------------------------------------
+class PamidWarning(UserWarning):
+    """Base of all warnings of the package."""
+
+
+class UnitWarning(PamidWarning):
+    """Values that look like another unit than the one expected."""
+
+
+class ExcitationWarning(PamidWarning):
+    """The data hardly excite what is to be identified."""
+
+
+class ExtrapolationWarning(PamidWarning):
+    """A prediction is asked outside the range of the data of the fit."""
+
+
+class VolumeWarning(PamidWarning):
+    """The identified volume does not make physical sense."""
+
+
+class InterruptedFitWarning(PamidWarning):
+    """A fit was interrupted; the best model so far is kept."""
+
+
+class SamplingWarning(PamidWarning):
+    """Irregular sampling or gaps that were bridged."""

@@ -1,0 +1,32 @@
+"""Pick the array library of the inputs, so that one formula serves numpy arrays and torch tensors.
+
+The laws use only functions that both libraries name alike (``sqrt``, ``exp``, ``where``, ``cos`` ...);
+torch is looked up, never imported: it can only be among the inputs if the caller has loaded it.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+
+def namespace(*arrays: Any) -> ModuleType:
+    """Return ``torch`` if any input is a torch tensor, else ``numpy``.
+
+    Parameters
+    ----------
+    *arrays : array_like or torch.Tensor
+        The inputs of a formula.
+
+    Returns
+    -------
+    module
+        The library whose functions suit the inputs.
+    """
+    torch = sys.modules.get("torch")
+    if torch is not None and any(isinstance(a, torch.Tensor) for a in arrays):
+        return torch
+    return np

@@ -1,0 +1,58 @@
+r"""What a law is: a linear functional of the gas volume.
+
+Both laws of the hybrid models read the volume and its derivatives linearly:
+
+.. math:: y = a(s)\, V + b_\varepsilon(s)\, \frac{\partial V}{\partial\varepsilon} + b_P(s)\, \frac{\partial V}{\partial P}
+
+with coefficients that depend on the measured state `s` alone. A law is those three coefficients. That is what lets
+any volume model meet any law and any trainer: a trainer needs one directional derivative of the network along
+:math:`(b_\varepsilon, 0, b_P, 0)` and never asks which law it serves.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, NamedTuple
+
+from ..signals.state import Array, State
+
+
+class Coefficients(NamedTuple):
+    """The factors of V, ∂V/∂ε and ∂V/∂P in a law, one entry a sample."""
+
+    V: Array
+    V_eps: Array
+    V_P: Array
+
+
+class Law(ABC):
+    """A law that turns the gas volume and its derivatives into something measured."""
+
+    equation: ClassVar[str]
+    """Name of the equation of the bench that the law states: ``"force"`` or ``"flow"``."""
+    target: ClassVar[str]
+    """Column of a log that holds what the law predicts."""
+    unit: ClassVar[str]
+    """Unit of the prediction."""
+
+    @abstractmethod
+    def coefficients(self, state: State) -> Coefficients:
+        """Return the factors of V, ∂V/∂ε and ∂V/∂P at each sample of ``state``."""
+
+    def predict(self, V: Array, V_eps: Array, V_P: Array, state: State) -> Array:
+        """Apply the law to a volume and its derivatives.
+
+        Parameters
+        ----------
+        V, V_eps, V_P : array, shape (n_samples,)
+            Volume (m³) and its derivatives (m³, m³/Pa).
+        state : State
+            Signals of the muscle, SI units, absolute pressure.
+
+        Returns
+        -------
+        array, shape (n_samples,)
+            The prediction, in the law's `unit`.
+        """
+        c = self.coefficients(state)
+        return c.V * V + c.V_eps * V_eps + c.V_P * V_P

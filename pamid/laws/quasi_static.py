@@ -1,0 +1,45 @@
+"""Quasi-static force by virtual work, the law of `StaticPIHM` and of every geometric force model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ..signals.state import State
+from .base import Coefficients, Law
+
+
+@dataclass(frozen=True)
+class QuasiStaticForce(Law):
+    r"""Tension of a muscle from the virtual work of its gas.
+
+    .. math:: F\,\mathrm{d}L = -p\,\mathrm{d}V, \quad \mathrm{d}L = -L_0\,\mathrm{d}\varepsilon
+        \quad\Rightarrow\quad F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}
+
+    with the gauge pressure :math:`p = P - P_\mathrm{atm}`.
+
+    Parameters
+    ----------
+    rest_length : float
+        Rest length L₀, m.
+    atmospheric_pressure : float, default=101325
+        Ambient pressure, Pa, absolute.
+
+    References
+    ----------
+    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
+    on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+    """
+
+    rest_length: float
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+
+    equation: ClassVar[str] = "force"
+    target: ClassVar[str] = "F"
+    unit: ClassVar[str] = "N"
+
+    def coefficients(self, state: State) -> Coefficients:
+        """Return (0, p/L₀, 0)."""
+        zero = 0.0 * state.P
+        return Coefficients(zero, (state.P - self.atmospheric_pressure) / self.rest_length, zero)

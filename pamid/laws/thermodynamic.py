@@ -1,0 +1,48 @@
+"""Gas flow into a chamber of changing volume, the law of `ThermodynamicPIHM`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from ..signals.state import State
+from .base import Coefficients, Law
+
+
+@dataclass(frozen=True)
+class ThermodynamicFlow(Law):
+    r"""Mass flow into a muscle from the first law of thermodynamics.
+
+    .. math:: \dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T}, \qquad
+        \dot V = \frac{\partial V}{\partial\varepsilon}\dot\varepsilon + \frac{\partial V}{\partial P}\dot P
+
+    Parameters
+    ----------
+    heat_capacity_ratio : float, default=1.4
+        γ, dimensionless; 1 is an isothermal chamber.
+    gas_constant : float, default=287
+        R, J/(kg K).
+    temperature : float, default=293
+        T, K.
+
+    References
+    ----------
+    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
+    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+    """
+
+    heat_capacity_ratio: float = HEAT_CAPACITY_RATIO
+    gas_constant: float = GAS_CONSTANT
+    temperature: float = TEMPERATURE
+
+    equation: ClassVar[str] = "flow"
+    target: ClassVar[str] = "mdot"
+    unit: ClassVar[str] = "kg/s"
+
+    def coefficients(self, state: State) -> Coefficients:
+        """Return (Ṗ/(γRT), P ε̇/(RT), P Ṗ/(RT)); the pressure is absolute."""
+        RT = self.gas_constant * self.temperature
+        return Coefficients(
+            state.dP / (self.heat_capacity_ratio * RT), state.P * state.deps / RT, state.P * state.dP / RT
+        )

@@ -1,0 +1,33 @@
+"""The state of one muscle over many samples: what every law and volume model reads."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+Array = Any
+"""A numpy array or a torch tensor; the laws and volume models take either."""
+
+
+class State(NamedTuple):
+    """Signals of one muscle, one entry a sample.
+
+    Parameters
+    ----------
+    eps : array, shape (n_samples,)
+        Contraction ratio ε = (L₀ − L)/L₀, dimensionless.
+    deps : array, shape (n_samples,)
+        Its rate ε̇, 1/s.
+    P : array, shape (n_samples,)
+        Gas pressure in the muscle, Pa, absolute.
+    dP : array, shape (n_samples,)
+        Its rate Ṗ, Pa/s.
+    """
+
+    eps: Array
+    deps: Array
+    P: Array
+    dP: Array
+
+
+STATE_SIGNALS = State._fields
+"""The signals in the order in which a plain array holds them: ``("eps", "deps", "P", "dP")``."""
