@@ -40,9 +40,7 @@ class SignalEstimator(BaseEstimator):
         elif y is None:
             X = validate_data(self, X, reset=True, dtype=np.float64, **checks)
         else:
-            X, y = validate_data(
-                self, X, y, reset=reset, dtype=np.float64, y_numeric=True, multi_output=True, **checks
-            )
+            X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, y_numeric=True, multi_output=True, **checks)
         if reset:
             self.signal_columns_ = self._locate(X.shape[1])
         return X, y
