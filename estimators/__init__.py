@@ -1,0 +1,25 @@
+"""scikit-learn estimators and transformers for pneumatic artificial muscles.
+
+Every public class is an attribute of this package (``pamid.estimators.MLP``) and is imported when first asked for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ._registry import all_estimators, checked_instances, class_locations, load_class
+
+
+def __getattr__(name: str) -> Any:
+    if not name.startswith("_") and name in class_locations():
+        value = load_class(name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *class_locations()})
+
+
+__all__ = ["all_estimators", "checked_instances"]

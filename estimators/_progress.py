@@ -1,0 +1,128 @@
+"""Progress, early stop and interruption of a fit, through ``sklearn.callback``.
+
+That interface is experimental in scikit-learn 1.9, so this module alone knows it. What an iterative estimator does:
+
+    class MyEstimator(ProgressMixin, RegressorMixin, SignalEstimator):     # the mixin gives set_callbacks
+        def fit(self, X, y, ...):
+            with fit_progress(self, X=X, y=y, max_epochs=self.max_iter) as progress:
+                for epoch in progress:                                     # ends at max_epochs or when asked to stop
+                    loss = ...one epoch...
+                    if is_best: keep a copy of the weights
+                    progress.report(loss, attributes=lambda: {"weights_": ..., "signal_columns_": ...})
+                    if converged: break
+            self.weights_ = best; self.n_iter_ = progress.n_epochs; self.loss_curve_ = progress.losses
+
+- ``attributes`` is only called if a callback wants a fitted estimator (``ScoringMonitor``); it returns every fitted
+  attribute that predict needs and that is not yet set on the estimator.
+- A callback's ``on_fit_task_end`` may return True to stop; then the loop ends and ``progress.stopped`` is True.
+  A callback reads the epoch's loss as ``context.loss`` and ``context.validation_loss``.
+- Ctrl-C inside the block: once one epoch is complete the block ends with `InterruptedFitWarning` and
+  ``progress.interrupted`` is True, so the code after it keeps the best so far; before that, Ctrl-C goes through.
+- A trainer that owns the loop (scipy, L-BFGS) calls ``if progress.report(loss): stop`` without iterating.
+- Without callbacks nothing of ``sklearn.callback`` runs. Pass X and y as the user gave them.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+from pamid.errors import InterruptedFitWarning
+
+try:
+    from sklearn.callback import CallbackSupportMixin as _CallbackSupportMixin
+    from sklearn.callback._callback_support import callback_management_context as _management
+except ImportError:  # the experimental interface moved: fits go on, callbacks are not offered
+    _CallbackSupportMixin, _management = object, None
+
+
+class ProgressMixin(_CallbackSupportMixin):
+    """Gives an estimator ``set_callbacks``; goes left of the other bases."""
+
+
+class FitProgress:
+    """The epochs of one fit, as its callbacks see them. Made by `fit_progress`.
+
+    Attributes
+    ----------
+    n_epochs : int
+        Epochs completed.
+    losses : list of float
+        Loss of each of them.
+    stopped : bool
+        Whether a callback asked to stop.
+    interrupted : bool
+        Whether the user interrupted the fit.
+    """
+
+    def __init__(self, estimator: Any, X: Any, y: Any, max_epochs: int, context: Any = None) -> None:
+        self.n_epochs = 0
+        self.losses: list[float] = []
+        self.stopped = False
+        self.interrupted = False
+        self._estimator, self._X, self._y = estimator, X, y
+        self._max_epochs = max_epochs
+        self._context = context
+        self._epoch: Any = None
+
+    def __iter__(self) -> Iterator[int]:
+        """Count the epochs until the last one or until a callback asks to stop."""
+        while self.n_epochs < self._max_epochs and not self.stopped:
+            before = self.n_epochs
+            self._begin()
+            yield before
+            if self.n_epochs == before:
+                raise RuntimeError("progress.report was not called in this epoch")
+
+    def report(
+        self,
+        loss: float,
+        *,
+        validation_loss: float | None = None,
+        attributes: Callable[[], dict[str, Any]] | None = None,
+    ) -> bool:
+        """Close an epoch: note its loss, tell the callbacks, and return whether one of them asks to stop."""
+        self._begin()
+        self.n_epochs += 1
+        self.losses.append(float(loss))
+        if self._epoch is not None:
+            self._epoch.loss, self._epoch.validation_loss = self.losses[-1], validation_loss
+            epoch, self._epoch = self._epoch, None
+            self.stopped |= bool(
+                epoch.call_on_fit_task_end(
+                    estimator=self._estimator, X=self._X, y=self._y, reconstruction_attributes=attributes
+                )
+            )
+        return self.stopped
+
+    def _begin(self) -> None:
+        if self._context is not None and self._epoch is None and self.n_epochs < self._max_epochs:
+            self._epoch = self._context.subcontext(task_name="epoch")
+            self._epoch.call_on_fit_task_begin(estimator=self._estimator, X=self._X, y=self._y)
+
+
+@contextmanager
+def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int) -> Iterator[FitProgress]:
+    """Follow the epochs of a fit: callbacks, early stop, and an interruption that keeps what was reached."""
+    callbacks = _management is not None and bool(getattr(estimator, "_skl_callbacks", None))
+    with _management(estimator) if callbacks else nullcontext():
+        context = estimator._init_callback_context(max_subtasks=max_epochs) if callbacks else None
+        if context is not None:
+            context.call_on_fit_task_begin(estimator=estimator, X=X, y=y)
+        progress = FitProgress(estimator, X, y, max_epochs, context)
+        try:
+            yield progress
+        except KeyboardInterrupt:
+            if progress.n_epochs == 0:
+                raise
+            progress.interrupted = True
+            warnings.warn(
+                f"The fit of {type(estimator).__name__} was interrupted after {progress.n_epochs} of at most "
+                f"{max_epochs} epochs. The best model so far is kept.",
+                InterruptedFitWarning,
+                stacklevel=4,
+            )
+        if context is not None:
+            context.call_on_fit_task_end(estimator=estimator, X=X, y=y)
