@@ -162,6 +162,18 @@ class SimulatorFileError(PamidError, ValueError):
     """A simulator file (``sim.toml``) is not usable."""
 
 
+class SimulatorNotFoundError(SimulatorFileError, FileNotFoundError):
+    """No file where the simulator should be."""
+
+
+class OversizedSimulatorError(SimulatorFileError):
+    """A file far too large to be a simulator file."""
+
+
+class SimulatorTypeError(SimulatorFileError, TypeError):
+    """A simulator parameter is of the wrong type, such as text where a number belongs."""
+
+
 class SimulatorSyntaxError(SimulatorFileError):
     """A simulator file is not valid TOML."""
 

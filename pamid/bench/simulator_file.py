@@ -1,0 +1,178 @@
+"""Read and write simulator files: TOML in, a checked `BenchParameters` out, and back."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ..errors import (
+    MissingParameterError,
+    OutputError,
+    OversizedSimulatorError,
+    SimulatorFileError,
+    SimulatorNotFoundError,
+    SimulatorSyntaxError,
+    SimulatorTypeError,
+    UnknownParameterError,
+)
+
+if TYPE_CHECKING:
+    from .parameters import BenchParameters
+
+MAX_BYTES = 1_000_000
+"""A simulator file holds a page of text; what is much larger is something else."""
+
+T = TypeVar("T", bound="BenchParameters")
+
+
+def _read_text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise OversizedSimulatorError(
+                f"{path} holds {size:,} bytes.", f"at most {MAX_BYTES:,}", "Name the simulator file, not a log."
+            )
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SimulatorNotFoundError(f"There is no file {path}.", "a simulator file", "Check the path.") from None
+    except UnicodeDecodeError as error:
+        raise SimulatorSyntaxError(
+            f"{path} is not text in UTF-8 (byte {error.start}).", "a TOML file", "Name the simulator file."
+        ) from None
+    except OSError as error:
+        if isinstance(error, SimulatorFileError):
+            raise
+        raise SimulatorNotFoundError(
+            f"{path} cannot be read: {error.strerror}.", "a simulator file", "Check the path and its permissions."
+        ) from None
+
+
+def _table(cls: type, name: str, raw: Any) -> Any:
+    if not isinstance(raw, dict):
+        raise SimulatorTypeError(f"{name} is {raw!r}.", "a table", f"Write [{name}] with one parameter a line.")
+    known = [f.name for f in dataclasses.fields(cls)]
+    if extra := sorted(set(raw) - set(known)):
+        raise UnknownParameterError(
+            f"[{name}] has {', '.join(map(repr, extra))}.", f"only {', '.join(known)}", "Remove or correct the name."
+        )
+    if missing := [key for key in known if key not in raw]:
+        raise MissingParameterError(
+            f"[{name}] lacks {', '.join(missing)}.", f"all of {', '.join(known)}", "Add what is missing."
+        )
+    return cls(**raw)
+
+
+def _effects(raw: Any) -> tuple[tuple[str, dict[str, float]], ...]:
+    if not isinstance(raw, list) or not all(isinstance(entry, dict) for entry in raw):
+        raise SimulatorTypeError(
+            f"effects is {str(raw)[:60]}.", "tables", "Write each effect under a line [[effects]] with its name."
+        )
+    specs = []
+    for entry in raw:
+        values = dict(entry)
+        name = values.pop("name", None)
+        if name is None:
+            raise MissingParameterError("[[effects]] lacks name.", "the name of an effect", 'Add name = "...".')
+        if not isinstance(name, str):
+            raise SimulatorTypeError(f"The name of an effect is {name!r}.", "text", "Put it in quotes.")
+        specs.append((name, values))
+    return tuple(specs)
+
+
+def read_simulator_file(cls: type[T], path: Path) -> T:
+    """Read the file at ``path`` into ``cls``, naming the file in every error."""
+    from .parameters import TABLES
+
+    text = _read_text(path)
+    try:
+        raw = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SimulatorSyntaxError(
+            f"{path} is not valid TOML: {error}.", "tables such as [muscle] with lines name = number", "Correct it."
+        ) from None
+    try:
+        known = [*TABLES, "tolerance", "effects"]
+        if extra := sorted(set(raw) - set(known)):
+            raise UnknownParameterError(
+                f"There is {', '.join(map(repr, extra))}.", f"only {', '.join(known)}", "Remove or correct the name."
+            )
+        if missing := [name for name in TABLES if name not in raw]:
+            raise MissingParameterError(
+                f"The tables {', '.join(missing)} are missing.", f"all of {', '.join(TABLES)}", "Add what is missing."
+            )
+        tables = {name: _table(table, name, raw[name]) for name, table in TABLES.items()}
+        return cls(**tables, tolerance=raw.get("tolerance", {}), effects=_effects(raw.get("effects", [])))
+    except SimulatorFileError as error:
+        raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
+
+
+def _quote(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def _line(name: str, value: str, comment: str) -> str:
+    return f"{name} = {value}  # {comment}" if comment else f"{name} = {value}"
+
+
+def simulator_text(params: BenchParameters) -> str:
+    """Return the simulator file of ``params`` as text."""
+    from .parameters import TABLES
+
+    lines = ["# Simulator of the bench: SI units, absolute pressures."]
+    for table, cls in TABLES.items():
+        lines.append(f"[{table}]")
+        for f in dataclasses.fields(cls):
+            value = getattr(getattr(params, table), f.name)
+            if "unit" in f.metadata:
+                comment = ", ".join(part for part in (f.metadata["unit"], f.metadata["comment"]) if part)
+                lines.append(_line(f.name, _number(value), comment))
+            else:
+                lines.append(_line(f.name, _quote(value), ""))
+        lines.append("")
+    if params.tolerance:
+        lines.append("[tolerance]  # relative: how well each is known; a value within it is no gap")
+        lines += [f"{name} = {_number(value)}" for name, value in params.tolerance.items()]
+        lines.append("")
+    if params.effects:
+        from ..effects import make_effect
+
+        for name, values in params.effects:
+            effect = make_effect(name, **values)
+            units = {p.name: p.unit for p in effect.parameters}
+            lines += ["[[effects]]", f"name = {_quote(name)}"]
+            lines += [_line(key, _number(value), units[key]) for key, value in values.items()]
+            lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def write_simulator_file(params: BenchParameters, path: Path) -> None:
+    """Write ``params`` to ``path`` through a file beside it, so that a reader never sees half of it."""
+    text = simulator_text(params)
+    temporary = None
+    try:
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent or ".")
+        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(temporary).chmod(0o666 & ~umask)  # mkstemp keeps the file to its owner
+        Path(temporary).replace(path)
+    except OSError as error:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                Path(temporary).unlink()
+        raise OutputError(
+            f"{path} cannot be written: {error.strerror}.", "a folder that can be written to", "Choose another path."
+        ) from None
