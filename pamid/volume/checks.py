@@ -1,0 +1,100 @@
+"""Does a volume make physical sense?"""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import VolumeWarning
+from ..signals.state import Array, State
+from .base import VolumeJet
+
+
+class VolumeReport(NamedTuple):
+    """What `check_volume` found.
+
+    Parameters
+    ----------
+    positive : float
+        Share of samples with V > 0; NaN if the level of V was not to be checked.
+    growing : float
+        Share of samples with ∂V/∂ε > 0: a muscle that shortens under pressure gains volume.
+    relative_size : float
+        Median of V over the volume of the cylinder at rest; NaN if that is not known.
+    messages : tuple of str
+        One sentence for each thing that makes no sense; empty if all is well.
+    """
+
+    positive: float
+    growing: float
+    relative_size: float
+    messages: tuple[str, ...]
+
+    @property
+    def sensible(self) -> bool:
+        """Whether nothing was found."""
+        return not self.messages
+
+
+def check_volume(
+    jet: VolumeJet,
+    state: State,
+    *,
+    rest_volume: float | None = None,
+    level_known: bool = True,
+    warn: bool = True,
+) -> VolumeReport:
+    """Say whether an identified volume makes physical sense.
+
+    Parameters
+    ----------
+    jet : VolumeJet
+        Volume and its derivatives, numpy arrays or torch tensors.
+    state : State
+        Where: signals of the muscle, SI units, absolute pressure.
+    rest_volume : float, optional
+        Volume of the muscle as a cylinder at rest, π D₀² L₀/4, m³. Between half of it and ten times of it is
+        taken for sensible (a braided muscle gains a factor of about three at most).
+    level_known : bool, default=True
+        Whether the data determine V itself; a force determines ∂V/∂ε alone, and then V is not judged.
+    warn : bool, default=True
+        Whether to issue a `VolumeWarning` for each finding.
+
+    Returns
+    -------
+    VolumeReport
+        Shares, size and messages.
+    """
+    V, V_eps, P, eps = (_numpy(a) for a in (jet.V, jet.V_eps, state.P, state.eps))
+    positive = float(np.mean(V > 0)) if level_known else float("nan")
+    growing = float(np.mean(V_eps > 0))
+    size = float(np.median(V) / rest_volume) if level_known and rest_volume else float("nan")
+    where = f"over ε from {eps.min():.3g} to {eps.max():.3g} and P from {P.min():.3g} to {P.max():.3g} Pa"
+    messages = []
+    if positive < 1.0:
+        messages.append(
+            f"The volume is not positive in {1 - positive:.1%} of the samples {where} (least {V.min():.3g} m³). "
+            "Expected V > 0. Check the units of eps, P and the flow, or give data that excite the pressure rate more."
+        )
+    if growing < 0.99:
+        messages.append(
+            f"The volume falls with contraction in {1 - growing:.1%} of the samples {where}. "
+            "Expected ∂V/∂ε > 0 where a muscle pulls. Check that eps grows when the muscle shortens, that P is "
+            "absolute, and that F is a tension."
+        )
+    if not 0.5 <= size <= 10.0 and np.isfinite(size):
+        messages.append(
+            f"The median volume is {size:.3g} times that of the cylinder at rest ({rest_volume:.3g} m³) {where}. "
+            "Expected 0.5 to 10 times. Check the lengths (m) and the units of the measured quantity."
+        )
+    if warn:
+        for message in messages:
+            warnings.warn(message, VolumeWarning, stacklevel=2)
+    return VolumeReport(positive, growing, size, tuple(messages))
+
+
+def _numpy(a: Array) -> np.ndarray:
+    """Return a tensor's or array's values as a numpy array of at least one entry."""
+    return np.atleast_1d(np.asarray(a.detach().cpu() if hasattr(a, "detach") else a, dtype=float))

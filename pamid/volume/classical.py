@@ -1,0 +1,98 @@
+"""What the classical volume models share: named parameters with units and bounds, and a geometry to start from.
+
+A new classical model is one new file in this folder: a frozen dataclass that derives from `ClassicalVolume`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Self
+
+from ..laws._backend import namespace
+from ..signals.state import Array, State
+from .base import VolumeJet
+
+
+class Parameter(NamedTuple):
+    """One number of a model that an estimator may fit.
+
+    Parameters
+    ----------
+    name : str
+        Name of the field of the model.
+    unit : str
+        Its unit; ``"-"`` for a dimensionless number.
+    lower, upper : float
+        Physical bounds, in that unit.
+    free : bool
+        Whether a fit frees it unless told otherwise.
+    meaning : str
+        What it is, in one line.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    free: bool
+    meaning: str
+
+
+REST_LENGTH = Parameter("rest_length", "m", 1e-3, 10.0, False, "rest length L₀; known from the cut, scales the volume")
+REST_DIAMETER = Parameter("rest_diameter", "m", 1e-4, 1.0, True, "inner diameter D₀ at rest")
+BRAID_ANGLE = Parameter("braid_angle", "rad", 0.02, 1.55, True, "angle θ₀ of the threads to the axis at rest")
+
+
+@dataclass(frozen=True)
+class ClassicalVolume(ABC):
+    """A volume model with a closed formula and few parameters.
+
+    Parameters
+    ----------
+    rest_length : float
+        Rest length L₀, m.
+    """
+
+    rest_length: float
+
+    name: ClassVar[str]
+    """Name by which estimators and `all_volumes` know the model."""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    """The scalar parameters that a nonlinear fit may free; empty for a model that is linear in its coefficients."""
+    force_falls: ClassVar[bool] = True
+    """Whether the model claims that the force under constant pressure falls with contraction, whatever its numbers."""
+    pulls: ClassVar[bool] = True
+    """Whether the model claims that gauge pressure makes it shorten near its rest length, whatever its numbers."""
+    depends_on_pressure: ClassVar[bool] = False
+    """Whether V is a function of the pressure, too."""
+
+    @classmethod
+    @abstractmethod
+    def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
+        """Return the model of a muscle of this geometry (m, m, rad), with every correction at its neutral value."""
+
+    @abstractmethod
+    def jet(self, state: State) -> VolumeJet:
+        """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample; reads ``eps`` and, if it must, ``P``."""
+
+    @classmethod
+    def parameter(cls, name: str) -> Parameter:
+        """Return the declaration of one parameter."""
+        return next(p for p in cls.parameters if p.name == name)
+
+    @classmethod
+    def parameter_names(cls) -> tuple[str, ...]:
+        """Return the names of the parameters that a nonlinear fit may free."""
+        return tuple(p.name for p in cls.parameters)
+
+
+def braid_factors(braid_angle: Array) -> tuple[Array, Array]:
+    """Return 3/tan²θ₀ and 1/sin²θ₀, the two numbers by which a braid turns gauge pressure into tension."""
+    xp = namespace(braid_angle)
+    return 3.0 / xp.tan(braid_angle) ** 2, 1.0 / xp.sin(braid_angle) ** 2
+
+
+def cylinder_volume(rest_length: Array, rest_diameter: Array) -> Array:
+    """Return the volume π D₀² L₀/4 (m³) of a cylinder of these measures (m)."""
+    return 0.7853981633974483 * rest_diameter * rest_diameter * rest_length

@@ -1,0 +1,50 @@
+"""Rigid cylinder with a piston: the plain yardstick, and the model of a pneumatic cylinder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from ..signals.state import State
+from .base import VolumeJet
+from .classical import REST_DIAMETER, REST_LENGTH, ClassicalVolume, Parameter, cylinder_volume
+
+
+@dataclass(frozen=True)
+class CylinderVolume(ClassicalVolume):
+    r"""Volume of a cylinder that keeps its diameter.
+
+    .. math:: V(\varepsilon) = \frac{\pi D_0^2}{4}\,L_0\,(1 - \varepsilon), \qquad F = -\frac{\pi D_0^2}{4}\,p
+
+    It pushes: gauge pressure lengthens it, the tension is negative.
+
+    Parameters
+    ----------
+    rest_length : float
+        L₀, m.
+    rest_diameter : float
+        Bore D₀, m.
+
+    References
+    ----------
+    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
+    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+    """
+
+    rest_diameter: float
+
+    name: ClassVar[str] = "cylinder"
+    force_falls: ClassVar[bool] = False
+    pulls: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (REST_LENGTH, REST_DIAMETER)
+
+    @classmethod
+    def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
+        """Return the cylinder of this length and diameter (m); it has no braid."""
+        return cls(rest_length, rest_diameter)
+
+    def jet(self, state: State) -> VolumeJet:
+        """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P = 0 at each sample."""
+        V0 = cylinder_volume(self.rest_length, self.rest_diameter)
+        V = V0 * (1.0 - state.eps)
+        return VolumeJet(V, -V0 + 0.0 * V, 0.0 * V)

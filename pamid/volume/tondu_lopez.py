@@ -1,0 +1,198 @@
+"""Braided cylinder with conical ends and braid friction: Tondu and Lopez."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ..laws._backend import namespace
+from ..signals.state import Array, State
+from .base import VolumeJet
+from .classical import (
+    BRAID_ANGLE,
+    REST_DIAMETER,
+    REST_LENGTH,
+    ClassicalVolume,
+    Parameter,
+    braid_factors,
+    cylinder_volume,
+)
+
+PRESSURE_SCALE = 1e5
+"""Gauge pressure over which the end-cap correction decays, Pa: the published exp(−p) counts p in bar."""
+
+
+@dataclass(frozen=True)
+class TonduLopezVolume(ClassicalVolume):
+    r"""Volume whose virtual work is the static force of Tondu and Lopez.
+
+    .. math:: F = \pi r_0^2\, p \left[a (1 - k\varepsilon)^2 - b\right], \quad a = \frac{3}{\tan^2\theta_0}, \quad
+        b = \frac{1}{\sin^2\theta_0}, \quad k = a_k e^{-p/p_0} + b_k
+
+    with the gauge pressure :math:`p = P - P_\mathrm{atm}` and :math:`p_0` = 1 bar. The muscle's ends stay narrow while
+    its middle widens; k > 1 stands for the contraction that this costs. Integrating F dL = −p dV from the rest volume
+    :math:`V_0 = \pi r_0^2 L_0` at a fixed pressure gives
+
+    .. math:: V = V_0 \left[1 + a\,\frac{1 - (1 - k\varepsilon)^3}{3 k} - b\,\varepsilon\right]
+
+    which for k = 1 is the volume of Chou and Hannaford.
+
+    Parameters
+    ----------
+    rest_length : float
+        L₀, m.
+    rest_diameter : float
+        D₀ = 2 r₀ at rest, m.
+    braid_angle : float
+        θ₀ at rest, rad.
+    end_cap : float, default=1
+        b_k: k at high pressure, dimensionless.
+    end_cap_rise : float, default=0
+        a_k: what k gains at zero gauge pressure, dimensionless.
+    atmospheric_pressure : float, default=101325
+        Pa, absolute.
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+    """
+
+    rest_diameter: float
+    braid_angle: float
+    end_cap: float = 1.0
+    end_cap_rise: float = 0.0
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+
+    name: ClassVar[str] = "tondu_lopez"
+    depends_on_pressure: ClassVar[bool] = True
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        REST_LENGTH,
+        REST_DIAMETER,
+        BRAID_ANGLE,
+        Parameter("end_cap", "-", 0.5, 2.5, True, "end-cap factor k at high pressure (b_k)"),
+        Parameter("end_cap_rise", "-", -2.0, 5.0, False, "what k gains at zero gauge pressure (a_k)"),
+    )
+
+    @classmethod
+    def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
+        """Return the model of a muscle of this geometry (m, m, rad) without end-cap correction."""
+        return cls(rest_length, rest_diameter, braid_angle)
+
+    def jet(self, state: State) -> VolumeJet:
+        """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample."""
+        xp = namespace(state.eps, state.P)
+        eps = state.eps
+        V0 = cylinder_volume(self.rest_length, self.rest_diameter)
+        a, b = braid_factors(self.braid_angle)
+        rise = self.end_cap_rise * xp.exp(0.0 * eps + (self.atmospheric_pressure - state.P) / PRESSURE_SCALE)
+        k = self.end_cap + rise
+        left = 1.0 - k * eps
+        # (1 − (1 − kε)³)/(3k) without the division, so that k may pass through zero
+        gained = eps * (1.0 + left + left * left) / 3.0
+        gained_k = -(eps**2) * (1.0 + 2.0 * left) / 3.0
+        return VolumeJet(
+            V0 * (1.0 + a * gained - b * eps),
+            V0 * (a * left * left - b),
+            -V0 * a * gained_k * rise / PRESSURE_SCALE,
+        )
+
+
+def tondu_lopez(
+    P: Array,
+    eps: Array,
+    *,
+    rest_diameter: Array,
+    braid_angle: Array,
+    end_cap: Array = 1.0,
+    end_cap_rise: Array = 0.0,
+    atmospheric_pressure: Array = ATMOSPHERIC_PRESSURE,
+) -> Array:
+    r"""Static tension with the end-cap factor.
+
+    .. math:: F = \pi r_0^2\, p \left[\frac{3 (1 - k\varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right],
+        \quad k = a_k e^{-p/p_0} + b_k, \quad p = P - P_\mathrm{atm}
+
+    Parameters
+    ----------
+    P : array, shape (n_samples,)
+        Gas pressure, Pa, absolute.
+    eps : array, shape (n_samples,)
+        Contraction ratio, dimensionless.
+    rest_diameter, braid_angle : float
+        D₀ (m) and θ₀ (rad) at rest.
+    end_cap, end_cap_rise : float
+        b_k and a_k, dimensionless; :math:`p_0` is 1 bar.
+    atmospheric_pressure : float, default=101325
+        Pa, absolute.
+
+    Returns
+    -------
+    array, shape (n_samples,)
+        F, N.
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+    """
+    muscle = TonduLopezVolume(1.0, rest_diameter, braid_angle, end_cap, end_cap_rise, atmospheric_pressure)
+    return (P - atmospheric_pressure) * muscle.jet(State(eps, 0.0 * eps, P, 0.0 * eps)).V_eps
+
+
+FRICTION_PARAMETERS = (
+    Parameter("static_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure at the start of motion"),
+    Parameter("kinetic_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure in fast motion"),
+    Parameter("stribeck_rate", "1/s", 1e-3, 1e2, False, "contraction rate over which the friction falls"),
+)
+"""Parameters of `braid_friction` that a fit may free."""
+
+
+def braid_friction(
+    deps: Array,
+    p_gauge: Array,
+    *,
+    static_friction_area: Array,
+    kinetic_friction_area: Array,
+    stribeck_rate: Array = 0.1,
+    smoothing_rate: Array = 1e-2,
+) -> Array:
+    r"""What the rubbing of thread on thread takes from the tension.
+
+    .. math:: F_f = p \left[S_k + (S_s - S_k)\, e^{-|\dot\varepsilon|/\dot\varepsilon_s}\right]
+        \tanh(\dot\varepsilon/\dot\varepsilon_0)
+
+    the three-parameter dry friction of Tondu and Lopez: proportional to the pressure on the contacts, falling from
+    a static to a kinetic coefficient with speed, and opposed to the motion (a muscle that shortens pulls less, the
+    measured tension is F − F_f). Two things differ from the paper: the contact area, there computed from the braid,
+    is a constant that the two coefficients absorb, so that S is coefficient × contact area; and the sign of the
+    speed is smoothed by tanh, so that the law can be simulated and differentiated.
+
+    Parameters
+    ----------
+    deps : array, shape (n_samples,)
+        Contraction rate ε̇, 1/s.
+    p_gauge : array, shape (n_samples,)
+        Gauge pressure, Pa.
+    static_friction_area, kinetic_friction_area : float
+        S_s and S_k, m² (N per Pa).
+    stribeck_rate : float, default=0.1
+        ε̇_s, 1/s.
+    smoothing_rate : float, default=0.01
+        ε̇₀, 1/s: below it the friction is partly mobilised.
+
+    Returns
+    -------
+    array, shape (n_samples,)
+        F_f, N: positive while the muscle shortens.
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+    """
+    xp = namespace(deps, p_gauge, static_friction_area, kinetic_friction_area, stribeck_rate)
+    fall = xp.exp(-abs(deps) / stribeck_rate)
+    area = kinetic_friction_area + (static_friction_area - kinetic_friction_area) * fall
+    return p_gauge * area * xp.tanh(deps / smoothing_rate)
