@@ -1,0 +1,246 @@
+"""Which types a model file may bring to life: an allow-list by kind of node, and the audit of a schema against it.
+
+The list is closed: scikit-learn's own types that skops trusts, what a search holds after its fit, numpy and Python
+containers, the estimators of `pamid.estimators` and the dataclasses of pamid. Whatever else a file names is refused
+before anything is built, and no module outside these packages is imported to look.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterable
+from functools import cache
+from typing import Any
+
+from ._model_archive import hostile
+from .errors import HostileModelError
+
+MAX_DEPTH = 400
+_DATACLASS_PACKAGES = ("pamid.laws", "pamid.volume", "pamid.training", "pamid.signals", "pamid.effects", "pamid.bench")
+_PRIMITIVES = {"builtins.str", "builtins.int", "builtins.float", "builtins.bool", "builtins.NoneType"}
+_SIMPLE_LOADERS: dict[str, set[str]] = {
+    "DictNode": {"builtins.dict", "collections.OrderedDict"},
+    "ListNode": {"builtins.list"},
+    "SetNode": {"builtins.set", "builtins.frozenset"},
+    "SliceNode": {"builtins.slice"},
+    "JsonNode": _PRIMITIVES,
+    "BytesNode": {"builtins.bytes"},
+    "MaskedArrayNode": {"numpy.ma.MaskedArray", "numpy.ma.core.MaskedArray"},
+    "DTypeNode": {"numpy.dtype"},
+    "RandomStateNode": {"numpy.random.mtrand.RandomState", "numpy.random.RandomState"},
+    "RandomGeneratorNode": {"numpy.random._generator.Generator", "numpy.random.Generator"},
+}
+_FILE_ENDINGS = {"NdArrayNode": ".npy", "BytesNode": ".bin"}
+
+
+@cache
+def sklearn_types() -> frozenset[str]:
+    """Return the scikit-learn classes that skops trusts, with the splitters and scorers that a fitted search holds."""
+    from sklearn.metrics import _scorer
+    from sklearn.model_selection import _split
+    from skops.io import _trusted_types as trusted
+
+    splitters = {
+        f"{c.__module__}.{n}" for n, c in inspect.getmembers(_split, inspect.isclass) if c.__module__ == _split.__name__
+    }
+    scorers = {f"{_scorer.__name__}.{n}" for n in ("_Scorer", "_PassthroughScorer", "_MultimetricScorer")}
+    return frozenset(
+        {*trusted.SKLEARN_ESTIMATOR_TYPE_NAMES, *trusted.SKLEARN_INTERNAL_TYPE_NAMES, *splitters, *scorers}
+    )
+
+
+@cache
+def functions() -> frozenset[str]:
+    """Return the functions that may be named: numpy's and scipy's ufuncs and scikit-learn's metrics."""
+    import sklearn.metrics
+    from skops.io import _trusted_types as trusted
+
+    metrics = {
+        f"{f.__module__}.{f.__name__}"
+        for _, f in inspect.getmembers(sklearn.metrics, inspect.isfunction)
+        if f.__module__.startswith("sklearn.metrics.")
+    }
+    return frozenset({*trusted.NUMPY_UFUNC_TYPE_NAMES, *trusted.SCIPY_UFUNC_TYPE_NAMES, *metrics})
+
+
+@cache
+def losses() -> frozenset[str]:
+    """Return scikit-learn's loss functions that skops trusts."""
+    from skops.io import _sklearn
+    from skops.io._utils import get_type_name
+
+    return frozenset(get_type_name(c) for c in _sklearn.ALLOWED_LOSSES)
+
+
+@cache
+def numpy_scalars() -> frozenset[str]:
+    """Return numpy's scalar types."""
+    from skops.io import _trusted_types as trusted
+
+    return frozenset(trusted.NUMPY_DTYPE_TYPE_NAMES)
+
+
+@cache
+def _own_modules() -> frozenset[str]:
+    """Return the modules of pamid that may define dataclasses which models hold; found, not imported."""
+    found = set()
+    for name in _DATACLASS_PACKAGES:
+        package = importlib.import_module(name)
+        found |= {f"{name}.{m.name}" for m in pkgutil.iter_modules(package.__path__)}
+    return frozenset(found)
+
+
+@cache
+def own_estimators() -> frozenset[str]:
+    """Return the public estimators of the package."""
+    from pamid.estimators import all_estimators
+
+    return frozenset(f"{c.__module__}.{c.__qualname__}" for _, c in all_estimators())
+
+
+@cache
+def own_type(module: str, name: str) -> bool:
+    """Say whether a type is a public estimator, a dataclass or a named tuple of pamid."""
+    if module.startswith("pamid.estimators."):
+        return f"{module}.{name}" in own_estimators()
+    if module not in _own_modules() or not name.isidentifier():
+        return False
+    found = getattr(importlib.import_module(module), name, None)
+    if not inspect.isclass(found) or found.__module__ != module:
+        return False
+    named_tuple = issubclass(found, tuple) and hasattr(found, "_fields") and found.__bases__ == (tuple,)
+    return dataclasses.is_dataclass(found) or named_tuple
+
+
+def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> bool:
+    """Say whether a node of this kind may bring this type to life."""
+    full = f"{module}.{name}"
+    if loader in _SIMPLE_LOADERS:
+        return full in _SIMPLE_LOADERS[loader]
+    if loader == "NdArrayNode":
+        return full == "numpy.ndarray" or full in numpy_scalars()
+    if loader == "TypeNode":
+        return (
+            full in _PRIMITIVES | {"builtins.list", "builtins.dict", "builtins.tuple"}
+            or full in numpy_scalars()
+            or full in trusted
+        )
+    if loader == "FunctionNode":
+        return full in functions() or full in trusted
+    if loader == "LossNode":
+        return full in losses()
+    if loader == "TupleNode":
+        return full == "builtins.tuple" or own_type(module, name) or full in trusted
+    if loader == "ObjectNode":
+        return full in sklearn_types() or own_type(module, name) or full in trusted
+    # A tree's node array is read without bounds checks, so its type must be trusted by the caller.
+    return loader == "TreeNode" and full in trusted
+
+
+def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, trusted: Iterable[str] = ()) -> set[str]:
+    """Walk the whole schema and refuse whatever is not on the allow-list.
+
+    Every JSON object that names a class, a module or a loader counts as a node, wherever it stands: the walk is
+    stricter than the loader, never the other way round.
+
+    Parameters
+    ----------
+    schema : dict
+        The parsed ``schema.json``.
+    files : iterable of str
+        Names of the entries of the archive.
+    name : str
+        Name of the file, for messages.
+    trusted : iterable of str
+        Full names of further types that the caller trusts.
+
+    Returns
+    -------
+    set of str
+        Full names of all types of the schema; each is allowed.
+
+    Raises
+    ------
+    HostileModelError
+        Something is not on the allow-list, or an entry that a node reads is missing.
+    """
+    entries = frozenset(files)
+    trust = frozenset(trusted)
+    types: set[str] = set()
+    contents: dict[Any, int] = {}
+    depth = 0
+
+    def walk(item: Any) -> int:
+        nonlocal depth
+        if not isinstance(item, (dict, list)):
+            return hash(repr(item))
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise hostile(f"{name} nests its objects more than {MAX_DEPTH} levels deep.", "a shallow model")
+        loader = None
+        if isinstance(item, dict):
+            loader = _check_node(item)
+            # A bytes entry gets a new file name each time it is written; the file is no part of what it is.
+            skip = {"__id__", "file"} if loader == "BytesNode" else {"__id__"}
+            digest = hash(tuple((hash(key), walk(value)) for key, value in item.items() if key not in skip))
+        else:
+            digest = hash(tuple(walk(value) for value in item))
+        depth -= 1
+        # The loader builds each id once and reuses it: a second, different content would never be looked at.
+        if isinstance(item, dict) and loader is not None and "__id__" in item:
+            identity = item["__id__"]
+            if contents.setdefault(identity, digest) != digest:
+                raise hostile(f"{name} uses the object id {identity} for two contents.", "one content an id")
+        return digest
+
+    def _check_node(node: dict[str, Any]) -> str | None:
+        if not {"__class__", "__module__", "__loader__"} & node.keys():
+            return None
+        loader, module, cls = (node.get(key) for key in ("__loader__", "__module__", "__class__"))
+        if not all(isinstance(part, str) for part in (loader, module, cls)):
+            raise hostile(f"{name} holds a node of {module!r}, {cls!r}, {loader!r}.", "names of a type and a loader")
+        full = f"{module}.{cls}"
+        if not allowed(str(loader), str(module), str(cls), trust):
+            raise HostileModelError(
+                f"{name} asks for {full[:120]} by {str(loader)[:60]}, which no model of pamid needs.",
+                "only scikit-learn's and pamid's own types, arrays and plain containers",
+                "Do not load this file. If it is your own and holds a type of yours, pass trusted=[that type].",
+            )
+        if "__id__" in node and (isinstance(node["__id__"], bool) or not isinstance(node["__id__"], int)):
+            raise hostile(f"{name} holds a node with the id {node['__id__']!r}.", "a number")
+        if "file" in node:
+            ending = _FILE_ENDINGS.get(str(loader), "?")
+            file = str(node["file"])
+            if file != node["file"] or file not in entries or not file.endswith(ending):
+                raise hostile(f"{name} reads {file[:80]!r} for {full}.", "the array or bytes of an entry of the file")
+        _check_memory(node, full)
+        if loader != "JsonNode":  # a JsonNode's class says nothing: its content is plain data
+            types.add(full)
+        return str(loader)
+
+    def _check_memory(node: dict[str, Any], full: str) -> None:
+        content = node.get("content")
+        attributes = content.get("content") if isinstance(content, dict) else None
+        cached = (
+            attributes.get("memory") if isinstance(attributes, dict) and node["__loader__"] == "ObjectNode" else None
+        )
+        if isinstance(cached, dict) and cached.get("content") != "null":
+            raise HostileModelError(
+                f"{name} gives {full} a cache folder (memory), from which a fit would read pickles.",
+                "memory=None",
+                "Set memory=None before saving; choose a cache again after loading.",
+            )
+
+    limit = sys.getrecursionlimit()
+    try:
+        sys.setrecursionlimit(max(limit, 4 * MAX_DEPTH + 1000))
+        walk(schema)
+    except RecursionError:
+        raise hostile(f"{name} nests its objects without end.", "a shallow model") from None
+    finally:
+        sys.setrecursionlimit(limit)
+    return types
