@@ -12,7 +12,7 @@ import importlib
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -39,18 +39,23 @@ _FILE_ENDINGS = {"NdArrayNode": ".npy", "BytesNode": ".bin"}
 
 @cache
 def sklearn_types() -> frozenset[str]:
-    """Return the scikit-learn classes that skops trusts, with the splitters and scorers that a fitted search holds."""
+    """Return the scikit-learn classes that skops trusts, and the plain Python ones that fitted estimators hold.
+
+    Those are splitters and scorers (searches), optimizers (networks) and kernels (Gaussian processes).
+    """
+    from sklearn.gaussian_process import kernels
     from sklearn.metrics import _scorer
     from sklearn.model_selection import _split
+    from sklearn.neural_network import _stochastic_optimizers
     from skops.io import _trusted_types as trusted
 
-    splitters = {
-        f"{c.__module__}.{n}" for n, c in inspect.getmembers(_split, inspect.isclass) if c.__module__ == _split.__name__
+    held = {
+        f"{module.__name__}.{name}"
+        for module in (kernels, _scorer, _split, _stochastic_optimizers)
+        for name, c in inspect.getmembers(module, inspect.isclass)
+        if c.__module__ == module.__name__
     }
-    scorers = {f"{_scorer.__name__}.{n}" for n in ("_Scorer", "_PassthroughScorer", "_MultimetricScorer")}
-    return frozenset(
-        {*trusted.SKLEARN_ESTIMATOR_TYPE_NAMES, *trusted.SKLEARN_INTERNAL_TYPE_NAMES, *splitters, *scorers}
-    )
+    return frozenset({*trusted.SKLEARN_ESTIMATOR_TYPE_NAMES, *trusted.SKLEARN_INTERNAL_TYPE_NAMES} | held)
 
 
 @cache
@@ -141,7 +146,9 @@ def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> boo
     return loader == "TreeNode" and full in trusted
 
 
-def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, trusted: Iterable[str] = ()) -> set[str]:
+def audit_schema(
+    schema: dict[str, Any], files: Mapping[str, bytes], name: str, trusted: Iterable[str] = ()
+) -> set[str]:
     """Walk the whole schema and refuse whatever is not on the allow-list.
 
     Every JSON object that names a class, a module or a loader counts as a node, wherever it stands: the walk is
@@ -151,8 +158,8 @@ def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, truste
     ----------
     schema : dict
         The parsed ``schema.json``.
-    files : iterable of str
-        Names of the entries of the archive.
+    files : mapping of str to bytes
+        The entries of the archive.
     name : str
         Name of the file, for messages.
     trusted : iterable of str
@@ -168,7 +175,7 @@ def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, truste
     HostileModelError
         Something is not on the allow-list, or an entry that a node reads is missing.
     """
-    entries = frozenset(files)
+    skipped = {"__id__", "file"}
     trust = frozenset(trusted)
     types: set[str] = set()
     contents: dict[Any, int] = {}
@@ -184,9 +191,9 @@ def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, truste
         loader = None
         if isinstance(item, dict):
             loader = _check_node(item)
-            # A bytes entry gets a new file name each time it is written; the file is no part of what it is.
-            skip = {"__id__", "file"} if loader == "BytesNode" else {"__id__"}
-            digest = hash(tuple((hash(key), walk(value)) for key, value in item.items() if key not in skip))
+            digest = hash(tuple((hash(key), walk(value)) for key, value in item.items() if key not in skipped))
+            if loader is not None and "file" in item:  # one object written twice has two files of one content
+                digest = hash((digest, files[item["file"]]))
         else:
             digest = hash(tuple(walk(value) for value in item))
         depth -= 1
@@ -215,7 +222,7 @@ def audit_schema(schema: dict[str, Any], files: Iterable[str], name: str, truste
         if "file" in node:
             ending = _FILE_ENDINGS.get(str(loader), "?")
             file = str(node["file"])
-            if file != node["file"] or file not in entries or not file.endswith(ending):
+            if file != node["file"] or file not in files or not file.endswith(ending):
                 raise hostile(f"{name} reads {file[:80]!r} for {full}.", "the array or bytes of an entry of the file")
         _check_memory(node, full)
         if loader != "JsonNode":  # a JsonNode's class says nothing: its content is plain data
