@@ -65,7 +65,7 @@ def all_estimators() -> list[tuple[str, type]]:
     --------
     >>> from pamid.estimators import all_estimators
     >>> names = [name for name, _ in all_estimators()]
-    >>> "MLP" in names
+    >>> "SINDyModel" in names
     True
     """
     from sklearn.base import BaseEstimator

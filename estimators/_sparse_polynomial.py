@@ -1,0 +1,107 @@
+"""Sparse polynomials of signals whose sizes differ by orders of magnitude: the common part of the SINDy estimators.
+
+Every signal, every term and every target is divided by its root mean square before the regression. A threshold then
+means the same for a pressure of 1e5 Pa and a contraction of 0.1: the part of the target below which a term is
+dropped. Nothing is centred, because that would turn a sparse law of physics into a dense one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import ParameterError
+
+from ._pysindy import polynomial_powers, sparse_regression, term_names
+
+
+class PolynomialLibraryMixin:
+    """What `SINDyRegressor` and `SINDyModel` share: fitting, evaluating and writing out sparse polynomials."""
+
+    degree: int
+    interaction: bool
+    bias: bool
+    sign_of: Sequence[str]
+    optimizer: Any
+    threshold: float
+    alpha: float
+    max_iter: int
+
+    def _check_library(self, signals: Sequence[str]) -> None:
+        for name, value, lowest in (("degree", self.degree, 1), ("max_iter", self.max_iter, 1)):
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < lowest:
+                raise ParameterError(
+                    f"{name} is {value!r}.", f"a whole number of at least {lowest}", f"Correct {name}."
+                )
+        for name, value in (("threshold", self.threshold), ("alpha", self.alpha)):
+            if not np.isfinite(value) or value < 0:
+                raise ParameterError(f"{name} is {value!r}.", "a finite number of at least 0", f"Correct {name}.")
+        unknown = [name for name in self.sign_of if name not in signals]
+        if unknown:
+            raise ParameterError(
+                f"sign_of names {', '.join(unknown)}.", f"signals among {', '.join(signals)}", "Correct sign_of."
+            )
+
+    def _fit_library(self, signals: np.ndarray, names: Sequence[str], targets: np.ndarray, weights: np.ndarray) -> None:
+        """Find sparse coefficients of the targets, shape (n_samples, n_targets)."""
+        weights = weights / weights.sum()
+        n_signs = len(self.sign_of)
+        powers = polynomial_powers(
+            len(names) + n_signs, self.degree, interaction=bool(self.interaction), bias=bool(self.bias)
+        )
+        if n_signs:  # even powers of a sign are one, and odd ones the sign itself
+            powers = powers[(powers[:, -n_signs:] <= 1).all(axis=1)]
+        self._names = [str(name) for name in names]
+        self.powers_ = powers
+        self.terms_ = term_names(powers, [*names, *(f"sign({name})" for name in self.sign_of)])
+        self.signal_scales_ = _root_mean_square(signals, weights)
+        terms = self._terms(signals)
+        term_scales = _root_mean_square(terms, weights)
+        target_scales = _root_mean_square(targets, weights)
+        rows = np.sqrt(weights)[:, None]  # a weight counts like so many repetitions of its row
+        coefficients, self.n_iter_ = sparse_regression(
+            rows * (terms / term_scales),
+            rows * (targets / target_scales),
+            self.optimizer,
+            threshold=float(self.threshold),
+            alpha=float(self.alpha),
+            max_iter=int(self.max_iter),
+        )
+        self.scaled_coef_ = coefficients / term_scales * target_scales[:, None]
+
+    def _terms(self, signals: np.ndarray) -> np.ndarray:
+        """Evaluate the terms on scaled signals, shape (n_samples, n_terms)."""
+        signs = [np.sign(signals[:, self._names.index(name)]) for name in self.sign_of]
+        factors = np.column_stack([signals / self.signal_scales_, *signs])
+        terms = np.ones((len(factors), len(self.powers_)))
+        for column, row in enumerate(self.powers_):
+            for signal in np.flatnonzero(row):
+                terms[:, column] *= factors[:, signal] ** row[signal]
+        return terms
+
+    def _evaluate(self, signals: np.ndarray) -> np.ndarray:
+        return self._terms(signals) @ self.scaled_coef_.T
+
+    def _physical_coefficients(self) -> np.ndarray:
+        """Coefficients for signals in their own units, shape (n_targets, n_terms)."""
+        n = len(self.signal_scales_)
+        return self.scaled_coef_ / np.prod(self.signal_scales_ ** self.powers_[:, :n], axis=1)
+
+    def _equations(self, targets: Sequence[str], digits: int = 4) -> list[str]:
+        """Write out the polynomials for reading."""
+        lines = []
+        for target, row in zip(targets, self._physical_coefficients(), strict=True):
+            parts = [
+                f"{c:.{digits}g}" if term == "1" else f"{c:.{digits}g} {term}"
+                for c, term in zip(row, self.terms_, strict=True)
+                if c != 0
+            ]
+            lines.append(f"{target} = {' + '.join(parts) or '0'}".replace("+ -", "- "))
+        return lines
+
+
+def _root_mean_square(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    scales = np.sqrt(weights @ columns**2)
+    return np.where(scales > 0, scales, 1.0)

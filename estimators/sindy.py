@@ -1,0 +1,195 @@
+"""Sparse regression of a force or a flow on a library of terms, by PySINDy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+
+from ._base import SignalEstimator, Signals
+from ._sparse_polynomial import PolynomialLibraryMixin
+
+
+class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
+    r"""Force or mass flow as a sparse polynomial of the muscle's signals.
+
+    .. math:: y = \sum_k \xi_k\, \theta_k(\varepsilon, \dot\varepsilon, P, \dot P, \ldots), \quad \xi \text{ sparse}
+
+    with monomials :math:`\theta_k` of the signals, and of the signs of some of them. The sparse coefficients
+    :math:`\xi` come from PySINDy. A static model: rows are independent, and time order plays no part.
+
+    Parameters
+    ----------
+    inputs : sequence of str, default=("eps", "deps", "P", "dP")
+        Signals that the polynomial reads: contraction ratio (dimensionless), its rate (1/s), absolute pressure (Pa)
+        and its rate (Pa/s). Any names of columns will do.
+    degree : int, default=3
+        Highest degree of a term.
+    interaction : bool, default=True
+        Whether terms mix signals.
+    bias : bool, default=True
+        Whether there is a constant term.
+    sign_of : sequence of str, default=()
+        Signals whose sign enters the library too, for what changes with the direction of motion (``("deps",)``).
+    optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer, default="stlsq"
+        Sparse regression: sequentially thresholded least squares, sparse relaxed regularised regression, or greedy
+        orthogonal selection. An instance of PySINDy is cloned, and brings its own settings.
+    threshold : float, default=0.02
+        Terms whose coefficient is smaller are dropped; in units of the target's root mean square for a term scaled
+        to root mean square one (dimensionless). Of no effect for "frols".
+    alpha : float, default=1e-6
+        Ridge penalty in the scaled problem, dimensionless; of no effect for "sr3".
+    max_iter : int, default=20
+        Most iterations; for "frols" the most terms.
+    target : str, default="y"
+        Name of the target in `equations_`, for instance ``"F"`` or ``"mdot"``.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    coef_ : ndarray, shape (n_terms,)
+        Coefficient of each term, in units of the target over units of the term (N/Pa for a term P of a force).
+    coefficients_ : dict of str to float
+        The terms that were kept, and their coefficients.
+    terms_ : list of str
+        All terms of the library.
+    equations_ : list of str
+        The polynomial, written out.
+    powers_ : ndarray, shape (n_terms, n_signals + n_signs)
+        Exponent of each signal, and of each sign, in each term.
+    signal_scales_ : ndarray, shape (n_signals,)
+        Root mean square of each signal, in the signal's unit.
+    scaled_coef_ : ndarray, shape (1, n_terms)
+        Coefficients for signals in units of `signal_scales_`.
+    n_iter_ : int
+        Iterations of the sparse regression.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    SINDyModel : Learns rates of change from trajectories, and simulates.
+
+    Notes
+    -----
+    Weights equal repetition: `sample_weight` scales the rows of the regression by its root, and all scales are
+    weighted.
+
+    References
+    ----------
+    S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by sparse identification of
+    nonlinear dynamical systems", PNAS 113(15), 2016. https://doi.org/10.1073/pnas.1517384113
+
+    P. Zheng et al., "A unified framework for sparse relaxed regularized regression: SR3", IEEE Access 7, 2019.
+    https://doi.org/10.1109/ACCESS.2018.2886528
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import SINDyRegressor
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"eps": rng.uniform(0, 0.25, 300), "P": rng.uniform(1e5, 7e5, 300)})
+    >>> force = 2e-3 * X["P"] - 0.03 * X["eps"] ** 2 * X["P"] - 200.0
+    >>> model = SINDyRegressor(inputs=("eps", "P"), target="F").fit(X, force)
+    >>> model.equations_
+    ['F = -200 + 0.002 P - 0.03 eps^2 P']
+    """
+
+    def __init__(
+        self,
+        inputs: Sequence[str] = ("eps", "deps", "P", "dP"),
+        *,
+        degree: int = 3,
+        interaction: bool = True,
+        bias: bool = True,
+        sign_of: Sequence[str] = (),
+        optimizer: Any = "stlsq",
+        threshold: float = 0.02,
+        alpha: float = 1e-6,
+        max_iter: int = 20,
+        target: str = "y",
+        signals: Signals | None = None,
+    ) -> None:
+        self.inputs = inputs
+        self.degree = degree
+        self.interaction = interaction
+        self.bias = bias
+        self.sign_of = sign_of
+        self.optimizer = optimizer
+        self.threshold = threshold
+        self.alpha = alpha
+        self.max_iter = max_iter
+        self.target = target
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(self.inputs)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
+        return tags
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
+        """Find the sparse polynomial.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,)
+            Force (N), mass flow (kg/s) or whatever the polynomial shall give.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+
+        Returns
+        -------
+        SINDyRegressor
+            The fitted estimator itself.
+        """
+        X, y = self._read(X, y, reset=True, ensure_min_samples=2)
+        y = column_or_1d(y, warn=True).astype(float)
+        self._check_library(self.inputs)
+        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        self._fit_library(self._columns(X), self.inputs, y[:, None], weights)
+        self.coef_ = self._physical_coefficients()[0]
+        self.coefficients_ = {t: float(c) for t, c in zip(self.terms_, self.coef_, strict=True) if c != 0}
+        self.equations_ = self._equations([self.target])
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Evaluate the polynomial.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Prediction in the unit of y.
+        """
+        check_is_fitted(self)
+        X, _ = self._read(X, reset=False)
+        return self._evaluate(self._columns(X))[:, 0]
+
+    def _columns(self, X: np.ndarray) -> np.ndarray:
+        return np.column_stack([self._signal(X, name) for name in self.inputs])
+
+    @staticmethod
+    def _checked_instances() -> list[SINDyRegressor]:
+        return [
+            SINDyRegressor(signals=dict.fromkeys(("eps", "deps", "P", "dP"), 0), degree=1),
+            SINDyRegressor(("x",), signals={"x": 0}, degree=3, sign_of=("x",), optimizer="sr3", alpha=0.0),
+            SINDyRegressor(("x",), signals={"x": 0}, degree=3, optimizer="frols", max_iter=3),
+        ]

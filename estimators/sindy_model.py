@@ -1,0 +1,408 @@
+"""Sparse dynamics from trajectories, by PySINDy: rates of change, and their simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import RegressorMixin
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import check_is_fitted, column_or_1d
+
+from pamid.errors import (
+    DivergedError,
+    MissingColumnError,
+    ParameterError,
+    SamplingError,
+    ShapeError,
+    ShortTrajectoryError,
+    TimeOrderError,
+)
+
+from ._base import SignalEstimator, Signals
+from ._pysindy import differentiate
+from ._sparse_polynomial import PolynomialLibraryMixin
+from ._trajectories import trajectory_codes, trajectory_slices
+
+Inputs = Callable[[float], Any]
+
+
+class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
+    r"""Sparse dynamics of a muscle or a bench, learnt from trajectories.
+
+    .. math:: \dot x_i = \sum_k \Xi_{ik}\, \theta_k(x, u), \quad \Xi \text{ sparse}
+
+    with monomials :math:`\theta_k` of states and inputs. The rates are differentiated within each trajectory, or
+    given as y. `predict` gives the rates; `simulate` integrates them.
+
+    Parameters
+    ----------
+    states : sequence of str, default=("P",)
+        Signals whose rates are learnt, for instance the absolute pressure (Pa), or ``("q", "dq", "P1", "P2")``.
+    inputs : sequence of str, default=("eps", "deps", "mdot")
+        Further signals that drive them: contraction ratio (dimensionless), its rate (1/s), mass flow (kg/s).
+    degree : int, default=2
+        Highest degree of a term.
+    interaction : bool, default=True
+        Whether terms mix signals.
+    bias : bool, default=True
+        Whether there are constant terms.
+    sign_of : sequence of str, default=()
+        Signals whose sign enters the library too (Coulomb friction, valves that fill and vent differently).
+    optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer, default="stlsq"
+        Sparse regression, as in `SINDyRegressor`.
+    threshold : float, default=0.02
+        Terms whose coefficient is smaller are dropped; in units of a rate's root mean square for a term scaled to
+        root mean square one (dimensionless).
+    alpha : float, default=1e-6
+        Ridge penalty in the scaled problem, dimensionless.
+    max_iter : int, default=20
+        Most iterations; for "frols" the most terms.
+    sampling_period : float, optional
+        Time between rows, s. Without it the time is read from a column.
+    time : str or int, default="time"
+        Column of the time (s), by name or position; read only if there is no sampling period.
+    smoothing_window : int, default=11
+        Rows of the smoothing before differentiation, odd; below 5 nothing is smoothed.
+    one_trajectory : bool, default=False
+        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    coef_ : ndarray, shape (n_states, n_terms)
+        Coefficient of each term in each rate, in units of the state a second over units of the term.
+    coefficients_ : dict of str to dict
+        For each state the terms that were kept, and their coefficients.
+    terms_ : list of str
+        All terms of the library.
+    equations_ : list of str
+        The dynamics, written out.
+    powers_ : ndarray, shape (n_terms, n_signals + n_signs)
+        Exponent of each signal, and of each sign, in each term.
+    signal_scales_ : ndarray, shape (n_signals,)
+        Root mean square of each signal, in the signal's unit.
+    scaled_coef_ : ndarray, shape (n_states, n_terms)
+        Coefficients for signals in units of `signal_scales_`.
+    n_iter_ : int
+        Iterations of the sparse regression.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    SINDyRegressor : Static force or flow with the same libraries.
+
+    References
+    ----------
+    S. L. Brunton, J. L. Proctor, J. N. Kutz, "Sparse identification of nonlinear dynamics with control (SINDYc)",
+    IFAC-PapersOnLine 49(18), 2016. https://doi.org/10.1016/j.ifacol.2016.10.249
+
+    Examples
+    --------
+    A chamber that fills towards 6 bar with a time constant of 0.2 s:
+
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import SINDyModel
+    >>> t = np.linspace(0, 1, 201)
+    >>> run = pd.DataFrame({"time": t, "P": 6e5 - 5e5 * np.exp(-t / 0.2)})
+    >>> model = SINDyModel(("P",), (), degree=1, one_trajectory=True).fit(run)
+    >>> {term: round(c, -5) if term == "1" else round(c, 2) for term, c in model.coefficients_["P"].items()}
+    {'1': 3000000.0, 'P': -5.0}
+    >>> bool(abs(model.simulate([1e5], t)[-1, 0] - run["P"].iloc[-1]) < 500)
+    True
+    """
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__score: ClassVar = {"groups": True}
+
+    def __init__(
+        self,
+        states: Sequence[str] = ("P",),
+        inputs: Sequence[str] = ("eps", "deps", "mdot"),
+        *,
+        degree: int = 2,
+        interaction: bool = True,
+        bias: bool = True,
+        sign_of: Sequence[str] = (),
+        optimizer: Any = "stlsq",
+        threshold: float = 0.02,
+        alpha: float = 1e-6,
+        max_iter: int = 20,
+        sampling_period: float | None = None,
+        time: str | int = "time",
+        smoothing_window: int = 11,
+        one_trajectory: bool = False,
+        signals: Signals | None = None,
+    ) -> None:
+        self.states = states
+        self.inputs = inputs
+        self.degree = degree
+        self.interaction = interaction
+        self.bias = bias
+        self.sign_of = sign_of
+        self.optimizer = optimizer
+        self.threshold = threshold
+        self.alpha = alpha
+        self.max_iter = max_iter
+        self.sampling_period = sampling_period
+        self.time = time
+        self.smoothing_window = smoothing_window
+        self.one_trajectory = one_trajectory
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (*self.states, *self.inputs)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.target_tags.required = False
+        tags.target_tags.multi_output = len(self.states) > 1
+        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
+        return tags
+
+    def fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
+        """Learn the dynamics.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            States and inputs, SI units, in time order within each trajectory.
+        y : array_like, shape (n_samples,) or (n_samples, n_states), optional
+            Rates of the states, in their units a second, if they are known; time order then plays no part.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        SINDyModel
+            The fitted estimator itself.
+
+        Raises
+        ------
+        MissingTrajectoryError
+            If rates have to be differentiated and nothing tells which rows form a trajectory.
+        ShortTrajectoryError
+            If a trajectory is shorter than the smoothing window.
+        """
+        columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
+        self._check_library(self._needs)
+        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
+        self._fit_library(self._columns(columns), self._needs, rates, np.ones(len(columns)))
+        self.coef_ = self._physical_coefficients()
+        self.coefficients_ = {
+            str(state): {t: float(c) for t, c in zip(self.terms_, row, strict=True) if c != 0}
+            for state, row in zip(self.states, self.coef_, strict=True)
+        }
+        self.equations_ = self._equations([f"d{state}/dt" for state in self.states])
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Give the rates of the states.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            States and inputs, SI units; rows in any order.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, n_states)
+            Rates, in the states' units a second; one-dimensional for one state.
+        """
+        check_is_fitted(self)
+        columns, _ = self._read(X, reset=False)
+        rates = self._evaluate(self._columns(columns))
+        return rates[:, 0] if rates.shape[1] == 1 else rates
+
+    def score(self, X: Any, y: Any = None, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination of the rates.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            States and inputs, SI units.
+        y : array_like, shape (n_samples,) or (n_samples, n_states), optional
+            Rates of the states; if None they are differentiated as in fit.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, needed if y is None.
+
+        Returns
+        -------
+        float
+            R², the mean over the states.
+        """
+        predicted = self.predict(X)
+        if y is None:
+            columns, _ = self._read(X, reset=False)
+            y = self._rates(X, columns, groups)
+        return float(r2_score(y, predicted, sample_weight=sample_weight))
+
+    def simulate(
+        self, x0: Any, t: Any, u: Any = None, *, method: str = "LSODA", rtol: float = 1e-6, atol: Any = None
+    ) -> np.ndarray:
+        """Integrate the dynamics from an initial state.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n_states,), or mapping of str to float
+            Initial state, in the units of fit.
+        t : array_like, shape (n_times,)
+            Times (s), increasing, at which the states are wanted.
+        u : array_like, shape (n_times, n_inputs), DataFrame, or callable, optional
+            Inputs at these times, interpolated linearly between them, or a function of time (s).
+        method : str, default="LSODA"
+            Method of ``scipy.integrate.solve_ivp``.
+        rtol : float, default=1e-6
+            Relative tolerance, dimensionless.
+        atol : float or array_like, optional
+            Absolute tolerance in the states' units; by default 1e-8 of each state's root mean square.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n_states)
+            States over time, in the units of fit.
+
+        Raises
+        ------
+        DivergedError
+            If the states leave the finite numbers.
+        """
+        from scipy.integrate import solve_ivp
+
+        check_is_fitted(self)
+        t = np.asarray(t, dtype=float).ravel()
+        if len(t) < 2 or not (np.diff(t) > 0).all():
+            raise TimeOrderError(
+                "t does not increase, or has fewer than two entries.", "increasing times in s", "Sort t."
+            )
+        start = np.array([x0[s] for s in self.states] if isinstance(x0, Mapping) else x0, dtype=float).ravel()
+        if start.shape != (len(self.states),):
+            raise ShapeError(
+                f"x0 has {start.size} entries.", f"{len(self.states)} ({', '.join(self.states)})", "Pass one a state."
+            )
+        drive = self._drive(t, u)
+        limit = 1e6 * np.maximum(self.signal_scales_[: len(start)], np.abs(start))
+
+        def rate(time: float, x: np.ndarray) -> np.ndarray:
+            return self._evaluate(np.concatenate([x, drive(time)])[None])[0]
+
+        def escapes(time: float, x: np.ndarray) -> float:
+            return float(np.min(limit - np.abs(x)))
+
+        escapes.terminal = True  # type: ignore[attr-defined]
+        tolerance = 1e-8 * self.signal_scales_[: len(start)] if atol is None else atol
+        with np.errstate(over="ignore", invalid="ignore"):
+            done = solve_ivp(
+                rate, (t[0], t[-1]), start, method=method, t_eval=t, rtol=rtol, atol=tolerance, events=escapes
+            )
+        if done.status != 0 or not np.isfinite(done.y).all():
+            raise DivergedError(
+                f"The simulation of {', '.join(self.states)} left the range of the fit a million times over, or "
+                f"stopped, at t = {done.t[-1] if len(done.t) else t[0]:.4g} s.",
+                "states that stay bounded",
+                "Raise the threshold, lower the degree, or start within the range of the fit.",
+            )
+        return np.asarray(done.y.T)
+
+    def _drive(self, t: np.ndarray, u: Any) -> Inputs:
+        """Inputs as a function of time."""
+        n = len(self.inputs)
+        if n == 0:
+            return lambda time: np.empty(0)
+        if callable(u):
+            return lambda time: np.asarray(u(time), dtype=float).ravel()
+        if isinstance(u, pd.DataFrame):
+            u = u[list(self.inputs)]
+        table = np.empty((0, 0)) if u is None else np.asarray(u, dtype=float).reshape(-1, n)
+        if table.shape != (len(t), n):
+            raise ShapeError(
+                f"u has {len(table)} rows for {len(t)} times.",
+                f"{n} inputs ({', '.join(self.inputs)}) at each time, or a function of time",
+                "Pass u with one row a time.",
+            )
+        return lambda time: np.array([np.interp(time, t, column) for column in table.T])
+
+    def _columns(self, X: np.ndarray) -> np.ndarray:
+        return np.column_stack([self._signal(X, name) for name in self._needs])
+
+    def _as_rates(self, y: np.ndarray) -> np.ndarray:
+        if len(self.states) == 1 and y.ndim == 2 and y.shape[1] == 1:
+            y = column_or_1d(y, warn=True)
+        rates = np.asarray(y, dtype=float)
+        rates = rates[:, None] if rates.ndim == 1 else rates
+        if rates.shape[1] != len(self.states):
+            raise ShapeError(
+                f"y has {rates.shape[1]} columns.",
+                f"the rates of {len(self.states)} states ({', '.join(self.states)})",
+                "Pass one column a state, or no y to have the rates differentiated.",
+            )
+        return rates
+
+    def _rates(self, X: Any, columns: np.ndarray, groups: Any) -> np.ndarray:
+        """Differentiate the states within each trajectory."""
+        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+        states = np.column_stack([self._signal(columns, name) for name in self.states])
+        rates = np.empty_like(states)
+        time = self._times(columns)
+        least = max(int(self.smoothing_window), 3)
+        for number, rows in enumerate(trajectory_slices(codes)):
+            n = rows.stop - rows.start
+            if n < least:
+                raise ShortTrajectoryError(
+                    f"Trajectory number {number} has {n} rows.",
+                    f"at least {least} for differentiation with smoothing_window={self.smoothing_window}",
+                    "Use a smaller odd smoothing_window, leave the trajectory out, or pass the rates as y.",
+                )
+            t = np.arange(n) * float(self.sampling_period) if self.sampling_period is not None else time[rows]
+            if not (np.diff(t) > 0).all():
+                raise TimeOrderError(
+                    f"Time does not increase in trajectory number {number}.",
+                    "increasing times in s",
+                    "Sort the rows of each trajectory by time and drop doubled rows.",
+                )
+            rates[rows] = differentiate(states[rows], t, int(self.smoothing_window))
+        return rates
+
+    def _times(self, columns: np.ndarray) -> np.ndarray:
+        if self.sampling_period is not None:
+            if not np.isfinite(self.sampling_period) or self.sampling_period <= 0:
+                raise ParameterError(
+                    f"sampling_period is {self.sampling_period!r}.", "a positive time in s", "Correct it."
+                )
+            return np.empty(0)
+        names = [str(name) for name in getattr(self, "feature_names_in_", ())]
+        if isinstance(self.time, str) and self.time in names:
+            return columns[:, names.index(self.time)]
+        if not isinstance(self.time, str) and 0 <= self.time < columns.shape[1]:
+            return columns[:, self.time]
+        if isinstance(self.time, str) and not names:
+            raise SamplingError(
+                "X is an array without names, and no sampling_period is set.",
+                "a sampling period in s, or a column of times",
+                "Set sampling_period=, or time= to the position of the column of times.",
+            )
+        raise MissingColumnError(
+            f"X has no column {self.time!r} of times; it has {', '.join(names) or columns.shape[1]}.",
+            "a sampling period in s, or a column of times",
+            "Set sampling_period=, or time= to the column of times.",
+        )
+
+    @staticmethod
+    def _checked_instances() -> list[SINDyModel]:
+        return [
+            SINDyModel(("x",), (), signals={"x": 0}, sampling_period=0.1, smoothing_window=5, one_trajectory=True),
+            SINDyModel(
+                ("P",), ("eps",), signals={"P": 0, "eps": 0}, sampling_period=1.0, degree=1, one_trajectory=True
+            ),
+        ]

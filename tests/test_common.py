@@ -1,0 +1,306 @@
+"""What holds for every public estimator and transformer, without naming any of them."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import functools
+import inspect
+import pickle
+import random
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pamid.estimators
+import pandas as pd
+import pytest
+import sklearn
+from pamid.estimators import all_estimators, checked_instances
+from sklearn.base import BaseEstimator, clone
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.estimator_checks import estimator_checks_generator, parametrize_with_checks
+
+INSTANCES = checked_instances()
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::pamid.errors.PamidWarning", "ignore::sklearn.exceptions.ConvergenceWarning"
+)
+
+
+def name_of(estimator: BaseEstimator) -> str:
+    return type(estimator).__name__
+
+
+each_instance = pytest.mark.parametrize("estimator", INSTANCES, ids=name_of)
+each_class = pytest.mark.parametrize("estimator_class", [c for _, c in all_estimators()], ids=lambda c: c.__name__)
+
+
+def takes(estimator: BaseEstimator, method: str, argument: str) -> bool:
+    return hasattr(estimator, method) and argument in inspect.signature(getattr(estimator, method)).parameters
+
+
+GROUPED = [e for e in INSTANCES if takes(e, "fit", "groups")]
+each_grouped_instance = pytest.mark.parametrize("estimator", GROUPED, ids=name_of)
+
+
+@pytest.fixture
+def data():
+    """Four trajectories of twelve rows: a table without names, a target, and the trajectory of each row."""
+    rng = np.random.default_rng(3)
+    X = rng.uniform(0.2, 1.0, (48, 3))
+    return X, 2.0 + X[:, 0] + 0.1 * rng.standard_normal(48), np.repeat(np.arange(4), 12)
+
+
+def with_trajectory(X: np.ndarray, groups: np.ndarray) -> pd.DataFrame:
+    """Name the trajectory of each row in a column, where routing does not bring it."""
+    return pd.DataFrame(X, columns=["a", "b", "c"]).assign(trajectory=[f"run {g}" for g in groups])
+
+
+def needing_trajectories(estimator: BaseEstimator) -> BaseEstimator:
+    """Take back an instance's word that all rows are one trajectory, so that it fails if nothing tells."""
+    estimator = clone(estimator)
+    if "one_trajectory" in estimator.get_params():
+        estimator.set_params(one_trajectory=False)
+    return estimator
+
+
+def fitted(estimator: BaseEstimator, data) -> BaseEstimator:
+    X, y, groups = data
+    estimator = clone(estimator)
+    return estimator.fit(X, y, groups=groups) if takes(estimator, "fit", "groups") else estimator.fit(X, y)
+
+
+def outputs(estimator: BaseEstimator, data) -> dict[str, np.ndarray]:
+    X, _, groups = data
+    return {
+        method: np.asarray(
+            getattr(estimator, method)(X, **({"groups": groups} if takes(estimator, method, "groups") else {}))
+        )
+        for method in ("predict", "transform")
+        if hasattr(estimator, method)
+    }
+
+
+def assert_same_outputs(one: BaseEstimator, other: BaseEstimator, data) -> None:
+    ours, theirs = outputs(one, data), outputs(other, data)
+    assert ours, "nothing to compare"
+    for method, result in ours.items():
+        np.testing.assert_allclose(theirs[method], result, rtol=1e-9, atol=1e-12)
+
+
+# --- the contract of scikit-learn -----------------------------------------------------------------------------
+@parametrize_with_checks(INSTANCES)
+def test_scikit_learn_contract(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "check"),
+    [(e, c) for grouped in GROUPED for e, c in estimator_checks_generator(grouped)],
+    ids=lambda value: name_of(value) if isinstance(value, BaseEstimator) else _check_name(value),
+)
+def test_scikit_learn_contract_with_routing(estimator, check):
+    with sklearn.config_context(enable_metadata_routing=True):
+        check(clone(estimator))
+
+
+def _check_name(check) -> str:
+    if not isinstance(check, functools.partial):
+        return check.__name__
+    return "-".join([check.func.__name__, *(f"{k}={v}" for k, v in check.keywords.items())])
+
+
+# --- discovery ------------------------------------------------------------------------------------------------
+def test_every_estimator_of_the_folder_is_found():
+    """A class in a public module that can be fitted is listed, whatever its bases say in the source."""
+    folder = Path(pamid.estimators.__file__).parent
+    with_fit = {
+        node.name
+        for path in folder.glob("[!_]*.py")
+        for node in ast.parse(path.read_text("utf-8")).body
+        if isinstance(node, ast.ClassDef)
+        and not node.name.startswith("_")
+        and any(isinstance(f, ast.FunctionDef) and f.name == "fit" for f in node.body)
+    }
+    names = [name for name, _ in all_estimators()]
+    assert names == sorted(set(names))
+    assert with_fit <= set(names)
+    assert {"SINDyModel", "SINDyRegressor"} <= set(names)
+
+
+def test_every_estimator_is_checked():
+    assert {name for name, _ in all_estimators()} == {name_of(e) for e in INSTANCES}
+
+
+@each_class
+def test_attribute_of_the_package(estimator_class):
+    assert getattr(pamid.estimators, estimator_class.__name__) is estimator_class
+    assert estimator_class.__name__ in dir(pamid.estimators)
+
+
+def test_unknown_attribute():
+    with pytest.raises(AttributeError, match="NoSuchModel"):
+        _ = pamid.estimators.NoSuchModel
+
+
+def test_imports_stay_light():
+    """Neither the package nor the class of a network loads torch or PySINDy before a fit."""
+    code = (
+        "import sys, pamid, pamid.estimators as e; assert 'sklearn' not in sys.modules; e.all_estimators();"
+        "loaded = {'torch', 'pysindy', 'matplotlib'} & set(sys.modules); assert not loaded, loaded"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+# --- trajectories ---------------------------------------------------------------------------------------------
+def scored(estimator: BaseEstimator) -> BaseEstimator:
+    """Put an estimator in a pipeline that scores: as the last step, or before a regression."""
+    if hasattr(estimator, "score"):
+        return make_pipeline(FunctionTransformer(), estimator)
+    return make_pipeline(estimator, Ridge())
+
+
+@pytest.fixture
+def groups_seen(monkeypatch):
+    """Record, for every call of an estimator's fit, how many trajectories it is told of."""
+    seen: list[int] = []
+
+    def spy_on(estimator: BaseEstimator) -> list[int]:
+        original = type(estimator).fit
+
+        @functools.wraps(original)
+        def fit(self, *args, **kwargs):
+            groups = inspect.signature(original).bind(self, *args, **kwargs).arguments.get("groups")
+            seen.append(0 if groups is None else len(np.unique(groups)))
+            return original(self, *args, **kwargs)
+
+        monkeypatch.setattr(type(estimator), "fit", fit)
+        return seen
+
+    return spy_on
+
+
+@each_grouped_instance
+def test_groups_with_routing(estimator, data, groups_seen):
+    """With routing on, each fold's fit is told its trajectories; no request has to be set by the user."""
+    X, y, groups = data
+    model = scored(needing_trajectories(estimator))
+    seen = groups_seen(estimator)
+    with sklearn.config_context(enable_metadata_routing=True):
+        scores = cross_validate(model, X, y, cv=GroupKFold(2), params={"groups": groups}, error_score="raise")
+        assert np.isfinite(scores["test_score"]).all()
+        assert seen == [2, 2]
+        search = GridSearchCV(model, {}, cv=GroupKFold(2), error_score="raise").fit(X, y, groups=groups)
+    assert seen == [2, 2, 2, 2, 4]
+    assert np.isfinite(search.best_score_)
+
+
+@each_grouped_instance
+def test_trajectory_column_without_routing(estimator, data):
+    """With routing off the splitter alone reads groups; a trajectory column reaches the estimator all the same."""
+    X, y, groups = data
+    table = with_trajectory(X, groups)
+    model = scored(needing_trajectories(estimator))
+    scores = cross_validate(model, table, y, groups=groups, cv=GroupKFold(2), error_score="raise")
+    assert np.isfinite(scores["test_score"]).all()
+    search = GridSearchCV(model, {}, cv=GroupKFold(2), error_score="raise").fit(table, y, groups=groups)
+    assert np.isfinite(search.best_score_)
+
+
+@each_grouped_instance
+def test_column_and_groups_agree(estimator, data):
+    """A trajectory column and groups say the same thing to an estimator."""
+    X, y, groups = data
+    by_groups = needing_trajectories(estimator).fit(pd.DataFrame(X, columns=["a", "b", "c"]), y, groups=groups)
+    by_column = needing_trajectories(estimator).fit(with_trajectory(X, groups), y)
+    for method in ("predict", "transform"):
+        if hasattr(estimator, method):
+            told = {"groups": groups} if takes(estimator, method, "groups") else {}
+            one = np.asarray(getattr(by_groups, method)(pd.DataFrame(X, columns=["a", "b", "c"]), **told))
+            other = np.asarray(getattr(by_column, method)(with_trajectory(X, groups)))
+            np.testing.assert_allclose(other[:, : one.shape[1]] if one.ndim == 2 else other, one)
+
+
+# --- copies, seeds, side effects ------------------------------------------------------------------------------
+@each_instance
+def test_copies(estimator, data):
+    """A fitted estimator survives pickle and deepcopy with the same predictions; a clone fits to the same."""
+    model = fitted(estimator, data)
+    assert_same_outputs(model, pickle.loads(pickle.dumps(model)), data)
+    assert_same_outputs(model, copy.deepcopy(model), data)
+    assert_same_outputs(model, fitted(clone(model), data), data)
+
+
+@each_instance
+def test_fitted_state_is_plain(estimator, data):
+    """What fit sets is numpy, containers and plain Python, so that it can be stored without pickle."""
+
+    def assert_plain(value, where: str) -> None:
+        if isinstance(value, dict):
+            for key, entry in value.items():
+                assert_plain(entry, f"{where}[{key!r}]")
+        elif isinstance(value, (list, tuple)):
+            for entry in value:
+                assert_plain(entry, f"{where}[...]")
+        elif isinstance(value, BaseEstimator):
+            for name in vars(value):
+                assert_plain(vars(value)[name], f"{where}.{name}")
+        else:
+            module = type(value).__module__.partition(".")[0]
+            assert module not in {"torch", "pysindy", "filterpy", "pandas"}, f"{where} is a {type(value)}"
+            assert not inspect.isroutine(value), f"{where} is a {type(value)}"
+
+    model = fitted(estimator, data)
+    for name, value in vars(model).items():
+        if name.endswith("_"):
+            assert_plain(value, name)
+
+
+@each_instance
+def test_random_state(estimator, data):
+    """A seed gives the same model again, and no fit touches the global generators."""
+    import torch
+
+    if "random_state" in estimator.get_params():
+        estimator = clone(estimator).set_params(random_state=7)
+    before = (random.getstate(), np.random.get_state()[1].copy(), torch.get_rng_state().clone())  # noqa: NPY002
+    one, other = fitted(estimator, data), fitted(estimator, data)
+    assert_same_outputs(one, other, data)
+    assert random.getstate() == before[0]
+    assert np.array_equal(np.random.get_state()[1], before[1])  # noqa: NPY002
+    assert torch.equal(torch.get_rng_state(), before[2])
+
+
+@each_instance
+def test_input_untouched(estimator, data):
+    """Neither fit nor predict alters what it is given, as an array or as a table."""
+    X, y, groups = data
+    table = with_trajectory(X, groups)
+    kept = X.copy(), y.copy(), groups.copy(), table.copy()
+    model = fitted(estimator, data)
+    outputs(model, data)
+    clone(estimator).fit(table, y)
+    np.testing.assert_array_equal(X, kept[0])
+    np.testing.assert_array_equal(y, kept[1])
+    np.testing.assert_array_equal(groups, kept[2])
+    pd.testing.assert_frame_equal(table, kept[3])
+
+
+@each_instance
+def test_parameters_survive_fit(estimator, data):
+    before = copy.deepcopy(estimator.get_params(deep=False))
+    model = fitted(estimator, data)
+    assert repr(model.get_params(deep=False)) == repr(before)
+
+
+@each_instance
+def test_html_representation(estimator, data):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert name_of(estimator) in fitted(estimator, data)._repr_html_()
