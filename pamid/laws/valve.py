@@ -157,5 +157,5 @@ class Valve:
         at_rest = mdot == 0
         blocked = opened <= 0
         safe = xp.where(blocked, 1.0 + 0.0 * opened, opened)
-        u = xp.where(blocked, mdot * float("inf"), mdot / safe)
-        return xp.where(at_rest, 0.0 * P, u)
+        endless = xp.where(mdot > 0, safe * float("inf"), -safe * float("inf"))
+        return xp.where(at_rest, 0.0 * P, xp.where(blocked, endless, mdot / safe))
