@@ -53,6 +53,10 @@ class TruncatedLogError(LogError):
     """The file ends before it should, or is damaged."""
 
 
+class HostileLogError(LogFormatError):
+    """A log carries objects, or declares sizes that reading must never unfold."""
+
+
 class EmptyLogError(LogError):
     """The log has no rows."""
 

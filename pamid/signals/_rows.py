@@ -1,0 +1,294 @@
+"""What the rows of a log must satisfy: finite values, time that goes on, contiguous trajectories, steady sampling."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pamid.errors import (
+    InterleavedTrajectoryError,
+    NonFiniteError,
+    SamplingError,
+    ShortTrajectoryError,
+    TimeError,
+    TimeOrderError,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MANY_DUPLICATES = 0.05
+_GAP = 20.0
+
+
+@dataclass
+class Notes:
+    """What was bridged while reading, to be told in one warning.
+
+    Parameters
+    ----------
+    duplicates : dict of str to int
+        Rows merged, by trajectory.
+    gaps : dict of str to float
+        Longest gap, s, by trajectory.
+    periods : dict of str to float
+        Sampling period, s, by trajectory.
+    """
+
+    duplicates: dict[str, int] = field(default_factory=dict)
+    gaps: dict[str, float] = field(default_factory=dict)
+    periods: dict[str, float] = field(default_factory=dict)
+
+    def sentences(self) -> list[str]:
+        """Word the notes."""
+        said = []
+        if self.duplicates:
+            count, name = sum(self.duplicates.values()), next(iter(self.duplicates))
+            said.append(
+                f"{count} rows with the time of the row before were merged into it, in {len(self.duplicates)} "
+                f"trajectories such as '{name}'"
+            )
+        if self.gaps:
+            worst = max(self.gaps, key=self.gaps.__getitem__)
+            said.append(
+                f"{len(self.gaps)} trajectories have gaps of more than {_GAP:g} sampling periods; the longest is "
+                f"{self.gaps[worst]:.3g} s in '{worst}'"
+            )
+        if self.periods and max(self.periods.values()) > 1.5 * min(self.periods.values()):
+            low, high = (f(self.periods, key=self.periods.__getitem__) for f in (min, max))
+            said.append(
+                f"the sampling is mixed: {self.periods[low]:.3g} s in '{low}', {self.periods[high]:.3g} s in '{high}' "
+                "(pamid.signals.resample brings it to one rate)"
+            )
+        return said
+
+
+def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
+    """Go through the blocks of equal names.
+
+    Parameters
+    ----------
+    names : ndarray
+        Trajectory of each row.
+
+    Yields
+    ------
+    tuple of str and slice
+        Name and rows.
+    """
+    if len(names) == 0:
+        return
+    edges = np.flatnonzero(names[1:] != names[:-1]) + 1
+    bounds = [0, *edges.tolist(), len(names)]
+    for a, b in itertools.pairwise(bounds):
+        yield names[a], slice(a, b)
+
+
+def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
+    """Apply the policy for NaN and infinite values to the signals.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Tidy frame.
+    nan : {"raise", "drop", "keep"}
+        What to do with rows that hold NaN; infinite values are never kept.
+    where : str
+        Name of the log.
+
+    Returns
+    -------
+    DataFrame
+        The frame without the rows that were dropped.
+
+    Raises
+    ------
+    NonFiniteError
+        With the count in each column and the place of the first.
+    """
+    signals = [c for c in frame.columns if c != "trajectory"]
+    values = {c: frame[c].to_numpy(dtype=float) for c in signals}
+    bad = {c: ~np.isfinite(v) for c, v in values.items()}
+    any_bad = np.zeros(len(frame), dtype=bool)
+    for mask in bad.values():
+        any_bad |= mask
+    if not any_bad.any():
+        return frame
+    if nan == "drop":
+        return frame.loc[~any_bad].reset_index(drop=True)
+    if nan == "keep":
+        bad = {c: np.isinf(v) | (np.isnan(v) if c == "time" else False) for c, v in values.items()}
+    counts = {c: int(m.sum()) for c, m in bad.items() if m.any()}
+    if not counts:
+        return frame
+    column = next(iter(counts))
+    row = int(bad[column].argmax())
+    kinds = "NaN" if all(np.isnan(values[c][bad[c]]).all() for c in counts) else "NaN or infinite values"
+    place = f"row {row + 1}"
+    if "time" in values and np.isfinite(values["time"][row]):
+        place += f", time {values['time'][row]:.6g} s"
+    place += f" of trajectory '{frame['trajectory'].iloc[row]}'"
+    raise NonFiniteError(
+        f"{where} has {kinds} in {', '.join(f'{n} rows of {c}' for c, n in counts.items())}; "
+        f"the first in {column}, {place}.",
+        "finite numbers",
+        "Read with nan='drop' to leave these rows out, or nan='keep' to keep NaN (infinite values are never kept).",
+    )
+
+
+def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, notes: Notes) -> pd.DataFrame:
+    """Make time increase within contiguous trajectories, as the policies say, or raise.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Tidy frame with ``trajectory`` and ``time``.
+    order : {"raise", "sort", "split"}
+        Where time goes back.
+    duplicates : {"drop", "mean", "raise", "keep"}
+        Rows with the time of the row before.
+    where : str
+        Name of the log.
+    notes : Notes
+        Where to note what was bridged.
+
+    Returns
+    -------
+    DataFrame
+        The frame with time increasing (not decreasing with ``duplicates="keep"``) in every trajectory.
+    """
+    names = frame["trajectory"].to_numpy(dtype=object)
+    if order == "sort":
+        rank = {name: i for i, name in enumerate(dict.fromkeys(names.tolist()))}
+        codes = np.fromiter((rank[n] for n in names), dtype=np.int64, count=len(names))
+        frame = frame.iloc[np.lexsort((frame["time"].to_numpy(), codes))].reset_index(drop=True)
+        names = frame["trajectory"].to_numpy(dtype=object)
+    _require_contiguous(names, where)
+    time = frame["time"].to_numpy(dtype=float)
+    if order == "split":
+        names = _split_at_resets(names, time)
+        frame = frame.assign(trajectory=names.astype(str))
+    keep = np.ones(len(frame), dtype=bool)
+    merged = False
+    for name, rows in blocks(names):
+        steps = np.diff(time[rows])
+        _require_forward(steps, time[rows], name, where)
+        same = np.flatnonzero(steps == 0) + 1
+        if same.size and duplicates != "keep":
+            if duplicates == "raise" or same.size > max(1, _MANY_DUPLICATES * len(time[rows])):
+                raise TimeOrderError(
+                    f"{where}: {same.size} of {len(time[rows])} rows of trajectory '{name}' have the time of the row "
+                    f"before, the first at {time[rows][same[0]]:.6g} s.",
+                    "time to increase from row to row",
+                    "Set duplicates = 'keep' and a sampling_period if the clock is too coarse, or 'drop' or 'mean' for "
+                    "a few doubled rows.",
+                )
+            keep[rows.start + same] = False
+            merged = True
+            notes.duplicates[name] = int(same.size)
+    if merged:
+        frame = _mean_of_duplicates(frame, keep) if duplicates == "mean" else frame.loc[keep]
+        frame = frame.reset_index(drop=True)
+    return frame
+
+
+def _require_contiguous(names: np.ndarray, where: str) -> None:
+    order = [name for name, _ in blocks(names)]
+    if len(order) != len(set(order)):
+        seen: set[str] = set()
+        again = next(n for n in order if n in seen or seen.add(n))  # type: ignore[func-returns-value]
+        raise InterleavedTrajectoryError(
+            f"{where} has {len(set(order))} trajectories in {len(order)} blocks of rows; '{again}' comes back after "
+            "another one.",
+            "the rows of each trajectory to be contiguous",
+            "Read with time_order='sort' to sort by trajectory and time.",
+        )
+
+
+def _split_at_resets(names: np.ndarray, time: np.ndarray) -> np.ndarray:
+    names = names.copy()
+    for name, rows in list(blocks(names)):
+        resets = np.flatnonzero(np.diff(time[rows]) < 0) + 1
+        bounds = [rows.start, *(rows.start + resets).tolist(), rows.stop]
+        if len(bounds) > 2:
+            for number, (a, b) in enumerate(itertools.pairwise(bounds), start=1):
+                names[a:b] = f"{name}.{number}"
+    return names
+
+
+def _require_forward(steps: np.ndarray, time: np.ndarray, name: str, where: str) -> None:
+    if len(time) < 2:
+        raise ShortTrajectoryError(
+            f"{where}: trajectory '{name}' has {len(time)} row.",
+            "at least 2 rows in every trajectory",
+            "Leave this trajectory out, or record it again.",
+        )
+    if not steps.any():
+        raise TimeError(
+            f"{where}: time is {time[0]:.6g} s in all {len(time)} rows of trajectory '{name}'.",
+            "time that increases",
+            "Map another column to time, or give sampling_period.",
+        )
+    back = np.flatnonzero(steps < 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise TimeOrderError(
+            f"{where}: time goes back {back.size} times in trajectory '{name}', first from {time[row - 1]:.6g} s to "
+            f"{time[row]:.6g} s in its row {row + 1}.",
+            "time to increase within a trajectory",
+            "Read with time_order='sort' if rows are shuffled, or 'split' if the clock restarts with each run.",
+        )
+
+
+def _mean_of_duplicates(frame: pd.DataFrame, keep: np.ndarray) -> pd.DataFrame:
+    group = np.cumsum(keep) - 1
+    signals = [c for c in frame.columns if c != "trajectory"]
+    means = frame[signals].groupby(group).mean()
+    means.insert(0, "trajectory", frame["trajectory"].to_numpy()[keep])
+    return means[list(frame.columns)]
+
+
+def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
+    """Note the sampling period of each trajectory and its gaps.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Tidy frame whose time increases.
+    notes : Notes
+        Where to note it.
+    """
+    time = frame["time"].to_numpy(dtype=float)
+    for name, rows in blocks(frame["trajectory"].to_numpy(dtype=object)):
+        steps = np.diff(time[rows])
+        steps = steps[steps > 0]
+        if not steps.size:
+            continue
+        period = float(np.median(steps))
+        notes.periods[name] = period
+        if steps.max() > _GAP * period:
+            notes.gaps[name] = float(steps.max())
+
+
+def sampling_error(sentences: list[str]) -> SamplingError:
+    """Word an error for sampling that the caller does not accept.
+
+    Parameters
+    ----------
+    sentences : list of str
+        What was found.
+
+    Returns
+    -------
+    SamplingError
+        The error to raise.
+    """
+    return SamplingError(
+        "; ".join(sentences) + ".",
+        "steady sampling at one rate",
+        "Read with sampling='warn', or resample the log.",
+    )

@@ -1,0 +1,324 @@
+"""From a table as it stands in a file to a tidy frame: the mapping is applied here."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pamid.errors import (
+    ColumnTypeError,
+    DuplicateColumnError,
+    EmptyLogError,
+    MappingError,
+    MissingColumnError,
+)
+
+from .mapping import LogMapping, SignalMapping
+from .units import UNITS, base_name, dimension_of, is_gauge_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .formats import RawTable
+
+TRAJECTORY = "trajectory"
+_CLOCK = 1e8
+_NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
+
+
+@dataclass
+class Part:
+    """One table after mapping.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Columns ``trajectory``, ``time`` and signals in SI.
+    unchecked : set of str
+        Signals whose units the mapping takes from the check.
+    variable : str or None
+        Variable of the file that held it.
+    """
+
+    frame: pd.DataFrame
+    unchecked: set[str]
+    variable: str | None
+
+
+def tidy(
+    table: RawTable, zero_run: pd.DataFrame | None, mapping: LogMapping, path: Path, *, several: bool = False
+) -> Part:
+    """Apply a mapping to one table.
+
+    Parameters
+    ----------
+    table : RawTable
+        The table as it stands in the file.
+    zero_run : DataFrame or None
+        The zero run of the file.
+    mapping : LogMapping
+        Names, units, constants, filters.
+    path : Path
+        The file, for names and messages.
+    several : bool, default=False
+        Whether the file holds several tables, so that names need the variable.
+
+    Returns
+    -------
+    Part
+        The tidy frame.
+    """
+    import pandas as pd
+
+    raw = table.frame
+    if len(raw) == 0:
+        raise EmptyLogError(f"{path.name} holds no rows.", "a table of samples", "Record the log again.")
+    double = raw.columns[raw.columns.duplicated()]
+    if len(double):
+        raise DuplicateColumnError(
+            f"{path.name} has several columns named '{double[0]}'.", "each name once", "Rename one of them."
+        )
+    own = {str(c): i for i, c in enumerate(raw.columns)}
+    used_trajectory = _trajectory_column(raw, mapping, path)
+    signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, path)
+    if mapping.keep_others and mapping.signals:
+        taken = {_position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
+        for name, position in own.items():
+            numeric = pd.api.types.is_numeric_dtype(raw.iloc[:, position])
+            if position not in taken and position != used_trajectory and numeric and name not in signals:
+                signals[name] = SignalMapping(column=position)
+    constants = mapping.constants_of(path)
+    keep = np.ones(len(raw), dtype=bool)
+    columns: dict[str, np.ndarray] = {}
+    unchecked: set[str] = set()
+    for signal, how in signals.items():
+        position = _position(raw, how.column if how.column is not None else signal, signal, path, own)
+        values = _numeric(raw.iloc[:, position], signal, path)
+        if how.allowed is not None:
+            keep &= np.isin(values, how.allowed)
+        if how.range is not None:
+            keep &= (values >= how.range[0]) & (values <= how.range[1])
+        if not how.check:
+            unchecked.add(signal)
+        zero = _zero(zero_run, position, raw, signal, path, mapping) if how.subtract_zero_run else 0.0
+        columns[signal] = _to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
+    _add_constants(columns, constants, len(raw))
+    if "time" not in columns:
+        columns["time"] = _time_from_rows(len(raw), mapping, path, own)
+    frame = pd.DataFrame(columns)
+    names = _names(table, raw, used_trajectory, mapping, path, several)
+    frame.insert(0, TRAJECTORY, names)
+    frame = frame[[TRAJECTORY, "time", *[c for c in frame.columns if c not in (TRAJECTORY, "time")]]]
+    if mapping.skip_rows:
+        keep &= frame.groupby(TRAJECTORY, sort=False).cumcount().to_numpy() >= mapping.skip_rows
+    if not keep.all():
+        frame = frame.loc[keep].reset_index(drop=True)
+    return Part(_clock_to_run_time(frame), unchecked, table.variable)
+
+
+def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> int | None:
+    own = {str(c): i for i, c in enumerate(raw.columns)}
+    if mapping.trajectory is not None:
+        return _position(raw, mapping.trajectory, TRAJECTORY, path, own)
+    return own.get(TRAJECTORY)
+
+
+def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Path) -> dict[str, SignalMapping]:
+    """Without a mapping: every column under its own name, with the unit in brackets where it has one."""
+    import pandas as pd
+
+    if not table.named:
+        raise MissingColumnError(
+            f"{path.name} has {raw.shape[1]} columns without names.",
+            "names such as time, P, F, q",
+            "Pass a mapping that says which column is which, by position: {'time': 0, 'P': {'column': 1, ...}}.",
+        )
+    signals: dict[str, SignalMapping] = {}
+    for position, column in enumerate(raw.columns):
+        if position == skip:
+            continue
+        match = _NAME_WITH_UNIT.match(str(column))
+        name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+        text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
+        if text and dimension_of(name) is None and not pd.api.types.is_datetime64_any_dtype(raw.iloc[:, position]):
+            continue
+        if not name or name in signals:
+            raise DuplicateColumnError(
+                f"{path.name} has several columns named '{name}'.", "each name once", "Rename one of them."
+            )
+        signals[name] = SignalMapping.from_value(name, {"column": position, "unit": unit})
+    if not signals:
+        raise MissingColumnError(f"{path.name} has no numeric column.", "signals", "Check the export.")
+    return signals
+
+
+def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own: dict[str, int]) -> int:
+    if isinstance(column, str):
+        if column in own:
+            return own[column]
+        import difflib
+
+        near = difflib.get_close_matches(column, own, n=1, cutoff=0.5)
+        raise MissingColumnError(
+            f"{path.name} has no column '{column}' for {signal}; it has {', '.join(list(own)[:20])}.",
+            "the columns that the mapping names",
+            f"Correct the mapping{f'; did you mean {near[0]!r}?' if near else '.'}",
+        )
+    if not 0 <= column < raw.shape[1]:
+        raise MissingColumnError(
+            f"{path.name} has {raw.shape[1]} columns, and the mapping takes {signal} from position {column}.",
+            f"a position from 0 to {raw.shape[1] - 1}",
+            "Correct the mapping.",
+        )
+    return int(column)
+
+
+def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
+    import pandas as pd
+
+    if signal == "time" and not pd.api.types.is_numeric_dtype(column):
+        stamps = column
+        if not pd.api.types.is_datetime64_any_dtype(column):
+            stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
+        if stamps.notna().any():
+            seconds = (stamps - stamps.min()) / pd.Timedelta(seconds=1)
+            return seconds.to_numpy(dtype=float, na_value=np.nan)
+    if pd.api.types.is_complex_dtype(column):
+        raise ColumnTypeError(f"{signal} of {path.name} holds complex numbers.", "real numbers", "Export real parts.")
+    if not pd.api.types.is_numeric_dtype(column):
+        numbers = pd.to_numeric(column, errors="coerce")
+        bad = numbers.isna() & column.notna()
+        if bad.any():
+            row = int(bad.to_numpy().argmax())
+            raise ColumnTypeError(
+                f"Column '{column.name}' of {path.name}, mapped to {signal}, holds {str(column.iloc[row])[:40]!r} in "
+                f"row {row + 1} and text in {int(bad.sum())} of {len(column)} rows.",
+                "numbers",
+                "Correct the rows, or map another column.",
+            )
+        column = numbers
+    return column.to_numpy(dtype=float, na_value=np.nan)
+
+
+def _zero(
+    zero_run: pd.DataFrame | None, position: int, raw: pd.DataFrame, signal: str, path: Path, mapping: LogMapping
+) -> float:
+    if zero_run is None:
+        raise MappingError(
+            f"{signal} is to have the zero run subtracted, and {path.name} has none.",
+            "zero_run to name the variable of the zero run",
+            "Set zero_run in the mapping, or remove subtract_zero_run.",
+        )
+    if position >= zero_run.shape[1]:
+        raise MissingColumnError(
+            f"The zero run '{mapping.zero_run}' of {path.name} has {zero_run.shape[1]} columns; {signal} is column "
+            f"{position}.",
+            "the zero run to have the same columns",
+            "Correct the mapping.",
+        )
+    return float(np.nanmean(zero_run.iloc[:, position].to_numpy(dtype=float)))
+
+
+def _to_si(
+    values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], ambient: float, path: Path
+) -> np.ndarray:
+    unit = how.si_unit(signal)
+    if how.offset:
+        values = values + how.offset
+    if (factor := how.sign * how.scale) != 1.0:
+        values = values * factor
+    if how.offset_after:
+        values = values + how.offset_after
+    if unit is not None:
+        # Dividing where the inverse is the rounder number keeps 251 ms at 0.251 s to the last bit.
+        inverse = round(1 / unit.factor) if 0 < unit.factor < 1 else 0
+        values = values / inverse if inverse and 1 / inverse == unit.factor else values * unit.factor
+        values = values + unit.offset if unit.offset else values
+    if how.source != "value":
+        rest = constants.get("rest_length")
+        if rest is None or rest <= 0:
+            raise MappingError(
+                f"{signal} is to come from a {how.source}, and {path.name} has no rest_length.",
+                "the constant rest_length",
+                "Add rest_length to constants, for instance rest_length = '200 mm'.",
+            )
+        return (rest - values) / rest if how.source == "length" else values / rest
+    pressure = unit.dimension == "pressure" if unit else dimension_of(signal) == "pressure"
+    if pressure:
+        source_gauge, wants_gauge = how.is_gauge(signal), is_gauge_name(signal)
+        if source_gauge and not wants_gauge:
+            return values + ambient
+        if wants_gauge and not source_gauge:
+            return values - ambient
+    return values
+
+
+def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], n: int) -> None:
+    """Add constants as columns; from ``length`` and ``rest_length`` follows ``eps``."""
+    constants = dict(constants)
+    rest, length = constants.pop("rest_length", None), constants.pop("length", None)
+    if rest is not None and length is not None:
+        constants.setdefault("eps", (rest - length) / rest)
+    for name, value in constants.items():
+        if name in columns:
+            raise DuplicateColumnError(
+                f"{name} is both a mapped signal and a constant.", "one of the two", "Remove one from the mapping."
+            )
+        columns[name] = np.full(n, value)
+
+
+def _time_from_rows(n: int, mapping: LogMapping, path: Path, own: dict[str, int]) -> np.ndarray:
+    if mapping.sampling_period is None:
+        raise MissingColumnError(
+            f"{path.name} has no time; it has {', '.join(list(own)[:20])}.",
+            "a column named time, in s",
+            "Map a column to time, or give sampling_period in the mapping.",
+        )
+    return np.arange(n) * mapping.sampling_period
+
+
+def _names(
+    table: RawTable, raw: pd.DataFrame, position: int | None, mapping: LogMapping, path: Path, several: bool
+) -> Any:
+    stem = path.stem
+    column = None
+    if position is not None:
+        column = raw.iloc[:, position]
+        if column.isna().any():
+            raise ColumnTypeError(
+                f"{path.name} names no trajectory in {int(column.isna().sum())} of {len(column)} rows.",
+                "a trajectory in every row",
+                "Fill in the names or remove the rows.",
+            )
+        column = column.map(lambda v: f"{v:g}" if isinstance(v, float) else str(v)) if column.dtype != "str" else column
+    if mapping.name is not None:
+        known: dict[str, Any] = {**table.head, "stem": stem, "variable": table.variable or ""}
+        try:
+            if column is not None:
+                unique = {v: mapping.name.format(**{**known, TRAJECTORY: v}) for v in column.unique()}
+                return column.map(unique)
+            return mapping.name.format(**known)
+        except (KeyError, IndexError, ValueError, AttributeError) as error:
+            raise MappingError(
+                f"The name {mapping.name!r} asks for {error}, which {path.name} does not give.",
+                f"only {', '.join(sorted(known))}",
+                "Correct name in the mapping.",
+            ) from None
+    if column is not None:
+        return column
+    return f"{stem}-{table.variable}" if table.variable and several else stem
+
+
+def _clock_to_run_time(frame: pd.DataFrame) -> pd.DataFrame:
+    """Times of day or since 1970 become times from the start of each run."""
+    time = frame["time"].to_numpy(dtype=float)
+    if not len(time) or not np.nanmin(np.abs(time), initial=np.inf) > _CLOCK:
+        return frame
+    return frame.assign(time=frame["time"] - frame.groupby(TRAJECTORY, sort=False)["time"].transform("first"))
+
+
+__all__ = ["TRAJECTORY", "Part", "base_name", "tidy"]

@@ -1,0 +1,142 @@
+"""File formats of logs: one module a format, found by itself.
+
+A module of this package that defines ``FORMAT`` (a `Format`) adds a format; nothing else has to be edited.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pamid.errors import LogFormatError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..mapping import LogMapping
+
+HEAD_BYTES = 65_536
+"""How much of a file is read to tell its format."""
+
+
+@dataclass
+class RawTable:
+    """A table as it stands in a file, before names and units are mapped.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Columns by name, or by position from 0 where the file names none.
+    variable : str or None
+        Name of the variable in the file that held it.
+    named : bool
+        Whether the columns have names of their own.
+    head : dict
+        Single values beside the table, such as ``kp`` in a JSON log.
+    """
+
+    frame: pd.DataFrame
+    variable: str | None = None
+    named: bool = True
+    head: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format of logs.
+
+    Parameters
+    ----------
+    name : str
+        What people call it.
+    extensions : tuple of str
+        Endings of file names, with the dot, in lower case.
+    recognises : callable
+        Takes the first bytes of a file and says whether it is of this format.
+    read : callable
+        Takes a path, a mapping and the largest number of bytes to unfold; returns the tables and the zero run or None.
+    order : int
+        Formats with clear marks come first (0), text last (9).
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Path, LogMapping, int], tuple[list[RawTable], pd.DataFrame | None]]
+    order: int = 0
+
+
+@cache
+def all_formats() -> tuple[Format, ...]:
+    """List every format that a module of this package defines.
+
+    Returns
+    -------
+    tuple of Format
+        In the order in which they are tried.
+    """
+    found = []
+    for module in pkgutil.iter_modules(__path__):
+        fmt = getattr(importlib.import_module(f"{__name__}.{module.name}"), "FORMAT", None)
+        if isinstance(fmt, Format):
+            found.append(fmt)
+    return tuple(sorted(found, key=lambda f: (f.order, f.name)))
+
+
+def known_extensions() -> tuple[str, ...]:
+    """List the endings of all formats.
+
+    Returns
+    -------
+    tuple of str
+        Such as ``(".csv", ".parquet", ...)``.
+    """
+    return tuple(sorted({e for f in all_formats() for e in f.extensions}))
+
+
+def format_of(path: Path) -> Format:
+    """Tell a file's format by its content, and hold it against its name.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file that is not empty.
+
+    Returns
+    -------
+    Format
+        The format.
+
+    Raises
+    ------
+    LogFormatError
+        If the content is of no known format, or of another than the name says.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+    suffix = path.suffix.lower()
+    named = [f for f in all_formats() if suffix in f.extensions]
+    for candidate in named:
+        if candidate.recognises(head):
+            return candidate
+    by_content = next((f for f in all_formats() if f.recognises(head)), None)
+    if by_content is None:
+        raise LogFormatError(
+            f"{path.name} holds binary data that no reader knows (it begins with {head[:8]!r}).",
+            f"a log in one of {', '.join(f.name for f in all_formats())}",
+            "Export the log again in one of these formats."
+            if suffix not in (".npz", ".npy", ".pkl", ".pickle", ".joblib")
+            else "Files that can carry Python objects are not read; export the log as CSV or parquet.",
+        )
+    if named:
+        raise LogFormatError(
+            f"{path.name} is named as {named[0].name}, but its content is {by_content.name}.",
+            f"content as the ending {suffix} says",
+            f"Rename it to {path.stem}{by_content.extensions[0]}, or export it again.",
+        )
+    return by_content

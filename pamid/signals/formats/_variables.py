@@ -1,0 +1,185 @@
+"""From the variables of a MATLAB or HDF5 file to tables: which are trajectories, which form one table together."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pamid.errors import HostileLogError, MappingError, MissingColumnError
+
+from . import RawTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MAX_FOLD = 1_100
+"""Largest ratio of unfolded to stored bytes that zlib can reach; a file that declares more is hostile or damaged."""
+
+
+def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_bytes: int) -> None:
+    """Raise if a variable declares more than may be unfolded.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    name : str
+        The variable.
+    shape : iterable of int
+        Its declared shape.
+    stored : int
+        Bytes in which it can be stored at most.
+    max_bytes : int
+        Largest number of bytes to unfold.
+
+    Raises
+    ------
+    HostileLogError
+        If the declared size is beyond `max_bytes` or cannot be in the file.
+    """
+    declared = 8.0
+    for n in shape:
+        declared *= max(int(n), 0)
+    if declared > max_bytes or declared > 8 * MAX_FOLD * max(stored, 1):
+        raise HostileLogError(
+            f"{path.name} declares {declared / 2**30:.3g} GiB for the variable '{name}' and has {stored} bytes.",
+            f"at most {max_bytes / 2**30:.3g} GiB, and no more than the file can hold",
+            "The file is damaged or hostile; export the log again (or raise max_bytes if it is just large).",
+        )
+
+
+def select(path: Path, names: list[str], pattern: str | None, zero_run: str | None) -> list[str]:
+    """Choose the variables that hold trajectories.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    names : list of str
+        Its numeric variables.
+    pattern : str or None
+        Pattern of `LogMapping.trajectories`.
+    zero_run : str or None
+        The variable of the zero run, which is no trajectory.
+
+    Returns
+    -------
+    list of str
+        In natural order; all but the zero run without a pattern.
+
+    Raises
+    ------
+    MappingError
+        If nothing matches.
+    """
+    chosen = [n for n in names if n != zero_run and (pattern is None or fnmatch.fnmatchcase(n, pattern))]
+    if pattern is not None and not chosen:
+        raise MappingError(
+            f"No variable of {path.name} matches '{pattern}'; it has {', '.join(names[:12]) or 'no numeric variable'}.",
+            "variables with trajectories",
+            "Correct trajectories in the mapping.",
+        )
+    if zero_run is not None and zero_run not in names:
+        raise MissingColumnError(
+            f"{path.name} has no variable '{zero_run}'; it has {', '.join(names[:12])}.",
+            "a zero run under that name",
+            "Correct zero_run in the mapping.",
+        )
+    return sorted(chosen, key=natural)
+
+
+def natural(text: str) -> list[Any]:
+    """Sort key under which ``Test9`` comes before ``Test10``.
+
+    Parameters
+    ----------
+    text : str
+        A name.
+
+    Returns
+    -------
+    list
+        Its parts, with numbers as numbers.
+    """
+    import re
+
+    return [(1, int(t), "") if t.isdigit() else (0, 0, t) for t in re.split(r"(\d+)", text) if t]
+
+
+def as_frame(value: Any, name: str) -> pd.DataFrame | None:
+    """Turn an array of at most two dimensions, or a dict of vectors, into a frame.
+
+    Parameters
+    ----------
+    value : ndarray or dict
+        A variable; rows are samples.
+    name : str
+        Its name, for the column of a vector.
+
+    Returns
+    -------
+    DataFrame or None
+        None where it is no table (a scalar, a cube).
+    """
+    import pandas as pd
+
+    if isinstance(value, Mapping):
+        vectors = {
+            k: np.ravel(v) for k, v in value.items() if np.ndim(v) <= 2 and np.size(v) == max(np.shape(v), default=1)
+        }
+        length = max((len(v) for v in vectors.values()), default=0)
+        vectors = {k: v for k, v in vectors.items() if len(v) == length}
+        return pd.DataFrame(vectors) if length > 1 else None
+    array = np.asarray(value)
+    if array.dtype.names is not None and array.ndim <= 2:
+        return as_frame({k: array.ravel()[k] for k in array.dtype.names}, name)
+    if array.ndim == 1 or (array.ndim == 2 and 1 in array.shape):
+        return pd.DataFrame({name: array.ravel()})
+    if array.ndim == 2:
+        return pd.DataFrame(array)
+    return None
+
+
+def tables(variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str, Any]) -> list[RawTable]:
+    """Arrange variables into tables: matrices and structs are tables each, vectors of one length form one together.
+
+    Parameters
+    ----------
+    variables : mapping of str to ndarray or dict
+        The chosen variables.
+    pattern_given : bool
+        Whether the mapping names the variables: each is then a table of its own.
+    head : dict
+        Single values beside the tables.
+
+    Returns
+    -------
+    list of RawTable
+        The tables.
+    """
+    import pandas as pd
+
+    result: list[RawTable] = []
+    vectors: dict[str, np.ndarray] = {}
+    for name, value in variables.items():
+        if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.names is None:
+            head.setdefault(name, value.ravel()[0].item())
+            continue
+        frame = as_frame(value, name)
+        if frame is None:
+            continue
+        if frame.shape[1] == 1 and not pattern_given and not isinstance(value, Mapping):
+            vectors[name] = frame.iloc[:, 0].to_numpy()
+        else:
+            named = not all(isinstance(c, int) for c in frame.columns)
+            result.append(RawTable(frame, variable=name, named=named, head=head))
+    if vectors:
+        length = max(len(v) for v in vectors.values())
+        columns = {k: v for k, v in vectors.items() if len(v) == length}
+        if not result or "time" in columns:
+            result = [RawTable(pd.DataFrame(columns), head=head)]
+    return result

@@ -1,0 +1,131 @@
+"""HDF5 logs, and MATLAB files of version 7.3, which are HDF5 with transposed arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pamid.errors import HostileLogError, PamidError, TruncatedLogError
+
+from . import Format, RawTable
+from ._variables import as_frame, require_size, select, tables
+
+if TYPE_CHECKING:
+    import h5py
+    import pandas as pd
+
+    from ..mapping import LogMapping
+
+
+def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
+    """Read the numeric data sets; a group of vectors is a table, links to other files and objects stay closed."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            matlab = _is_matlab(path, file)
+            found: dict[str, Any] = {}
+            refused: list[str] = []
+            _collect(file, "", found, refused, depth=0)
+            if not found:
+                raise HostileLogError(
+                    f"{path.name} holds no numeric data set{' but ' + ', '.join(refused[:4]) if refused else ''}.",
+                    "numeric data sets",
+                    "Objects, references and external links are not read: save plain arrays.",
+                )
+            names = select(path, list(found), mapping.trajectories, mapping.zero_run)
+            wanted = [*names, *([mapping.zero_run] if mapping.zero_run else [])]
+            values = {name: _load(found[name], name, path, max_bytes, matlab) for name in wanted}
+    except PamidError:
+        raise
+    except Exception as error:
+        detail = str(error).splitlines()[0][:120] if str(error) else "no detail"
+        raise TruncatedLogError(
+            f"{path.name} is damaged or cut off ({type(error).__name__}: {detail}).",
+            "a whole HDF5 file",
+            "Save or copy the log again.",
+        ) from None
+    zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
+    return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
+
+
+def _is_matlab(path: Path, file: h5py.File) -> bool:
+    with path.open("rb") as stream:
+        marked = stream.read(6) == b"MATLAB"
+    return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
+
+
+def _children(group: h5py.Group) -> dict[str, Any]:
+    """Return the members of a group that lie in this file."""
+    import h5py
+
+    own = {}
+    for name in group:
+        link = group.get(name, getlink=True)
+        if isinstance(link, h5py.HardLink) and not name.startswith("#"):
+            own[name] = group[name]
+    return own
+
+
+def _collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int) -> None:
+    """Note numeric data sets by their path; a group that holds only vectors is one table."""
+    import h5py
+
+    if depth > 8:
+        return
+    for name, item in _children(group).items():
+        path = f"{prefix}{name}"
+        if isinstance(item, h5py.Dataset):
+            if _is_virtual(item) or not _numeric(item.dtype):
+                refused.append(f"'{path}' ({item.dtype})")
+            else:
+                found[path] = item
+        elif isinstance(item, h5py.Group):
+            inner = _children(item)
+            sets = {k: v for k, v in inner.items() if isinstance(v, h5py.Dataset) and _vector(v)}
+            usable = {k: v for k, v in sets.items() if _numeric(v.dtype) or h5py.check_string_dtype(v.dtype)}
+            if (
+                usable
+                and len({v.size for v in usable.values()}) == 1
+                and not any(isinstance(v, h5py.Group) for v in inner.values())
+            ):
+                found[path] = usable
+            else:
+                _collect(item, f"{path}/", found, refused, depth + 1)
+
+
+def _numeric(dtype: np.dtype) -> bool:
+    return dtype.kind in "biuf" or (dtype.names is not None and all(dtype[n].kind in "biuf" for n in dtype.names))
+
+
+def _vector(item: h5py.Dataset) -> bool:
+    return (
+        item.shape is not None and item.size > 0 and item.size == max(item.shape, default=1) and not _is_virtual(item)
+    )
+
+
+def _is_virtual(item: h5py.Dataset) -> bool:
+    """Say whether the data lie in other files, which a log may not open."""
+    return bool(item.is_virtual) or bool(item.external)
+
+
+def _load(item: Any, name: str, path: Path, max_bytes: int, matlab: bool) -> Any:
+    import h5py
+
+    if isinstance(item, dict):
+        return {k: _load(v, f"{name}/{k}", path, max_bytes, matlab) for k, v in item.items()}
+    require_size(path, name, item.shape or (1,), item.id.get_storage_size(), max_bytes)
+    if h5py.check_string_dtype(item.dtype):
+        return np.ravel(item.asstr()[()])
+    value = item[()]
+    return np.asarray(value).T if matlab else np.asarray(value)
+
+
+def _recognises(head: bytes) -> bool:
+    mark = b"\x89HDF\r\n\x1a\n"
+    return head.startswith(mark) or head[512:520] == mark
+
+
+FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".mat"), _recognises, read, order=1)

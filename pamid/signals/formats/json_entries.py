@@ -1,0 +1,82 @@
+"""JSON logs: an object with a list of entries and single values beside it, a bare list of entries, or columns."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pamid.errors import HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
+
+from . import Format, RawTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..mapping import LogMapping
+
+
+def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
+    """Read a JSON file as one table and the single values beside it."""
+    import pandas as pd
+
+    if path.stat().st_size * 10 > max_bytes:
+        raise HostileLogError(
+            f"{path.name} has {path.stat().st_size / 2**20:.0f} MiB of JSON.",
+            f"at most {max_bytes / 10 / 2**20:.0f} MiB",
+            "Convert it to parquet, or raise max_bytes.",
+        )
+    try:
+        document = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise TruncatedLogError(
+            f"{path.name} is not whole JSON: {error}.", "a whole JSON file", "Export or copy the log again."
+        ) from None
+    head: dict[str, Any] = {}
+    entries: Any = document
+    if isinstance(document, dict):
+        head = {k: v for k, v in document.items() if isinstance(v, str | int | float) and not isinstance(v, bool)}
+        entries = _entries(document, mapping.entries, path)
+    if not isinstance(entries, list | dict):
+        raise LogFormatError(
+            f"{path.name} holds no list of entries.", "a list of objects, one a sample", "Set entries in the mapping."
+        )
+    if isinstance(entries, list) and not all(isinstance(e, dict) for e in entries):
+        if all(isinstance(e, list) for e in entries):
+            return [RawTable(pd.DataFrame(entries), named=False, head=head)], None
+        raise LogFormatError(
+            f"{path.name}: the entries are not all objects.", "a list of objects, one a sample", "Correct the file."
+        )
+    frame = pd.DataFrame(entries)
+    scalar = [c for c in frame.columns if not frame[c].map(lambda v: isinstance(v, list | dict)).any()]
+    return [RawTable(frame[scalar], head=head)], None
+
+
+def _entries(document: dict[str, Any], key: str | None, path: Path) -> Any:
+    if key is not None:
+        if key not in document:
+            raise MissingColumnError(
+                f"{path.name} has no key '{key}'; it has {', '.join(map(str, list(document)[:12]))}.",
+                "the list of entries under that key",
+                "Correct entries in the mapping.",
+            )
+        return document[key]
+    lists = {k: v for k, v in document.items() if isinstance(v, list)}
+    of_objects = [v for v in lists.values() if v and isinstance(v[0], dict)]
+    if len(of_objects) == 1:
+        return of_objects[0]
+    if lists and not of_objects and len({len(v) for v in lists.values()}) == 1:
+        return lists
+    raise LogFormatError(
+        f"{path.name} has {len(of_objects)} lists of objects and the keys {', '.join(map(str, list(document)[:12]))}.",
+        "one list of entries, or columns of equal length",
+        "Name the list with entries in the mapping.",
+    )
+
+
+def _recognises(head: bytes) -> bool:
+    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    return start in (b"{", b"[") and b"\x00" not in head[:1024]
+
+
+FORMAT = Format("JSON", (".json",), _recognises, read, order=5)

@@ -1,0 +1,47 @@
+"""Parquet logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pamid.errors import HostileLogError, TruncatedLogError
+
+from . import Format, RawTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..mapping import LogMapping
+
+
+def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
+    """Read a parquet file as one table."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            schema, rows = file.schema_arrow, file.metadata.num_rows
+            declared = rows * max(len(schema), 1) * 8
+            if declared > max_bytes:
+                raise HostileLogError(
+                    f"{path.name} declares {rows} rows of {len(schema)} columns ({declared / 2**30:.3g} GiB).",
+                    f"at most {max_bytes / 2**30:.3g} GiB",
+                    "Split the log, or raise max_bytes if the file can be trusted.",
+                )
+            flat = [f.name for f in schema if not pa.types.is_nested(f.type) and not pa.types.is_binary(f.type)]
+            table = file.read(columns=list(dict.fromkeys(flat)))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, HostileLogError):
+            raise
+        raise TruncatedLogError(
+            f"{path.name} is damaged or cut off: {str(error).splitlines()[0][:160]}.",
+            "a whole parquet file",
+            "Export or copy the log again.",
+        ) from None
+    frame = table.to_pandas(ignore_metadata=True)
+    return [RawTable(frame)], None
+
+
+FORMAT = Format("parquet", (".parquet", ".pq"), lambda head: head[:4] == b"PAR1", read)

@@ -1,0 +1,318 @@
+"""Reading a log of any format into one tidy frame: trajectory, time, signals in SI."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pamid.errors import (
+    EmptyLogError,
+    LogFormatError,
+    LogNotFoundError,
+    OutputError,
+    ParameterError,
+    SamplingWarning,
+)
+
+from ._rows import Notes, handle_missing, handle_time, note_sampling, sampling_error
+from ._tidy import tidy
+from .formats import format_of, known_extensions
+from .formats._variables import natural
+from .mapping import LogMapping
+from .plausibility import require_plausible
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PathLike = str | Path
+MAX_BYTES = 16 * 2**30
+
+
+def read_log(
+    paths: PathLike | Iterable[PathLike],
+    mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
+    *,
+    nan: str = "raise",
+    time_order: str | None = None,
+    duplicates: str | None = None,
+    sampling: str = "warn",
+    check_units: bool = True,
+    ambient_pressure: float | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> pd.DataFrame:
+    """Read logs into one tidy frame with the columns ``trajectory``, ``time`` (s) and the signals in SI.
+
+    Parameters
+    ----------
+    paths : str, Path or iterable of them
+        A file, several, a folder (all logs in it, not below it; JSON only where there is nothing else) or a pattern
+        such as ``"data/*.mat"``. Text (CSV), parquet, MATLAB 5 to 7.3, HDF5 and JSON are told apart by content.
+    mapping : LogMapping, dict, path of a TOML file, optional
+        Names, units, references and constants of the log, see `LogMapping`. Without it the columns must have their
+        names of the frame (``time``, ``P1``, ``q``, ...) and SI units, or the unit in brackets: ``P1 [bar]``.
+    nan : {"raise", "drop", "keep"}, default="raise"
+        What to do with rows that hold NaN. Infinite values, and NaN in time, are never kept.
+    time_order : {"raise", "sort", "split"}, optional
+        Overrules the mapping's `time_order` (default "raise").
+    duplicates : {"drop", "mean", "raise", "keep"}, optional
+        Overrules the mapping's `duplicates` (default "drop").
+    sampling : {"warn", "raise", "ignore"}, default="warn"
+        What to do about merged rows, gaps and mixed sampling periods.
+    check_units : bool, default=True
+        Whether values must look like their unit.
+    ambient_pressure : float, optional
+        Overrules the mapping's ambient pressure, Pa, absolute.
+    max_bytes : int, default=16 GiB
+        Largest size that a file may unfold to.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``trajectory`` (text), ``time`` (s), then the signals. Trajectories are contiguous, their time
+        increases, and their names are unique: where two files use one name, ``@file`` is added.
+
+    Raises
+    ------
+    LogError
+        One subclass for each thing that can be wrong (see `pamid.errors`): the file, its columns, its values, its time,
+        its trajectories. The message says what was found, what was expected and what to do.
+
+    Warns
+    -----
+    SamplingWarning
+        Once, on merged rows, gaps or mixed sampling periods.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.signals import read_log
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "sine-1.csv"
+    ...     _ = file.write_text(chr(10).join(["t;p;x", "0;3,0;12,0", "10;3,1;12,5", "20;3,3;13,0"]))
+    ...     log = read_log(
+    ...         file,
+    ...         {
+    ...             "time": {"column": "t", "unit": "ms"},
+    ...             "P": {"column": "p", "unit": "bar", "gauge": True},
+    ...             "eps": {"column": "x", "unit": "%"},
+    ...         },
+    ...     )
+    >>> log["P"].round(3).tolist(), log["time"].tolist()
+    ([401325.0, 411325.0, 431325.0], [0.0, 0.01, 0.02])
+    """
+    import pandas as pd
+
+    _require(nan, "nan", ("raise", "drop", "keep"))
+    _require(sampling, "sampling", ("warn", "raise", "ignore"))
+    settings = LogMapping.load(mapping)
+    settings = replace(
+        settings,
+        time_order=settings.time_order if time_order is None else time_order,
+        duplicates=settings.duplicates if duplicates is None else duplicates,
+        ambient_pressure=settings.ambient_pressure if ambient_pressure is None else float(ambient_pressure),
+    )
+    settings._validate()
+    files = find_logs(paths)
+    notes = Notes()
+    frames = []
+    for path in files:
+        if path.stat().st_size == 0:
+            raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
+        tables, zero_run = format_of(path).read(path, settings, max_bytes)
+        if not tables:
+            raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
+        parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
+        for part in parts:
+            part.frame = handle_missing(part.frame, nan, path.name)
+            if part.frame.empty:
+                raise EmptyLogError(
+                    f"{path.name} holds no usable rows{f' in {part.variable}' if part.variable else ''}.",
+                    "at least two rows",
+                    "Check skip_rows, allowed and range in the mapping, and what nan='drop' left.",
+                )
+            part.frame = handle_time(part.frame, settings.time_order, settings.duplicates, path.name, notes)
+            if check_units:
+                checked = {c: part.frame[c] for c in part.frame.columns if c not in part.unchecked}
+                require_plausible(checked, ambient_pressure=settings.ambient_pressure, where=path.name)
+        frames.append((path, [part.frame for part in parts]))
+    log = pd.concat(_with_unique_names(frames), ignore_index=True)
+    order = ["trajectory", "time"]
+    log = log[[*order, *[c for c in log.columns if c not in order]]]
+    note_sampling(log, notes)
+    said = notes.sentences()
+    if said and sampling == "raise":
+        raise sampling_error(said)
+    if said and sampling == "warn":
+        warnings.warn("; ".join(said) + ".", SamplingWarning, stacklevel=2)
+    return log
+
+
+def _require(value: str, name: str, offered: tuple[str, ...]) -> None:
+    if value not in offered:
+        raise ParameterError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct it.")
+
+
+def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
+    """List the log files that paths, folders and patterns name.
+
+    Parameters
+    ----------
+    paths : str, Path or iterable of them
+        Files, folders or patterns.
+
+    Returns
+    -------
+    list of Path
+        In natural order within a folder or pattern; each file once.
+
+    Raises
+    ------
+    LogNotFoundError
+        If a path names nothing.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.signals import find_logs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("run10.csv", "run9.csv", "notes.md"):
+    ...         _ = (pathlib.Path(folder) / name).write_text("time,q")
+    ...     [p.name for p in find_logs(folder)]
+    ['run9.csv', 'run10.csv']
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not given:
+        raise LogNotFoundError("No log is given.", "at least one file", "Pass a file, a folder or a pattern.")
+    found: dict[Path, None] = {}
+    for item in given:
+        if not isinstance(item, str | Path):
+            raise ParameterError(f"A path is {item!r}.", "text or a Path", "Pass the name of a file.")
+        for path in _expand(Path(item)):
+            found[path] = None
+    return list(found)
+
+
+def _expand(path: Path) -> list[Path]:
+    try:
+        if path.is_dir():
+            inside = [p for p in path.iterdir() if p.is_file() and p.suffix.lower() in known_extensions()]
+            if not inside:
+                raise LogNotFoundError(
+                    f"The folder {path} holds no log.",
+                    f"files ending in {', '.join(known_extensions())}",
+                    "Correct the folder, or name the files.",
+                )
+            # A JSON file beside logs of another kind holds notes on them, not samples.
+            tables = [p for p in inside if p.suffix.lower() != ".json"]
+            return sorted(tables or inside, key=lambda p: natural(p.name))
+        if path.is_file():
+            return [path]
+        if any(c in str(path) for c in "*?["):
+            base = Path(path.anchor) if path.is_absolute() else Path()
+            matches = [p for p in base.glob(str(path.relative_to(path.anchor))) if p.is_file()]
+            if matches:
+                return sorted(matches, key=lambda p: natural(str(p)))
+    except (OSError, ValueError) as error:
+        if isinstance(error, LogNotFoundError):
+            raise
+        raise LogNotFoundError(f"{path} cannot be read: {error}.", "a log file", "Correct the path.") from None
+    near = ""
+    if path.parent.is_dir():
+        import difflib
+
+        close = difflib.get_close_matches(path.name, [p.name for p in path.parent.iterdir()], n=1)
+        near = f" Did you mean {close[0]}?" if close else ""
+    raise LogNotFoundError(f"No log at {path}.", "an existing file, folder or pattern", f"Correct the path.{near}")
+
+
+def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd.DataFrame]:
+    """Add ``@file`` to names that several files or variables use."""
+    uses = Counter(name for _, parts in frames for part in parts for name in dict.fromkeys(part["trajectory"]))
+    labels = _labels([path for path, _ in frames])
+    result = []
+    taken: Counter[str] = Counter()
+    for (_, parts), label in zip(frames, labels, strict=True):
+        for part in parts:
+            renamed = {}
+            for name in dict.fromkeys(part["trajectory"]):
+                new = f"{name}@{label}" if uses[name] > 1 and len(frames) > 1 else str(name)
+                taken[new] += 1
+                renamed[name] = new if taken[new] == 1 else f"{new}#{taken[new]}"
+            if any(k != v for k, v in renamed.items()):
+                part = part.assign(trajectory=part["trajectory"].map(renamed))
+            result.append(part)
+    return result
+
+
+def _labels(paths: list[Path]) -> list[str]:
+    """Shortest ends of the paths that tell all files apart."""
+    for depth in range(1, max(len(p.parts) for p in paths) + 1):
+        labels = ["/".join([*p.parts[-depth:-1], p.stem]) for p in paths]
+        if len(set(labels)) == len(paths):
+            return labels
+    return [str(p) for p in paths]
+
+
+def write_log(log: pd.DataFrame, path: PathLike) -> Path:
+    """Write a tidy frame as parquet, CSV or HDF5, as the file's ending says.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Columns ``trajectory``, ``time`` and signals, as `read_log` returns it.
+    path : str or Path
+        File to write: ``.parquet``, ``.csv``, ``.h5``.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    LogFormatError
+        If the ending is none of these.
+    OutputError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import pandas as pd
+    >>> from pamid.signals import read_log, write_log
+    >>> log = pd.DataFrame({"trajectory": ["a", "a"], "time": [0.0, 0.001], "P": [2e5, 3e5]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     back = read_log(write_log(log, pathlib.Path(folder) / "log.parquet"))
+    >>> back.equals(log)
+    True
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".parquet", ".csv", ".h5"):
+        raise LogFormatError(
+            f"{path.name} ends in '{suffix}'.", ".parquet, .csv or .h5", "Choose one of these endings."
+        )
+    try:
+        if suffix == ".parquet":
+            log.to_parquet(path, index=False)
+        elif suffix == ".csv":
+            log.to_csv(path, index=False)
+        else:
+            import h5py
+
+            with h5py.File(path, "w") as file:
+                group = file.create_group("log")
+                for column in log.columns:
+                    values = log[column].to_numpy()
+                    data = values if values.dtype.kind in "biuf" else values.astype(object)
+                    kind = None if values.dtype.kind in "biuf" else h5py.string_dtype()
+                    group.create_dataset(str(column), data=data, dtype=kind)
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written: {error.strerror or error}.", "a writable file", "Choose another place."
+        ) from None
+    return path

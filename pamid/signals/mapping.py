@@ -1,0 +1,421 @@
+"""How a log's own columns become signals in SI: names, units, references, constants, filters."""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.errors import LogNotFoundError, MappingError, UnitError
+
+from .units import Unit, dimension_of, find_unit, is_gauge_name, parse_quantity
+
+_ORDERS = ("raise", "sort", "split")
+_DUPLICATES = ("drop", "mean", "raise", "keep")
+
+
+@dataclass(frozen=True)
+class SignalMapping:
+    """One signal: where it stands in the log and how it becomes SI.
+
+    The value is ``unit(sign · scale · (raw + offset))``, then made absolute where it is gauge pressure.
+
+    Parameters
+    ----------
+    column : str or int or None
+        Name or position (from 0) of the source column; None: the signal's own name.
+    unit : str or None
+        Unit of the source, such as ``"kPa"`` or ``"L/min ANR"`` (see `pamid.signals.UNITS`); None: SI.
+    gauge : bool or None
+        For pressures: whether the source is gauge pressure. It is then made absolute with the ambient pressure, unless
+        the signal's name (``p``, ``p_gauge``) keeps it gauge. None: what the unit (``barg``) or else the name says.
+    scale : float
+        Factor on the raw value, before the unit; a calibration such as kPa per ADC step.
+    offset : float
+        Added to the raw value, before scale and unit.
+    sign : int
+        1 or -1: turns the direction.
+    offset_after : float
+        Added after scale, still in the unit: the intercept of a calibration line.
+    subtract_zero_run : bool
+        Whether to subtract the mean of this column in the zero run (see `LogMapping.zero_run`).
+    source : str
+        ``"value"``, or for ``eps``: ``"length"`` (the column is the muscle's length L, ε = (L₀ - L)/L₀) or
+        ``"shortening"`` (the column is L₀ - L). Both need the constant ``rest_length``.
+    allowed : tuple of float or None
+        Values that the raw column may take; rows with others are corrupt and left out.
+    range : tuple of two floats or None
+        Range of the raw column; rows outside are corrupt and left out.
+    check : bool
+        Whether the values must look like their unit; False overrules the check.
+
+    Examples
+    --------
+    >>> from pamid.signals import SignalMapping
+    >>> SignalMapping(column=1, unit="kPa", gauge=True).unit
+    'kPa'
+    """
+
+    column: str | int | None = None
+    unit: str | None = None
+    gauge: bool | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    sign: int = 1
+    offset_after: float = 0.0
+    subtract_zero_run: bool = False
+    source: str = "value"
+    allowed: tuple[float, ...] | None = None
+    range: tuple[float, float] | None = None
+    check: bool = True
+
+    @classmethod
+    def from_value(cls, signal: str, value: Any) -> SignalMapping:
+        """Build from a column's name or position, or from a table of settings.
+
+        Parameters
+        ----------
+        signal : str
+            Name of the signal, for messages and to check the unit's dimension.
+        value : str, int, mapping or SignalMapping
+            The settings.
+
+        Returns
+        -------
+        SignalMapping
+            The checked settings.
+        """
+        if isinstance(value, cls):
+            mapping = value
+        elif isinstance(value, str | int) and not isinstance(value, bool):
+            mapping = cls(column=value)
+        elif isinstance(value, Mapping):
+            _require_known(value, [f.name for f in fields(cls)], f"the signal {signal}")
+            settings = dict(value)
+            for key in ("allowed", "range"):
+                if settings.get(key) is not None:
+                    settings[key] = tuple(float(v) for v in _sequence(settings[key], f"{signal}.{key}"))
+            for key in ("scale", "offset", "offset_after"):
+                if key in settings:
+                    settings[key] = _number(settings[key], f"{signal}.{key}")
+            mapping = cls(**settings)
+        else:
+            raise MappingError(
+                f"The mapping of the signal {signal} is {value!r}.",
+                "a column's name or position, or a table such as {column = 1, unit = 'kPa', gauge = true}",
+                "Correct the mapping.",
+            )
+        mapping._validate(signal)
+        return mapping
+
+    def _validate(self, signal: str) -> None:
+        unit = self.si_unit(signal)
+        pressure = unit.dimension == "pressure" if unit else dimension_of(signal) == "pressure"
+        if self.gauge is not None and not pressure and dimension_of(signal) is not None:
+            raise MappingError(f"gauge is given for {signal}.", "gauge for pressures only", "Remove it.")
+        if unit is not None and unit.gauge is not None and self.gauge not in (None, unit.gauge):
+            raise MappingError(
+                f"{signal} has the unit '{self.unit}' and gauge = {str(self.gauge).lower()}.",
+                "the two to agree",
+                "Remove one of them.",
+            )
+        if self.source not in ("value", "length", "shortening"):
+            raise MappingError(
+                f"{signal}.source is {self.source!r}.", "'value', 'length' or 'shortening'", "Correct it."
+            )
+        if self.sign not in (1, -1):
+            raise MappingError(f"{signal}.sign is {self.sign!r}.", "1 or -1", "Use scale for other factors.")
+        if self.range is not None and (len(self.range) != 2 or self.range[0] > self.range[1]):
+            raise MappingError(f"{signal}.range is {list(self.range)}.", "[lowest, highest]", "Correct it.")
+
+    def si_unit(self, signal: str) -> Unit | None:
+        """Look up the unit, checked against what the signal's name stands for.
+
+        Parameters
+        ----------
+        signal : str
+            Name of the signal.
+
+        Returns
+        -------
+        Unit or None
+            None where no unit is given: the source is SI.
+        """
+        if self.unit is None:
+            return None
+        return find_unit(self.unit, signal if self.source == "value" else "length")
+
+    def is_gauge(self, signal: str) -> bool:
+        """Say whether the source is gauge pressure.
+
+        Parameters
+        ----------
+        signal : str
+            Name of the signal.
+
+        Returns
+        -------
+        bool
+            From `gauge`, else from the unit, else from the signal's name.
+        """
+        unit = self.si_unit(signal)
+        if self.gauge is not None:
+            return self.gauge
+        if unit is not None and unit.gauge is not None:
+            return unit.gauge
+        return is_gauge_name(signal)
+
+
+@dataclass(frozen=True)
+class FileConstants:
+    """Constants of the files whose name matches a pattern.
+
+    Parameters
+    ----------
+    match : str
+        Pattern over the file's name and over its trailing path, such as ``"*kinked25*"``; upper and lower case differ.
+    constants : mapping of str to float or str
+        Signals or ``rest_length``, ``length`` fixed in these files; SI or text with a unit (``"17.45 cm"``).
+
+    Examples
+    --------
+    >>> from pamid.signals import FileConstants
+    >>> FileConstants("*25.mat", {"eps": 0.04}).matches("data/kinked25.mat")
+    True
+    """
+
+    match: str
+    constants: Mapping[str, float | str]
+
+    def matches(self, path: str | Path) -> bool:
+        """Say whether a file's name matches.
+
+        Parameters
+        ----------
+        path : str or Path
+            Path of a log file.
+
+        Returns
+        -------
+        bool
+            Whether its name, or its whole path after some folder, matches the pattern.
+        """
+        name = Path(path).as_posix()
+        return fnmatch.fnmatchcase(Path(path).name, self.match) or fnmatch.fnmatchcase(name, f"*/{self.match}")
+
+
+@dataclass(frozen=True)
+class LogMapping:
+    """How logs of one kind become tidy frames in SI: the argument `mapping` of `read_log`.
+
+    Parameters
+    ----------
+    signals : mapping of str to SignalMapping
+        Signals by their name in the frame (``time``, ``P``, ``F``, ``eps``, ``q``, ...). Empty: the log's own names.
+    trajectory : str, int or None
+        Name or position of a column that names each row's trajectory; None: ``trajectory`` where there is one.
+    trajectories : str or None
+        Pattern over the variables of a MATLAB or HDF5 file, each of which is a trajectory (``"Test*Data"``).
+    zero_run : str or None
+        Variable of a MATLAB or HDF5 file that holds a zero run, for `SignalMapping.subtract_zero_run`.
+    entries : str or None
+        Key of the list of entries in a JSON file; None: found by itself.
+    name : str or None
+        Template of a trajectory's name with ``{stem}``, ``{variable}``, ``{trajectory}`` and, for JSON, the numbers and
+        texts beside the entries (``"{trajectory}-kp{kp}"``).
+    constants : mapping of str to float or str
+        Constants of every file: signals (``eps``), or ``rest_length``, ``length`` from which ``eps`` follows.
+    files : tuple of FileConstants
+        Constants of files by pattern; a later match overrules an earlier one.
+    ambient_pressure : float
+        Pressure that gauge pressures are relative to, Pa, absolute.
+    sampling_period : float or None
+        Time between rows, s, for logs without a time column.
+    skip_rows : int
+        Rows to leave out at the start of every trajectory.
+    time_order : {"raise", "sort", "split"}
+        Where time goes back: an error, sorting, or the start of a new trajectory.
+    duplicates : {"drop", "mean", "raise", "keep"}
+        Rows with the time of the row before: the first stays, their mean, an error, or all stay. With drop and mean,
+        more than 5 % of a trajectory's rows is an error: such a clock is too coarse.
+    delimiter, decimal, thousands : str or None
+        Of text files; None: found by itself (thousands: none).
+    header : bool or None
+        Whether a text file's first row names the columns; None: found by itself.
+    keep_others : bool
+        Whether to keep numeric columns that are not mapped.
+
+    Examples
+    --------
+    >>> from pamid.signals import LogMapping
+    >>> m = LogMapping.load({"time": {"column": 0, "unit": "ms"}, "P": {"column": 5, "unit": "bar", "gauge": True}})
+    >>> m.signals["P"].unit
+    'bar'
+    """
+
+    signals: Mapping[str, SignalMapping] = field(default_factory=dict)
+    trajectory: str | int | None = None
+    trajectories: str | None = None
+    zero_run: str | None = None
+    entries: str | None = None
+    name: str | None = None
+    constants: Mapping[str, float | str] = field(default_factory=dict)
+    files: tuple[FileConstants, ...] = ()
+    ambient_pressure: float = ATMOSPHERIC_PRESSURE
+    sampling_period: float | None = None
+    skip_rows: int = 0
+    time_order: str = "raise"
+    duplicates: str = "drop"
+    delimiter: str | None = None
+    decimal: str | None = None
+    thousands: str | None = None
+    header: bool | None = None
+    keep_others: bool = False
+
+    @classmethod
+    def load(cls, source: LogMapping | Mapping[str, Any] | str | Path | None) -> LogMapping:
+        """Build from a dict, a TOML file, another mapping, or nothing.
+
+        Parameters
+        ----------
+        source : LogMapping, mapping, str, Path or None
+            A dict of the parameters above, or only of signals; or the path of a TOML file with the same keys.
+
+        Returns
+        -------
+        LogMapping
+            The checked mapping.
+
+        Raises
+        ------
+        LogNotFoundError
+            If the TOML file is missing.
+        MappingError
+            If keys are unknown or values malformed.
+        UnitError
+            If a unit is unknown or of another dimension than its signal.
+        """
+        if source is None:
+            return cls()
+        if isinstance(source, cls):
+            return source
+        if isinstance(source, str | Path):
+            return cls.load(_read_toml(Path(source)))
+        if not isinstance(source, Mapping):
+            raise MappingError(
+                f"mapping is a {type(source).__name__}.", "a dict or the path of a TOML file", "Pass one of them."
+            )
+        keys = {f.name for f in fields(cls)}
+        settings = dict(source)
+        if settings and not (set(settings) & keys):
+            settings = {"signals": settings}
+        _require_known(settings, sorted(keys), "the mapping")
+        signals = settings.get("signals", {})
+        if not isinstance(signals, Mapping):
+            raise MappingError(f"signals is a {type(signals).__name__}.", "a table of signals", "Correct the mapping.")
+        settings["signals"] = {str(name): SignalMapping.from_value(str(name), v) for name, v in signals.items()}
+        settings["files"] = tuple(_file_constants(entry) for entry in _sequence(settings.get("files", ()), "files"))
+        for name, value in dict(settings.get("constants", {})).items():
+            parse_quantity(value, name)
+        if "ambient_pressure" in settings:
+            settings["ambient_pressure"] = parse_quantity(settings["ambient_pressure"], "P")
+        if settings.get("sampling_period") is not None:
+            settings["sampling_period"] = parse_quantity(settings["sampling_period"], "time")
+        mapping = cls(**settings)
+        mapping._validate()
+        return mapping
+
+    def _validate(self) -> None:
+        for name, value, offered in (
+            ("time_order", self.time_order, _ORDERS),
+            ("duplicates", self.duplicates, _DUPLICATES),
+        ):
+            if value not in offered:
+                raise MappingError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct the mapping.")
+        if not isinstance(self.skip_rows, int) or isinstance(self.skip_rows, bool) or self.skip_rows < 0:
+            raise MappingError(f"skip_rows is {self.skip_rows!r}.", "a number of rows, 0 or more", "Correct it.")
+        if not 3e4 < self.ambient_pressure < 2e5:
+            raise UnitError(
+                f"ambient_pressure is {self.ambient_pressure:.6g} Pa.",
+                "the ambient pressure in Pa, between 30 000 and 200 000",
+                "Give it in Pa or as text with a unit, such as '1.013 bar'.",
+            )
+        if self.sampling_period is not None and not self.sampling_period > 0:
+            raise MappingError(f"sampling_period is {self.sampling_period}.", "a positive time in s", "Correct it.")
+
+    def constants_of(self, path: str | Path) -> dict[str, float]:
+        """Collect the constants of one file, in SI.
+
+        Parameters
+        ----------
+        path : str or Path
+            Path of the log file.
+
+        Returns
+        -------
+        dict of str to float
+            Constants of every file, overruled by those of each matching pattern.
+        """
+        constants = dict(self.constants)
+        for entry in self.files:
+            if entry.matches(path):
+                constants |= entry.constants
+        return {name: parse_quantity(value, name) for name, value in constants.items()}
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as stream:
+            return tomllib.load(stream)
+    except FileNotFoundError:
+        raise LogNotFoundError(
+            f"No mapping file at {path}.", "a TOML file", "Correct the path of the mapping."
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MappingError(f"{path} is not valid TOML: {error}.", "a TOML file", "Correct the mapping.") from None
+    except OSError as error:
+        raise LogNotFoundError(
+            f"The mapping file {path} cannot be read: {error.strerror}.", "a TOML file", "Correct the path."
+        ) from None
+
+
+def _file_constants(entry: Any) -> FileConstants:
+    if isinstance(entry, FileConstants):
+        return entry
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("match"), str):
+        raise MappingError(
+            f"An entry of files is {entry!r}.", "a table with match and constants", "Correct the mapping."
+        )
+    _require_known(entry, ["match", "constants"], f"the files {entry['match']}")
+    constants = entry.get("constants", {})
+    for name, value in constants.items():
+        parse_quantity(value, name)
+    return FileConstants(entry["match"], dict(constants))
+
+
+def _require_known(given: Mapping[str, Any], known: list[str], where: str) -> None:
+    unknown = [str(k) for k in given if k not in known]
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], known, n=1)
+        raise MappingError(
+            f"{where[0].upper() + where[1:]} has the unknown setting '{unknown[0]}'.",
+            f"only {', '.join(known)}",
+            f"Did you mean '{near[0]}'?" if near else "Remove it.",
+        )
+
+
+def _sequence(value: Any, where: str) -> Sequence[Any]:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise MappingError(f"{where} is {value!r}.", "a list", "Correct the mapping.")
+    return value
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise MappingError(f"{where} is {value!r}.", "a number", "Correct the mapping.")
+    return float(value)

@@ -1,0 +1,275 @@
+"""Whether values look like the unit they should be in: plain cases only, worded as "looks like mm; expected m"."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.errors import PressureReferenceError, UnitError, UnitWarning
+
+from .units import base_name
+
+
+class Finding(NamedTuple):
+    """One signal whose values are plainly not in the unit expected.
+
+    Parameters
+    ----------
+    signal : str
+        Name of the signal.
+    found : str
+        What was seen, with its value: "P1 reaches 6.2: that looks like bar".
+    expected : str
+        What was expected.
+    reference : bool
+        Whether it is about gauge against absolute pressure.
+    """
+
+    signal: str
+    found: str
+    expected: str
+    reference: bool = False
+
+    @property
+    def text(self) -> str:
+        """The finding as one sentence."""
+        return f"{self.found}; expected {self.expected}."
+
+
+class _Range(NamedTuple):
+    """Order statistics of a signal that no single outlier moves."""
+
+    low: float
+    high: float
+    size: float
+
+
+def _range(values: np.ndarray) -> _Range:
+    low, high = np.quantile(values, [0.002, 0.998])
+    return _Range(float(low), float(high), float(max(abs(low), abs(high))))
+
+
+def _pressure_unit(size: float) -> str:
+    for limit, unit in ((1.5, "MPa"), (25.0, "bar"), (1_500.0, "kPa"), (40_000.0, "mbar")):
+        if size < limit:
+            return unit
+    return "another unit"
+
+
+def _absolute_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.high < 0.5 * ambient:
+        if r.low >= -0.2 * ambient and r.size >= 20_000.0:
+            return Finding(
+                name, f"{name} stays below {r.high:.4g} Pa: that looks like gauge pressure", "absolute pressure", True
+            )
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {_pressure_unit(r.size)}", "Pa, absolute")
+    if r.low < 0.8 * ambient:
+        return Finding(
+            name,
+            f"{name} falls to {r.low:.4g} Pa, below the ambient {ambient:.6g} Pa: that looks like gauge pressure",
+            "absolute pressure",
+            True,
+        )
+    if r.high > 1e8:
+        return Finding(name, f"{name} reaches {r.high:.3g} Pa", "at most some MPa")
+    return None
+
+
+def _gauge_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
+    if 1e-9 < r.size < 1_500.0 and r.high > 0.05:
+        unit = _pressure_unit(r.size)
+        if unit != "kPa" or r.size > 20.0:
+            return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "Pa, gauge")
+    return None
+
+
+def _ratio(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size >= 1.0:
+        unit = "percent" if r.size <= 100.0 else "a length in mm"
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "the contraction ratio (below 1)")
+    return None
+
+
+def _angle(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size > 3.5:
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like degrees", "rad")
+    return None
+
+
+def _length(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size > 5.0:
+        return Finding(name, f"{name} {r.size:.4g} looks like mm", "m")
+    return None
+
+
+def _force(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size > 1e5:
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like mN", "N")
+    return None
+
+
+def _flow(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size > 0.5:
+        unit = "g/s" if r.size < 5 else "L/min"
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "kg/s")
+    return None
+
+
+def _command(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size > 1.5:
+        unit = "volts" if r.size <= 12 else "percent"
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "a command from -1 to 1")
+    return None
+
+
+def _temperature(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size < 150:
+        return Finding(name, f"{name} is {r.high:.4g}: that looks like °C", "K")
+    return None
+
+
+_RULES: dict[str, Callable[[str, _Range, float], Finding | None]] = {
+    "P": _absolute_pressure,
+    "P_supply": _absolute_pressure,
+    "p": _gauge_pressure,
+    "p_gauge": _gauge_pressure,
+    "eps": _ratio,
+    "q": _angle,
+    "L": _length,
+    "length": _length,
+    "rest_length": _length,
+    "x": _length,
+    "stroke": _length,
+    "F": _force,
+    "mdot": _flow,
+    "u": _command,
+    "T": _temperature,
+}
+
+
+def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[Finding]:
+    """List the signals of a table whose values are plainly in another unit than SI.
+
+    Parameters
+    ----------
+    table : DataFrame, State, or mapping of names to arrays
+        Signals by name; other columns are passed over.
+    ambient_pressure : float, default=101325.0
+        Ambient pressure, Pa, absolute: an absolute pressure does not stay far below it.
+
+    Returns
+    -------
+    list of Finding
+        Empty where nothing is plainly wrong.
+
+    Examples
+    --------
+    >>> from pamid.signals import implausible_units
+    >>> [f.text for f in implausible_units({"length": [120.0, 118.0]})]
+    ['length 120 looks like mm; expected m.']
+    """
+    if hasattr(table, "_asdict"):
+        table = table._asdict()
+    findings = []
+    rates = {"deps": 0.0, "dP": 0.0}
+    for name in table.keys():  # noqa: SIM118 - a DataFrame iterates over names too, a NamedTuple's dict as well
+        base = base_name(str(name))
+        if base not in _RULES and base not in rates and base != "time":
+            continue
+        values = np.asarray(table[name], dtype=float).ravel()
+        values = values[np.isfinite(values)]
+        if not values.size:
+            continue
+        if base == "time":
+            finding = _time(str(name), values)
+        elif base in _RULES:
+            finding = _RULES[base](str(name), _range(values), ambient_pressure)
+        else:
+            finding = _rate(str(name), base, _range(values))
+        if finding is not None:
+            findings.append(finding)
+    return findings
+
+
+def _time(name: str, time: np.ndarray) -> Finding | None:
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    if steps.size and (step := float(np.median(steps))) >= 0.99:
+        return Finding(name, f"{name} goes on by {step:.4g} a sample: that looks like ms", "s")
+    return None
+
+
+def _rate(name: str, base: str, r: _Range) -> Finding | None:
+    if base == "deps" and r.size > 100.0:
+        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like percent or mm per second", "1/s")
+    if base == "dP" and 0.0 < r.size < 100.0:
+        return Finding(name, f"{name} stays below {r.size:.4g}: that looks like bar/s or kPa/s", "Pa/s")
+    return None
+
+
+def require_plausible(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE, where: str) -> None:
+    """Raise on the first signals that are plainly not in SI.
+
+    Parameters
+    ----------
+    table : DataFrame or mapping of names to arrays
+        Signals by name.
+    ambient_pressure : float, default=101325.0
+        Ambient pressure, Pa, absolute.
+    where : str
+        Name of the log, for the message.
+
+    Raises
+    ------
+    PressureReferenceError
+        If gauge pressure stands where absolute pressure is expected.
+    UnitError
+        If values are plainly in another unit.
+    """
+    findings = implausible_units(table, ambient_pressure=ambient_pressure)
+    if not findings:
+        return
+    only_reference = all(f.reference for f in findings)
+    kind = PressureReferenceError if only_reference else UnitError
+    key = "gauge = true" if only_reference else "unit"
+    raise kind(
+        f"{where}: " + "; ".join(f"{f.found}" for f in findings) + ".",
+        "; ".join(dict.fromkeys(f.expected for f in findings)),
+        f"State {key} in the mapping of these signals, or overrule with check = false there "
+        "(check_units=False for the whole log).",
+    )
+
+
+def check_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[Finding]:
+    """Warn of signals whose values are plainly not in SI; meant for the start of a fit.
+
+    Parameters
+    ----------
+    table : DataFrame, State, or mapping of names to arrays
+        Signals by name (``eps``, ``deps``, ``P``, ``dP``, ``F``, ...).
+    ambient_pressure : float, default=101325.0
+        Ambient pressure, Pa, absolute.
+
+    Returns
+    -------
+    list of Finding
+        What was found; one `UnitWarning` has been issued for each.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from pamid.signals import check_units
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     found = check_units({"eps": [0.0, 12.0], "P": [2e5, 3e5]})
+    >>> str(caught[0].message)
+    'eps reaches 12: that looks like percent; expected the contraction ratio (below 1).'
+    """
+    findings = implausible_units(table, ambient_pressure=ambient_pressure)
+    for finding in findings:
+        warnings.warn(finding.text, UnitWarning, stacklevel=2)
+    return findings

@@ -1,0 +1,272 @@
+"""Units of logs and what they are in SI; which physical dimension a signal's name stands for."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import NamedTuple
+
+from pamid.constants import GRAVITY, REFERENCE_DENSITY
+from pamid.errors import MappingError, UnitError
+
+_NORMAL_DENSITY = 1.2929
+"""Density of dry air at DIN 1343 normal conditions (0 °C, 1.01325 bar), kg/m³."""
+
+
+class Unit(NamedTuple):
+    """A unit: SI value = `factor` · value + `offset`.
+
+    Parameters
+    ----------
+    dimension : str
+        Physical dimension, such as ``"pressure"``.
+    factor : float
+        SI units in one of this unit.
+    offset : float
+        SI value of zero in this unit (°C only).
+    gauge : bool or None
+        Pressure units only: True for gauge (``barg``), False for absolute (``bara``), None where the unit is silent.
+    """
+
+    dimension: str
+    factor: float
+    offset: float = 0.0
+    gauge: bool | None = None
+
+
+SI_UNITS = {
+    "time": "s",
+    "pressure": "Pa",
+    "length": "m",
+    "angle": "rad",
+    "angular rate": "rad/s",
+    "ratio": "-",
+    "ratio rate": "1/s",
+    "pressure rate": "Pa/s",
+    "force": "N",
+    "mass flow": "kg/s",
+    "mass": "kg",
+    "temperature": "K",
+    "voltage": "V",
+    "current": "A",
+    "torque": "N m",
+    "speed": "m/s",
+}
+"""The SI unit of each dimension."""
+
+_TABLE: dict[str, dict[str, float]] = {
+    "time": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60, "h": 3600},
+    "pressure": {
+        "Pa": 1,
+        "hPa": 1e2,
+        "kPa": 1e3,
+        "MPa": 1e6,
+        "bar": 1e5,
+        "mbar": 1e2,
+        "psi": 6894.757293168,
+        "atm": 101_325,
+        "kgf/cm2": GRAVITY * 1e4,
+    },
+    "length": {"m": 1, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "inch": 0.0254},
+    "angle": {"rad": 1, "mrad": 1e-3, "deg": 0.017453292519943295, "°": 0.017453292519943295, "rev": 6.283185307179586},
+    "angular rate": {
+        "rad/s": 1,
+        "deg/s": 0.017453292519943295,
+        "°/s": 0.017453292519943295,
+        "rpm": 0.10471975511965977,
+    },
+    "ratio": {"-": 1, "1": 1, "%": 1e-2, "percent": 1e-2},
+    "ratio rate": {"1/s": 1, "%/s": 1e-2},
+    "pressure rate": {"Pa/s": 1, "kPa/s": 1e3, "bar/s": 1e5, "MPa/s": 1e6},
+    "force": {"N": 1, "mN": 1e-3, "kN": 1e3, "kgf": GRAVITY, "gf": GRAVITY * 1e-3, "lbf": 4.4482216152605},
+    "mass flow": {
+        "kg/s": 1,
+        "g/s": 1e-3,
+        "kg/h": 1 / 3600,
+        "kg/min": 1 / 60,
+        "g/min": 1e-3 / 60,
+        "L/min ANR": REFERENCE_DENSITY * 1e-3 / 60,
+        "m3/h ANR": REFERENCE_DENSITY / 3600,
+        "NL/min": _NORMAL_DENSITY * 1e-3 / 60,
+    },
+    "mass": {"kg": 1, "g": 1e-3},
+    "temperature": {"K": 1},
+    "voltage": {"V": 1, "mV": 1e-3},
+    "current": {"A": 1, "mA": 1e-3},
+    "torque": {"N m": 1, "Nm": 1, "N mm": 1e-3, "Nmm": 1e-3},
+    "speed": {"m/s": 1, "mm/s": 1e-3, "cm/s": 1e-2},
+}
+
+UNITS: dict[str, Unit] = {
+    name: Unit(dimension, factor) for dimension, units in _TABLE.items() for name, factor in units.items()
+}
+UNITS |= {
+    name + suffix: unit._replace(gauge=suffix == "g")
+    for name, unit in list(UNITS.items())
+    if unit.dimension == "pressure" and "/" not in name
+    for suffix in "ga"
+}
+UNITS["degC"] = UNITS["°C"] = Unit("temperature", 1.0, 273.15)
+"""Every known unit by name. ``L/min ANR`` follows ISO 8778 (1.185 kg/m³), ``NL/min`` DIN 1343 (1.2929 kg/m³)."""
+
+_DIMENSIONS = {
+    "time": "time",
+    "P": "pressure",
+    "p": "pressure",
+    "p_gauge": "pressure",
+    "P_supply": "pressure",
+    "F": "force",
+    "eps": "ratio",
+    "deps": "ratio rate",
+    "dP": "pressure rate",
+    "q": "angle",
+    "dq": "angular rate",
+    "mdot": "mass flow",
+    "u": "ratio",
+    "L": "length",
+    "length": "length",
+    "rest_length": "length",
+    "x": "length",
+    "stroke": "length",
+    "T": "temperature",
+    "load_mass": "mass",
+}
+
+
+def base_name(signal: str) -> str:
+    """Strip the muscle's number and the mark of a wanted value: ``P1`` and ``P_ref`` both are ``P``.
+
+    Examples
+    --------
+    >>> from pamid.signals.units import base_name
+    >>> base_name("mdot2"), base_name("q_ref")
+    ('mdot', 'q')
+    """
+    if signal in _DIMENSIONS:
+        return signal
+    return re.sub(r"(_ref|_cmd|_set)$", "", re.sub(r"_?\d+$", "", re.sub(r"(_ref|_cmd|_set)$", "", signal)))
+
+
+def dimension_of(signal: str) -> str | None:
+    """Name the physical dimension that a signal's name stands for; None where the name says nothing.
+
+    Parameters
+    ----------
+    signal : str
+        Name of a signal, such as ``"P1"``.
+
+    Returns
+    -------
+    str or None
+        A key of `SI_UNITS`.
+
+    Examples
+    --------
+    >>> from pamid.signals.units import dimension_of
+    >>> dimension_of("P2"), dimension_of("branch")
+    ('pressure', None)
+    """
+    return _DIMENSIONS.get(base_name(signal))
+
+
+def is_gauge_name(signal: str) -> bool:
+    """Say whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute.
+
+    Examples
+    --------
+    >>> from pamid.signals.units import is_gauge_name
+    >>> is_gauge_name("p1"), is_gauge_name("P1")
+    (True, False)
+    """
+    return base_name(signal) in ("p", "p_gauge")
+
+
+def find_unit(name: str, signal: str | None = None) -> Unit:
+    """Look up a unit by its name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the unit, such as ``"bar"``, ``"L/min ANR"`` or ``"%"``.
+    signal : str, optional
+        The signal whose unit it is: its dimension must agree.
+
+    Returns
+    -------
+    Unit
+        The unit.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown, or belongs to another dimension than the signal.
+
+    Examples
+    --------
+    >>> from pamid.signals.units import find_unit
+    >>> find_unit("kPa").factor
+    1000.0
+    """
+    unit = UNITS.get(str(name).strip())
+    if unit is None:
+        near = difflib.get_close_matches(str(name), UNITS, n=3, cutoff=0.5)
+        raise UnitError(
+            f"Unknown unit '{name}'{f' for the signal {signal}' if signal else ''}.",
+            f"one of the known units ({', '.join(near or list(UNITS)[:12])}, ...)",
+            "Correct the unit, or give the factor to SI as scale and leave the unit out.",
+        )
+    wanted = dimension_of(signal) if signal else None
+    if wanted is not None and unit.dimension != wanted:
+        raise UnitError(
+            f"The unit '{name}' of the signal {signal} is a unit of {unit.dimension}.",
+            f"a unit of {wanted}, such as {', '.join(list(_TABLE[wanted])[:5])}",
+            "Correct the unit, or rename the signal.",
+        )
+    return unit._replace(factor=float(unit.factor))
+
+
+_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+
+
+def parse_quantity(value: float | str, signal: str | None = None) -> float:
+    """Turn a number, or a number with a unit, into SI.
+
+    Parameters
+    ----------
+    value : float or str
+        A number in SI, or a text such as ``"17.45 cm"``.
+    signal : str, optional
+        Name of the signal or constant it is for, to check the dimension.
+
+    Returns
+    -------
+    float
+        The value in SI.
+
+    Raises
+    ------
+    MappingError
+        If the text is no number.
+    UnitError
+        If its unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> from pamid.signals.units import parse_quantity
+    >>> round(parse_quantity("18.2 cm"), 4)
+    0.182
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    match = _QUANTITY.match(value) if isinstance(value, str) else None
+    if match is None:
+        raise MappingError(
+            f"The constant {signal or ''} is {value!r}.".replace("  ", " "),
+            "a number in SI or a text of number and unit such as '17.45 cm'",
+            "Correct the mapping.",
+        )
+    number, unit_name = float(match.group(1)), match.group(2)
+    if not unit_name:
+        return number
+    unit = find_unit(unit_name, signal)
+    return number * unit.factor + unit.offset
