@@ -1,0 +1,43 @@
+"""The volume network and its trainers (needs torch; loaded when a network is trained)."""
+
+from __future__ import annotations
+
+from ..errors import UnknownOptionError
+from .adam import Adam
+from .levenberg_marquardt import LevenbergMarquardt
+from .problem import Problem
+from .result import Status, TrainingResult
+from .trainer import Trainer
+
+TRAINERS: dict[str, type[Trainer]] = {"adam": Adam, "levenberg_marquardt": LevenbergMarquardt}
+
+
+def trainer_named(trainer: str | Trainer) -> Trainer:
+    """Return a trainer by name, or the trainer itself.
+
+    Raises
+    ------
+    UnknownOptionError
+        If there is no trainer of that name.
+    """
+    if isinstance(trainer, Trainer):
+        return trainer
+    if not isinstance(trainer, str) or trainer not in TRAINERS:
+        raise UnknownOptionError(
+            f"trainer={trainer!r} is not known.",
+            f"one of {', '.join(TRAINERS)}, or a Trainer",
+            "Choose one of these names.",
+        )
+    return TRAINERS[trainer]()
+
+
+__all__ = [
+    "TRAINERS",
+    "Adam",
+    "LevenbergMarquardt",
+    "Problem",
+    "Status",
+    "Trainer",
+    "TrainingResult",
+    "trainer_named",
+]

@@ -1,0 +1,147 @@
+r"""Levenberg–Marquardt in the space of the samples, made for laws that read a network linearly.
+
+With fewer samples in a step than parameters in the network, the damped normal equations
+
+.. math:: (J^T J + c I)\,\delta = -J^T r - \lambda(\theta - \theta_0), \qquad c = \mu + \lambda
+
+are solved through the Gram matrix :math:`J J^T`, which a layered network gives as a sum of products of small Gram
+matrices: no Jacobian is formed, and a step costs a few products of (samples × width) matrices and one Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+
+from .network import Parameters, Tape, adjoints, forward, gradient, gram, jacobian_product
+from .problem import Problem
+from .trainer import Trainer
+
+
+class LevenbergMarquardt(Trainer):
+    """Train by damped Gauss–Newton steps, each on a fresh draw of samples where there are many.
+
+    Parameters
+    ----------
+    max_iter : int, default=150
+        Steps.
+    batch_size : int, default=1000
+        Samples a step; all of them if there are fewer. Memory grows with its square, time with its cube at the end.
+    weight_decay : float, default=1e-7
+        λ: the strength of the pull toward the start of the parameters' prior (zero from scratch, the source's
+        parameters in an adaptation), relative to the mean squared residual in units of the target's variance.
+    damping : float, default=0.1
+        First damping μ, relative to the mean diagonal of the Gram matrix.
+    tolerance : float, default=1e-9
+        Relative fall of the penalised loss below which full-batch training counts as converged.
+    patience : int, default=40
+        Steps without a new best on held-out trajectories, where there are any, after which training stops.
+
+    References
+    ----------
+    D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", SIAM Journal on Applied
+    Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
+    """
+
+    def __init__(
+        self,
+        max_iter: int = 150,
+        *,
+        batch_size: int = 1000,
+        weight_decay: float = 1e-7,
+        damping: float = 0.1,
+        tolerance: float = 1e-9,
+        patience: int = 40,
+    ) -> None:
+        self.max_iter = max_iter
+        self.batch_size = batch_size
+        self.weight_decay = weight_decay
+        self.damping = damping
+        self.tolerance = tolerance
+        self.patience = patience
+
+    def steps(
+        self,
+        problem: Problem,
+        parameters: Parameters,
+        activation: str,
+        random_state: np.random.RandomState,
+        prior: Parameters | None = None,
+    ) -> Iterator[tuple[Parameters, float]]:
+        """Yield the parameters and the loss of the step's samples after each step."""
+        theta = [p.clone() for p in parameters]
+        origin = [torch.zeros_like(p) for p in parameters] if prior is None else prior
+        mu, n = self.damping, len(problem)
+        full = n <= self.batch_size
+        for _ in range(self.max_iter):
+            batch = problem
+            if not full:
+                rows = random_state.choice(n, self.batch_size, replace=False)
+                batch = problem.rows(torch.as_tensor(rows, device=problem.y.device))
+            root = (batch.weight / batch.weight.sum()).sqrt()
+            tape = forward(theta, batch.x, batch.direction, batch.a, activation)
+            r = root * (tape.y - batch.y)
+            before = float(r @ r) + self._penalty(theta, origin)
+            if not np.isfinite(before):
+                yield theta, before
+                return
+            g, dg = _scale(adjoints(theta, tape), root)
+            K = gram(g, dg, tape)
+            scale = float(K.diagonal().mean())
+            accepted = False
+            while mu < 1e8 and not accepted:
+                step = self._step(theta, origin, tape, g, dg, K, r, root, mu * scale + self.weight_decay)
+                if step is None:
+                    mu *= 4.0
+                    continue
+                trial = [p + s for p, s in zip(theta, step, strict=True)]
+                r_new = root * (forward(trial, batch.x, batch.direction, batch.a, activation).y - batch.y)
+                after = float(r_new @ r_new) + self._penalty(trial, origin)
+                accepted = after < before
+                mu = max(mu / 2.0, 1e-10) if accepted else mu * 4.0
+            if not accepted:
+                if full:
+                    return
+                mu = self.damping
+                continue
+            theta = trial
+            yield theta, float(r_new @ r_new)
+            if full and before - after < self.tolerance * before:
+                return
+
+    def _penalty(self, theta: Parameters, origin: Parameters) -> float:
+        return self.weight_decay * sum(float(((p - q) ** 2).sum()) for p, q in zip(theta, origin, strict=True))
+
+    def _step(
+        self,
+        theta: Parameters,
+        origin: Parameters,
+        tape: Tape,
+        g: list[torch.Tensor],
+        dg: list[torch.Tensor],
+        K: torch.Tensor,
+        r: torch.Tensor,
+        root: torch.Tensor,
+        c: float,
+    ) -> Parameters | None:
+        """Solve the damped normal equations for a step; None if the floating type is too coarse for this damping."""
+        pull = [self.weight_decay * (p - q) for p, q in zip(theta, origin, strict=True)]
+        rhs = r - jacobian_product(g, dg, tape, pull) / c
+        A = K / c
+        A.diagonal().add_(1.0)
+        factor, failed = torch.linalg.cholesky_ex(A)
+        if int(failed):
+            return None
+        u = torch.cholesky_solve(rhs[:, None], factor)[:, 0]
+        back = gradient(theta, tape, root * u)
+        return [-(p + q) / c for p, q in zip(pull, back, strict=True)]
+
+
+def _scale(
+    pair: tuple[list[torch.Tensor], list[torch.Tensor]], root: torch.Tensor
+) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
+    """Multiply the adjoints of each sample by the root of its weight."""
+    g, dg = pair
+    return [v * root[:, None] for v in g], [v * root[:, None] for v in dg]

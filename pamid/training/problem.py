@@ -1,0 +1,66 @@
+"""A law on a data set in the network's own coordinates: what every trainer minimises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Problem:
+    r"""Least squares of a law that reads a network linearly.
+
+    .. math:: \min_\theta \; \frac{\sum_i w_i r_i^2}{\sum_i w_i}, \qquad r_i = a_i N(x_i;\theta) + \partial_{d_i} N(x_i;\theta) - y_i
+
+    Parameters
+    ----------
+    x : Tensor, shape (n_samples, n_inputs)
+        Inputs of the network, standardised.
+    direction : Tensor, shape (n_samples, n_inputs)
+        Direction of the derivative that the law reads, in the same coordinates.
+    a : Tensor, shape (n_samples,)
+        Factor of the network's value.
+    y : Tensor, shape (n_samples,)
+        What the law should give, in units of its spread.
+    weight : Tensor, shape (n_samples,)
+        Sample weights, positive.
+    """
+
+    x: Tensor
+    direction: Tensor
+    a: Tensor
+    y: Tensor
+    weight: Tensor
+
+    @classmethod
+    def from_arrays(
+        cls,
+        x: np.ndarray,
+        direction: np.ndarray,
+        a: np.ndarray,
+        y: np.ndarray,
+        weight: np.ndarray | None = None,
+        *,
+        dtype: torch.dtype = torch.float64,
+        device: str | torch.device = "cpu",
+    ) -> Problem:
+        """Build from numpy arrays, on a device and in a floating type; samples of zero weight are left out."""
+        w = np.ones(len(y)) if weight is None else np.asarray(weight, dtype=float)
+        keep = w > 0
+        arrays = [np.asarray(v, dtype=float)[keep] for v in (x, direction, a, y, w)]
+        tensors = [torch.as_tensor(np.ascontiguousarray(v), dtype=dtype, device=device) for v in arrays]
+        return cls(*tensors)
+
+    def __len__(self) -> int:
+        return int(self.y.shape[0])
+
+    def rows(self, index: Tensor) -> Problem:
+        """Return the problem on some of the samples."""
+        return Problem(self.x[index], self.direction[index], self.a[index], self.y[index], self.weight[index])
+
+    def split(self, held_out: Tensor) -> tuple[Problem, Problem]:
+        """Split by a boolean mask into what is trained on and what is held out."""
+        return self.rows(~held_out), self.rows(held_out)

@@ -1,0 +1,80 @@
+"""What a trainer returns, and why it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+
+from .network import Parameters
+
+Callback = Callable[[int, float], bool]
+"""Called with the iteration and the loss after every iteration; returns whether to stop."""
+
+
+class Status(Enum):
+    """Why a training ended. The value says what happened, why, and what can be changed."""
+
+    FINISHED = "All iterations were carried out."
+    CONVERGED = "No step lowers the loss by more than the tolerance any more."
+    STOPPED_EARLY = "The error on the held-out trajectories has not fallen for `patience` iterations; the best is kept."
+    STOPPED_BY_CALLBACK = "A callback asked to stop; the best parameters so far are kept."
+    INTERRUPTED = "The training was interrupted; the best parameters so far are kept. Fit again to go on."
+    DIVERGED = (
+        "The loss left the finite numbers; the best parameters so far are kept. The usual causes are signals in wrong "
+        "units, outliers, or a learning rate that is too high."
+    )
+
+
+@dataclass
+class TrainingResult:
+    """Outcome of a training.
+
+    Parameters
+    ----------
+    parameters : list of Tensor
+        The best weights and biases.
+    status : Status
+        Why the training ended.
+    n_iter : int
+        Iterations carried out.
+    loss_curve : list of float
+        Mean squared residual after each iteration, in units of the target's variance.
+    validation_curve : list of float
+        The same on held-out trajectories; empty without any.
+    """
+
+    parameters: Parameters
+    status: Status
+    n_iter: int
+    loss_curve: list[float] = field(default_factory=list)
+    validation_curve: list[float] = field(default_factory=list)
+
+
+class BestSoFar:
+    """Remember the best parameters of a training and decide when patience ends.
+
+    Parameters
+    ----------
+    patience : int
+        Iterations without a new best after which `stale` turns true.
+    """
+
+    def __init__(self, patience: int) -> None:
+        self.patience = patience
+        self.score = float("inf")
+        self.parameters: Parameters = []
+        self.since = 0
+
+    def offer(self, score: float, parameters: Parameters) -> None:
+        """Take the parameters if their score is the best so far."""
+        if score < self.score or not self.parameters:
+            self.score, self.since = score, 0
+            self.parameters = [p.clone() for p in parameters]
+        else:
+            self.since += 1
+
+    @property
+    def stale(self) -> bool:
+        """Whether there was no new best for `patience` iterations."""
+        return self.since >= self.patience

@@ -1,0 +1,119 @@
+"""What a trainer is, and the loop that all trainers share: best so far, early stopping, callbacks, interruption."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from sklearn.base import BaseEstimator
+
+from ..errors import ParameterError
+from .network import Parameters, forward
+from .problem import Problem
+from .result import BestSoFar, Callback, Status, TrainingResult
+
+EVALUATION_ROWS = 8192
+"""Rows on which the loss of the current parameters is judged; more would cost without telling more."""
+
+
+def mean_squared_residual(parameters: Parameters, problem: Problem, activation: str) -> float:
+    """Return the weighted mean squared residual of a law on a problem."""
+    y = forward(parameters, problem.x, problem.direction, problem.a, activation).y
+    return float((problem.weight * (y - problem.y) ** 2).sum() / problem.weight.sum())
+
+
+class Trainer(BaseEstimator):
+    """Base of the trainers. A trainer is a generator of parameters: `steps` yields after every iteration.
+
+    It derives from scikit-learn's `BaseEstimator` for its parameters alone, so that ``trainer__max_iter`` and the
+    like can be searched over.
+    """
+
+    max_iter: int
+    patience: int
+
+    @abstractmethod
+    def steps(
+        self, problem: Problem, parameters: Parameters, activation: str, random_state: np.random.RandomState
+    ) -> Iterator[tuple[Parameters, float]]:
+        """Yield the parameters and the mean squared residual after each iteration."""
+
+    def check(self) -> None:
+        """Raise `ParameterError` for a parameter that is out of its domain."""
+        for name, value in self.get_params(deep=False).items():
+            whole = name in ("max_iter", "batch_size", "patience")
+            if whole and not (isinstance(value, int | np.integer) and value >= 1):
+                raise ParameterError(
+                    f"{type(self).__name__}({name}={value!r}).", "a whole number of at least 1", "Correct it."
+                )
+            if not whole and isinstance(value, int | float) and not (np.isfinite(value) and value >= 0):
+                raise ParameterError(
+                    f"{type(self).__name__}({name}={value!r}).", "a finite number that is not negative", "Correct it."
+                )
+
+    def run(
+        self,
+        problem: Problem,
+        parameters: Parameters,
+        activation: str,
+        random_state: np.random.RandomState,
+        *,
+        validation: Problem | None = None,
+        callback: Callback | None = None,
+    ) -> TrainingResult:
+        """Train a network.
+
+        Parameters
+        ----------
+        problem : Problem
+            What to minimise.
+        parameters : list of Tensor
+            Where to start; left untouched.
+        activation : str
+            Name of the activation.
+        random_state : numpy.random.RandomState
+            The only source of randomness.
+        validation : Problem, optional
+            Held-out trajectories: the parameters that are best on them are returned, and training stops early.
+        callback : callable, optional
+            Called with (iteration, loss); returns whether to stop.
+
+        Returns
+        -------
+        TrainingResult
+        """
+        self.check()
+        judged = validation
+        if judged is None:
+            judged = problem
+            if len(problem) > EVALUATION_ROWS:
+                rows = random_state.choice(len(problem), EVALUATION_ROWS, replace=False)
+                judged = problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
+        best = BestSoFar(self.patience)
+        best.offer(mean_squared_residual(parameters, judged, activation), parameters)
+        losses: list[float] = []
+        held_out: list[float] = []
+        status = Status.FINISHED
+        try:
+            for current, loss in self.steps(problem, parameters, activation, random_state):
+                score = mean_squared_residual(current, judged, activation) if judged is not problem else loss
+                losses.append(loss)
+                if validation is not None:
+                    held_out.append(score)
+                if not np.isfinite(loss):
+                    status = Status.DIVERGED
+                    break
+                best.offer(score, current)
+                if callback is not None and callback(len(losses) - 1, loss):
+                    status = Status.STOPPED_BY_CALLBACK
+                    break
+                if validation is not None and best.stale:
+                    status = Status.STOPPED_EARLY
+                    break
+            else:
+                status = Status.FINISHED if len(losses) >= self.max_iter else Status.CONVERGED
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        return TrainingResult(best.parameters, status, len(losses), losses, held_out)

@@ -1,0 +1,31 @@
+"""A geometric volume plus a network's correction that fades outside the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..signals.state import State
+from .base import VolumeJet, VolumeModel
+
+
+@dataclass(frozen=True)
+class AnchoredVolume:
+    r"""Sum of a geometric anchor and a correction, :math:`V = V_\mathrm{geo} + V_\mathrm{net}`.
+
+    The laws are linear in the volume, so the correction is trained on what the anchor leaves of the force or flow.
+
+    Parameters
+    ----------
+    anchor : VolumeModel
+        The geometry.
+    correction : VolumeModel
+        The network, with its inputs clamped to the range of the data.
+    """
+
+    anchor: VolumeModel
+    correction: VolumeModel
+
+    def jet(self, state: State) -> VolumeJet:
+        """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
+        a, b = self.anchor.jet(state), self.correction.jet(state)
+        return VolumeJet(a.V + b.V, a.V_eps + b.V_eps, a.V_P + b.V_P)

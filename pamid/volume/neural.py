@@ -1,0 +1,146 @@
+r"""The gas volume as a small network, evaluated in numpy.
+
+The network works on standardised inputs that are clamped smoothly to the range it was trained on:
+
+.. math:: V = V_s\, N(\xi), \qquad \xi_j = c_j\!\left(\frac{x_j - \mu_j}{\sigma_j}\right)
+
+Inside the range the clamp `c` is the identity; outside its slope fades to zero, so the derivatives of the volume,
+and with them the force or flow that a law reads from the network, fade too instead of growing without bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UnknownOptionError
+from ..signals.state import Array, State
+from .base import VolumeJet
+
+
+@dataclass(frozen=True)
+class InputScale:
+    """Standardisation of the four inputs, and the range inside which the network is trusted.
+
+    Parameters
+    ----------
+    mean, spread : ndarray, shape (4,)
+        Mean and standard deviation of (ε, ε̇, P, Ṗ) in the data of the fit; a spread of one for a constant signal.
+    lower, upper : ndarray, shape (4,)
+        Range of the standardised inputs; infinite where nothing is clamped.
+    fade : float
+        Width, in standard deviations, over which the clamp's slope falls outside the range.
+    """
+
+    mean: np.ndarray
+    spread: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    fade: float = 0.5
+
+    @classmethod
+    def of(cls, x: np.ndarray, weight: np.ndarray | None = None, *, clamp: bool = False) -> InputScale:
+        """Measure the scale of inputs of shape (n_samples, 4)."""
+        w = np.ones(len(x)) if weight is None else weight
+        x, w = x[w > 0], w[w > 0]
+        mean = np.average(x, axis=0, weights=w)
+        spread = np.sqrt(np.average((x - mean) ** 2, axis=0, weights=w))
+        spread[spread <= 1e-12 * np.maximum(np.abs(mean), 1e-300)] = 1.0
+        n = x.shape[1]
+        if clamp:
+            z = (x - mean) / spread
+            return cls(mean, spread, z.min(axis=0), z.max(axis=0))
+        return cls(mean, spread, np.full(n, -np.inf), np.full(n, np.inf))
+
+    def apply(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the clamped standardised inputs and their slope dξ/dx, both of shape (n_samples, 4)."""
+        z = (x - self.mean) / self.spread
+        over, under = np.maximum(z - self.upper, 0.0), np.maximum(self.lower - z, 0.0)
+        out = over + under
+        clamped = np.clip(z, self.lower, self.upper) + self.fade * (
+            np.tanh(over / self.fade) - np.tanh(under / self.fade)
+        )
+        return clamped, (1.0 - np.tanh(out / self.fade) ** 2) / self.spread
+
+
+@dataclass(frozen=True)
+class NeuralVolume:
+    """A trained volume network.
+
+    Parameters
+    ----------
+    weights : list of ndarray
+        Weights and biases in turn, ``[W1, c1, W2, c2, ...]``; W of shape (n_out, n_in).
+    scale : InputScale
+        Standardisation of the inputs.
+    volume_scale : float
+        Volume V_s that one unit of the network's output stands for, m³.
+    activation : str, default="softplus"
+        ``"softplus"``, ``"tanh"`` or ``"silu"``.
+    """
+
+    weights: list[np.ndarray]
+    scale: InputScale
+    volume_scale: float
+    activation: str = "softplus"
+
+    def jet(self, state: State) -> VolumeJet:
+        """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
+        x = np.column_stack([np.asarray(s, dtype=float) for s in state])
+        xi, slope = self.scale.apply(x)
+        value, (d_eps, d_P) = network_jet(self.weights, xi, (0, 2), self.activation)
+        return VolumeJet(
+            self.volume_scale * value,
+            self.volume_scale * d_eps * slope[:, 0],
+            self.volume_scale * d_P * slope[:, 2],
+        )
+
+
+def network_jet(
+    weights: Sequence[Array], x: np.ndarray, inputs: Sequence[int], activation: str
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Evaluate a network and its partial derivatives with respect to some of its inputs.
+
+    Parameters
+    ----------
+    weights : sequence of ndarray
+        Weights and biases in turn.
+    x : ndarray, shape (n_samples, n_inputs)
+        Inputs.
+    inputs : sequence of int
+        With respect to which inputs.
+    activation : str
+        Name of the activation.
+
+    Returns
+    -------
+    value : ndarray, shape (n_samples,)
+    derivatives : list of ndarray, shape (n_samples,)
+    """
+    W, c = weights[0], weights[1]
+    z = x @ W.T + c
+    dz = [np.broadcast_to(W[:, j], z.shape) for j in inputs]
+    for layer in range(2, len(weights), 2):
+        h, slope = _activate(z, activation)
+        W, c = weights[layer], weights[layer + 1]
+        z = h @ W.T + c
+        dz = [(slope * d) @ W.T for d in dz]
+    return z[:, 0], [d[:, 0] for d in dz]
+
+
+def _activate(z: np.ndarray, activation: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return σ(z) and σ'(z)."""
+    if activation == "tanh":
+        t = np.tanh(z)
+        return t, 1.0 - t * t
+    e = np.exp(-np.abs(z))
+    s = np.where(z >= 0, 1.0, e) / (1.0 + e)
+    if activation == "softplus":
+        return np.maximum(z, 0.0) + np.log1p(e), s
+    if activation == "silu":
+        return z * s, s + z * (s - s * s)
+    raise UnknownOptionError(
+        f"activation={activation!r} is not known.", "softplus, tanh or silu", "Choose one of these."
+    )
