@@ -12,10 +12,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
+from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
+
+if TYPE_CHECKING:
+    from ..effects import Effect
 
 _LOCKED_ANGLE = math.acos(1 / math.sqrt(3))  # tan² = 2: a braid beyond it can only extend
 
@@ -428,6 +432,41 @@ class BenchParameters:
         for table, values in inner.items():
             whole[table] = dataclasses.replace(whole.get(table, getattr(self, table)), **values)
         return dataclasses.replace(self, **whole)
+
+    def plant(self) -> Plant:
+        """Return the numbers as effects see them."""
+        m, g, v = self.muscle, self.gas, self.valve
+        return Plant(
+            rest_length=m.rest_length,
+            thread_length=m.thread_length,
+            turns=m.turns,
+            initial_contraction=m.initial_contraction,
+            heat_capacity_ratio=g.heat_capacity_ratio,
+            gas_constant=g.gas_constant,
+            temperature=g.temperature,
+            atmospheric_pressure=g.atmospheric_pressure,
+            supply_pressure=g.supply_pressure,
+            sonic_conductance=v.sonic_conductance,
+            critical_pressure_ratio=v.critical_pressure_ratio,
+            reference_density=v.reference_density,
+            pulley_radius=self.joint.pulley_radius,
+        )
+
+    def make_effects(self) -> list[Effect]:
+        """Return the effects as objects, in order."""
+        from ..effects import make_effect
+
+        return [make_effect(name, **values) for name, values in self.effects]
+
+    def adjusted(self) -> Self:
+        """Return the bench with those effects carried out that only change a parameter, and the others kept."""
+        changed, kept = self.replace(effects=()), []
+        for effect in self.make_effects():
+            if "adjust" in effect.hooks():
+                changed = changed.replace(**effect.adjust(changed.values()))
+            else:
+                kept.append((effect.name, effect.values))
+        return changed.replace(effects=tuple(kept))
 
     def get(self, name: str) -> float:
         """Return one number by its name in a simulator file, such as ``"inertia"``."""

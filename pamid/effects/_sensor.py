@@ -1,0 +1,105 @@
+"""What sensor faults share: a channel, its reading from the true value, and the true value from readings."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ..signals.state import Array
+from ._delay import delayed_rows, shift
+from ._memory import relax
+from .base import Effect, Signals
+from .plant import Plant
+
+ROLE = {"q": "position", "P": "pressure", "F": "force", "mdot": "flow"}
+"""The role in which each channel's true value reaches a sensor's memory."""
+
+
+class Bias(Effect):
+    """A constant added to every reading: parameter ``offset``."""
+
+    offset: float
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the value plus the offset."""
+        return value + self.offset
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the reading less the offset."""
+        return reading - self.offset
+
+
+class Gain(Effect):
+    """Every reading too large or too small by a factor: parameter ``deviation``."""
+
+    deviation: float
+    zero: ClassVar[float] = 0.0
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the value times 1 + deviation, about the zero of the sensor."""
+        return value + self.deviation * (value - self.zero)
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the value behind the reading."""
+        return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
+
+
+class Lag(Effect):
+    """A reading that follows with a first-order lag: parameter ``time_constant``."""
+
+    time_constant: float
+    n_states = 1
+    sampled = True
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return a settled sensor."""
+        return np.array(getattr(s, ROLE[self.channel]), dtype=float)[None]
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Follow the value."""
+        role = ROLE[self.channel]
+        return relax(x, getattr(s0, role), getattr(s1, role), dt, self.time_constant)
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the lagging reading."""
+        return x[0]
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return reading + τ · its rate; noise of the reading is amplified by about τ/dt."""
+        out = np.array(reading, dtype=float)
+        ends = [*list(starts)[1:], len(out)]
+        for a, b in zip(starts, ends, strict=True):
+            if b - a > 1:
+                out[a:b] += self.time_constant * np.gradient(out[a:b], dt, axis=0)
+        return out
+
+
+class Delay(Effect):
+    """A reading that comes late: parameter ``delay``."""
+
+    delay: float
+    n_states = 1
+    sampled = True
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return past values, all alike; the first entry is the reading."""
+        value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
+        return np.broadcast_to(value, (int(np.ceil(self.delay / dt)) + 2, *value.shape)).copy()
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Take in the value of the later instant."""
+        return shift(x, getattr(s1, ROLE[self.channel]), self.delay / dt)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the delayed value along each trajectory, without a loop over time."""
+        value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
+        return delayed_rows(value, self.delay / dt, starts)[None]
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the late reading."""
+        return x[0]
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the readings moved back in time."""
+        return delayed_rows(np.asarray(reading, dtype=float), -self.delay / dt, starts)

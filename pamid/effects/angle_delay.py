@@ -1,0 +1,32 @@
+"""An encoder whose readings come late."""
+
+from __future__ import annotations
+
+from ._sensor import Delay
+from .base import Parameter
+
+
+class AngleDelay(Delay):
+    r"""An encoder whose readings come late.
+
+    .. math:: q'(t) = q(t - d)
+
+    Parameters
+    ----------
+    **values : float
+        ``delay`` age of the reading (s).
+
+    References
+    ----------
+    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+    """
+
+    name = "angle_delay"
+    family = "sensor"
+    equations = ("force", "flow", "joint")
+    channel = "q"
+    site = "joint"
+    roles = ("position",)
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("delay", "s", 0.0, 0.2, 0.005, "age of the reading"),)
+    delay: float

@@ -1,0 +1,309 @@
+r"""What an effect is: what it adds to the equations, as pure functions of signals and its own memory.
+
+An effect overrides the hooks of the equations that it enters, and no others:
+
+========== ================================================= ==========================================================
+hook       returns                                           enters
+========== ================================================= ==========================================================
+force      ΔF, N                                             tension F = nominal + ΔF
+flow       (a, b), kg/s and kg/Pa                            flow into the muscle ṁ = nominal + a + b Ṗ
+command    the command that the valve follows                u in the valve equation
+supply     the pressure at the valve's inlet, Pa             P_s in the valve equation
+valve      Δṁ, kg/s                                          flow through the valve ṁ = nominal + Δṁ
+torque     Δτ, N m                                           J q̈ = nominal + Δτ
+measure    the reading of a sensor                           the channel that `channel` names
+adjust     changed parameters                                the nominal equations themselves
+========== ================================================= ==========================================================
+
+Memory (`start`, `step`) is explicit: `step` carries it from one instant to a later one and changes nothing in place.
+The same `step` serves the simulator, where it is called from the start of an integration step to each of its stages,
+and a log, where `trace` runs it along every trajectory. Written as the exact answer to a signal that moves straight
+between the two instants, it is stable for any step width.
+
+Signals go by role, so that one class serves a muscle, a cylinder and a servo: for the muscle, position is the
+contraction ratio and velocity its rate; for the joint, angle and angular velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from ..errors import ImplausibleParameterError, ParameterError, SimulatorTypeError, UnknownParameterError
+from ..signals.state import Array
+from .plant import Plant
+
+EQUATIONS = ("force", "flow", "valve", "joint")
+"""The equations that a gap can lie in."""
+
+HOOKS = ("force", "flow", "command", "supply", "valve", "torque", "measure", "adjust")
+"""The hooks that an effect may override."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Its name, a Python identifier.
+    unit : str
+        Its unit, ``"-"`` for a plain number.
+    lower, upper : float
+        Physical bounds.
+    nominal : float
+        A typical value.
+    description : str
+        What it is, in a few words.
+    linear : bool, default=False
+        Whether the contribution is proportional to it while the other linear parameters are 0.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    nominal: float
+    description: str
+    linear: bool = False
+
+
+@dataclass(slots=True)
+class Signals:
+    """Signals by role, arrays of one shape (or shapes that broadcast); what an effect does not need stays None.
+
+    Parameters
+    ----------
+    time : array, optional
+        s.
+    position, velocity : array, optional
+        Contraction ratio and its rate (1/s) of a muscle; angle (rad) and its rate (rad/s) of a joint.
+    pressure, pressure_rate : array, optional
+        Absolute pressure, Pa, and its rate, Pa/s.
+    command : array, optional
+        Valve command, −1 … 1, held from this instant to the next.
+    flow : array, optional
+        Mass flow into the muscle, kg/s.
+    force : array, optional
+        Tension, N.
+    """
+
+    time: Array = None
+    position: Array = None
+    velocity: Array = None
+    pressure: Array = None
+    pressure_rate: Array = None
+    command: Array = None
+    flow: Array = None
+    force: Array = None
+
+    def at(self, index: Any) -> Signals:
+        """Return the signals at an index along the first axis."""
+        return Signals(*(None if v is None else v[index] for v in (getattr(self, f.name) for f in fields(self))))
+
+    def with_(self, **changes: Array) -> Signals:
+        """Return a copy with some signals replaced."""
+        return replace(self, **changes)
+
+
+class Step(NamedTuple):
+    """Contribution to the flow equation, linear in the pressure rate: Δṁ = a + b Ṗ."""
+
+    a: Array
+    b: Array
+
+
+class Effect(ABC):
+    """Something that the nominal equations leave out.
+
+    A subclass states the class attributes below and overrides the hooks of the equations that it enters. Defining it
+    is enough: it is then found by `all_effects` and `make_effect`.
+
+    Parameters
+    ----------
+    **values : float
+        Values of the parameters; those left out take their nominal value.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        The parameters' values; each is also an attribute of its own name.
+    """
+
+    name: ClassVar[str]
+    """Name, unique in the library."""
+    family: ClassVar[str]
+    """Family of effects that are alike."""
+    equations: ClassVar[tuple[str, ...]]
+    """Equations that change, of `EQUATIONS`; for a sensor those that read it."""
+    parameters: ClassVar[tuple[Parameter, ...]]
+    """Parameters, in order."""
+    source: ClassVar[str]
+    """DOI or standard."""
+    roles: ClassVar[tuple[str, ...]] = ()
+    """Signals that it reads, of the fields of `Signals`."""
+    n_states: ClassVar[int] = 0
+    """Number of internal states a muscle (or joint); 0 for an effect without memory."""
+    site: ClassVar[str] = "muscle"
+    """``"muscle"`` (one for each) or ``"joint"``."""
+    sampled: ClassVar[bool] = False
+    """Whether the memory moves once a control period rather than continuously."""
+    channel: ClassVar[str] = ""
+    """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
+
+    registry: ClassVar[dict[str, type[Effect]]] = {}
+    """Effects by name, filled as they are defined."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "name" not in cls.__dict__:
+            return  # a shared base, not an effect of its own
+        present = Effect.registry.get(cls.name)
+        if present is not None and (present.__module__, present.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ParameterError(
+                f"{cls.__qualname__} is named {cls.name!r}, as is {present.__qualname__} already.",
+                "a name of its own",
+                "Choose another name.",
+            )
+        Effect.registry[cls.name] = cls
+
+    def __init__(self, **values: float) -> None:
+        known = {p.name: p for p in self.parameters}
+        if extra := sorted(set(values) - set(known)):
+            raise UnknownParameterError(
+                f"The effect {self.name} has no parameter {', '.join(map(repr, extra))}.",
+                f"only {', '.join(known)}" if known else "none",
+                "Correct the name.",
+            )
+        self.values: dict[str, float] = {}
+        for p in self.parameters:
+            self.values[p.name] = _check_value(self.name, p, values.get(p.name, p.nominal))
+            setattr(self, p.name, self.values[p.name])
+
+    def __repr__(self) -> str:
+        units = {p.name: p.unit for p in self.parameters}
+        return f"{self.name}({', '.join(f'{k}={v:g} {units[k]}'.removesuffix(' -') for k, v in self.values.items())})"
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and isinstance(other, Effect) and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash((self.name, tuple(self.values.items())))
+
+    @classmethod
+    def hooks(cls) -> tuple[str, ...]:
+        """Return the hooks that the effect overrides."""
+        return tuple(hook for hook in HOOKS if getattr(cls, hook) is not getattr(Effect, hook))
+
+    def replace(self, **values: float) -> Effect:
+        """Return the same effect with some values changed."""
+        return type(self)(**{**self.values, **values})
+
+    # --- memory ---------------------------------------------------------------------------------------------
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return the memory at rest under the signals ``s``, states along the first axis.
+
+        ``dt`` is the sampling interval in s, for memory that holds samples.
+        """
+        return np.zeros((0,))
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Return the memory at ``s1`` from the memory ``x`` at ``s0``, ``dt`` seconds before; ``x`` stays as it is."""
+        return x
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the memory along the trajectories of a log.
+
+        Parameters
+        ----------
+        s : Signals
+            Arrays with time along the first axis.
+        plant : Plant
+            The bench.
+        dt : float
+            Sampling interval, s.
+        starts : array of int, shape (n_trajectories,)
+            First row of each trajectory, the first being 0; memory starts afresh there.
+
+        Returns
+        -------
+        array, shape (n_states, n_samples, ...)
+            The memory at each sample.
+        """
+        if not self.n_states:
+            return np.zeros((0,))
+        used = Signals(**{role: np.asarray(getattr(s, role)) for role in self.roles if getattr(s, role) is not None})
+        n = len(next(v for v in (getattr(used, f.name) for f in fields(used)) if v is not None))
+        starts = np.asarray(starts, dtype=np.int64)
+        lengths = np.diff(np.append(starts, n))
+        # All trajectories advance together; those that have ended stay at their last row.
+        rows = starts[None, :] + np.minimum(np.arange(lengths.max())[:, None], lengths[None, :] - 1)
+        before = used.at(rows[0])
+        x = self.start(before, plant, dt)
+        out = np.empty((x.shape[0], n, *x.shape[2:]))
+        out[:, rows[0]] = x
+        for k in range(1, len(rows)):
+            now = used.at(rows[k])
+            x = self.step(x, before, now, dt, plant)
+            alive = k < lengths
+            out[:, rows[k][alive]] = x[:, alive]
+            before = now
+        return out
+
+    # --- hooks ----------------------------------------------------------------------------------------------
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what is added to the tension, N."""
+        return 0.0
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return what is added to the flow into the muscle, kg/s, as a + b Ṗ."""
+        return Step(0.0, 0.0)
+
+    def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the command that the valve follows when it is given ``u``."""
+        return u
+
+    def supply(self, P_supply: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the pressure at the valve's inlet, Pa absolute, where the nominal one is ``P_supply``."""
+        return P_supply
+
+    def valve(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what is added to the flow through the valve, kg/s."""
+        return 0.0
+
+    def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what is added to the torque on the joint, N m."""
+        return 0.0
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the reading of the sensor at the true ``value``."""
+        return value
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the true values behind the readings of a log, the inverse of `measure` along time."""
+        return reading
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return changed parameters of the nominal equations, by their names in a simulator file."""
+        return {}
+
+
+def _check_value(effect: str, p: Parameter, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise SimulatorTypeError(
+            f"{p.name} of the effect {effect} is {value!r}.", f"a number in {p.unit}", "Write a plain number."
+        )
+    number = float(value)
+    if not math.isfinite(number) or not p.lower <= number <= p.upper:
+        raise ImplausibleParameterError(
+            f"{p.name} of the effect {effect} is {number:g} {p.unit}.",
+            f"{p.lower:g} to {p.upper:g} {p.unit} ({p.description})",
+            "Correct the value; all units are SI.",
+        )
+    return number

@@ -1,0 +1,40 @@
+"""Elastic force of the bladder."""
+
+from __future__ import annotations
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class BladderElasticity(Effect):
+    r"""Rubber that widens as the muscle contracts and so takes tension off, a function of the contraction alone.
+
+    .. math:: \Delta F = -k_1\,\varepsilon - k_3\,\varepsilon^3
+
+    Parameters
+    ----------
+    **values : float
+        ``stiffness`` k₁ (N), ``cubic`` k₃ (N).
+
+    References
+    ----------
+    G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle actuators",
+    Journal of Dynamic Systems, Measurement, and Control 122(2), 2000. https://doi.org/10.1115/1.482478
+    """
+
+    name = "bladder_elasticity"
+    family = "elasticity"
+    equations = ("force",)
+    roles = ("position",)
+    source = "10.1115/1.482478"
+    parameters = (
+        Parameter("stiffness", "N", 0.0, 1e5, 150.0, "force per contraction", linear=True),
+        Parameter("cubic", "N", 0.0, 1e6, 0.0, "force per cubed contraction", linear=True),
+    )
+    stiffness: float
+    cubic: float
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return −k₁ ε − k₃ ε³, N."""
+        return -(self.stiffness + self.cubic * s.position**2) * s.position

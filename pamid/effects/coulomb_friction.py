@@ -1,0 +1,55 @@
+"""Dry friction of the braid, with presliding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from ._memory import dahl
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class CoulombFriction(Effect):
+    r"""Dry friction against the motion, independent of speed, regularised by presliding.
+
+    .. math:: \Delta F = -F_c\, z, \qquad \frac{\mathrm{d}z}{\mathrm{d}x} =
+        \frac{1}{\delta}\left(1 - z\,\mathrm{sgn}\,\dot x\right)
+
+    with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal.
+
+    Parameters
+    ----------
+    **values : float
+        ``amplitude`` F_c (N), ``presliding`` δ (unit of the position).
+
+    References
+    ----------
+    P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
+    https://doi.org/10.2514/3.61511
+    """
+
+    name = "coulomb_friction"
+    family = "friction"
+    equations = ("force",)
+    roles = ("position",)
+    source = "10.2514/3.61511"
+    n_states = 1
+    parameters = (
+        Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
+        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over"),
+    )
+    amplitude: float
+    presliding: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return unbent bristles."""
+        return np.zeros((1, *np.shape(s.position)))
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Bend the bristles by the displacement between the two instants."""
+        return dahl(x, s1.position - s0.position, self.presliding)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return −F_c z, N."""
+        return -self.amplitude * x[0]

@@ -1,0 +1,59 @@
+"""Slow relaxation of rubber and braid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from ._memory import relax
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class Creep(Effect):
+    r"""Two relaxing springs beside the muscle, which together drift about as log t over their two times.
+
+    .. math:: \Delta F = -\sum_i k_i\,(\varepsilon - x_i), \qquad \tau_i\,\dot x_i = \varepsilon - x_i
+
+    Parameters
+    ----------
+    **values : float
+        ``stiffness`` k₁ (N) and ``time_constant`` τ₁ (s) of the fast spring, ``slow_stiffness`` k₂ (N) and
+        ``slow_time_constant`` τ₂ (s) of the slow one.
+
+    References
+    ----------
+    T. V. Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "Cascade position control of a single pneumatic artificial
+    muscle-mass system with hysteresis compensation", Mechatronics 20(3), 2010.
+    https://doi.org/10.1016/j.mechatronics.2010.01.001
+    """
+
+    name = "creep"
+    family = "viscoelasticity"
+    equations = ("force",)
+    roles = ("position",)
+    source = "10.1016/j.mechatronics.2010.01.001"
+    n_states = 2
+    parameters = (
+        Parameter("stiffness", "N", 0.0, 1e5, 120.0, "stiffness of the fast spring", linear=True),
+        Parameter("time_constant", "s", 0.02, 10.0, 1.0, "relaxation time of the fast spring"),
+        Parameter("slow_stiffness", "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True),
+        Parameter("slow_time_constant", "s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring"),
+    )
+    stiffness: float
+    time_constant: float
+    slow_stiffness: float
+    slow_time_constant: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return relaxed springs."""
+        return np.stack([s.position, s.position])
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Relax towards the contraction."""
+        v0, v1 = s0.position, s1.position
+        return np.stack([relax(x[0], v0, v1, dt, self.time_constant), relax(x[1], v0, v1, dt, self.slow_time_constant)])
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the force of both springs, N."""
+        return -self.stiffness * (s.position - x[0]) - self.slow_stiffness * (s.position - x[1])

@@ -1,0 +1,36 @@
+"""Volume of fittings and tube."""
+
+from __future__ import annotations
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals, Step
+from .plant import Plant
+
+
+class DeadVolume(Effect):
+    r"""Fittings and tube that fill with the muscle but do no work.
+
+    .. math:: \Delta\dot m = \frac{V_d\,\dot P}{\gamma R T}
+
+    Parameters
+    ----------
+    **values : float
+        ``volume`` V_d (m³).
+
+    References
+    ----------
+    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
+    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+    """
+
+    name = "dead_volume"
+    family = "gas"
+    equations = ("flow",)
+    roles = ("pressure_rate",)
+    source = "10.1115/1.1286336"
+    parameters = (Parameter("volume", "m^3", 0.0, 1e-3, 1e-5, "dead volume", linear=True),)
+    volume: float
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return (0, V_d/(γ R T))."""
+        return Step(0.0, self.volume / (plant.heat_capacity_ratio * plant.RT))

@@ -1,0 +1,32 @@
+"""A load cell with an offset."""
+
+from __future__ import annotations
+
+from ._sensor import Bias
+from .base import Parameter
+
+
+class ForceBias(Bias):
+    r"""A load cell with an offset.
+
+    .. math:: F' = F + F_0
+
+    Parameters
+    ----------
+    **values : float
+        ``offset`` offset of the reading (N).
+
+    References
+    ----------
+    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+    """
+
+    name = "force_bias"
+    family = "sensor"
+    equations = ("force", "joint")
+    channel = "F"
+    site = "muscle"
+    roles = ("force",)
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("offset", "N", -500.0, 500.0, 3.0, "offset of the reading", linear=True),)
+    offset: float

@@ -1,0 +1,34 @@
+"""Damping of the joint other than assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .base import Effect, Parameter
+
+
+class JointDamping(Effect):
+    r"""Damping of the joint other than assumed: b_q → b_q + Δb.
+
+    Parameters
+    ----------
+    **values : float
+        ``difference`` Δb (N m s/rad).
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+    """
+
+    name = "joint_damping"
+    family = "load"
+    equations = ("joint",)
+    site = "joint"
+    source = "10.1109/37.833638"
+    parameters = (Parameter("difference", "N m s/rad", 0.0, 100.0, 0.1, "damping above the nominal one", linear=True),)
+    difference: float
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the changed damping."""
+        return {"viscous_damping": values["viscous_damping"] + self.difference}

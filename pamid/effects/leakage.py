@@ -1,0 +1,40 @@
+"""A muscle that leaks."""
+
+from __future__ import annotations
+
+from ..laws.valve import flow_function
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals, Step
+from .plant import Plant
+
+
+class Leakage(Effect):
+    r"""Flow out of the muscle into the surroundings through a small orifice.
+
+    .. math:: \Delta\dot m = C_\ell\,\rho_0\,P\,\psi(P_\mathrm{atm}/P)
+
+    Parameters
+    ----------
+    **values : float
+        ``conductance`` C_ℓ (m³/(s Pa)).
+
+    References
+    ----------
+    ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
+    compressible fluids".
+    """
+
+    name = "leakage"
+    family = "gas"
+    equations = ("flow",)
+    roles = ("pressure",)
+    source = "ISO 6358-1:2013"
+    parameters = (
+        Parameter("conductance", "m^3/(s Pa)", 0.0, 1e-7, 1e-10, "sonic conductance of the leak", linear=True),
+    )
+    conductance: float
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return the flow that leaks, kg/s."""
+        psi = flow_function(plant.atmospheric_pressure / s.pressure, plant.critical_pressure_ratio)
+        return Step(self.conductance * plant.reference_density * s.pressure * psi, 0.0)

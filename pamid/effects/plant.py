@@ -1,0 +1,78 @@
+"""The numbers of a bench as effects see them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..signals.state import Array
+
+
+@dataclass(frozen=True)
+class Plant:
+    r"""Numbers of a muscle, its gas, valve and joint, in SI units.
+
+    An effect reads them to state its contribution; the volume is that of the nominal cylinder,
+    :math:`V = (b^2 L - L^3)/(4\pi n^2)`.
+
+    Parameters
+    ----------
+    rest_length : float
+        L₀, m.
+    thread_length : float
+        b, m.
+    turns : float
+        n, turns of a thread.
+    initial_contraction : float
+        ε₀ at joint angle 0.
+    heat_capacity_ratio : float
+        γ.
+    gas_constant : float
+        R, J/(kg K).
+    temperature : float
+        T, K.
+    atmospheric_pressure, supply_pressure : float
+        Pa, absolute.
+    sonic_conductance : float
+        C, m³/(s Pa).
+    critical_pressure_ratio : float
+        b_c.
+    reference_density : float
+        ρ₀, kg/m³.
+    pulley_radius : float
+        r, m.
+    """
+
+    rest_length: float
+    thread_length: float
+    turns: float
+    initial_contraction: float
+    heat_capacity_ratio: float
+    gas_constant: float
+    temperature: float
+    atmospheric_pressure: float
+    supply_pressure: float
+    sonic_conductance: float
+    critical_pressure_ratio: float
+    reference_density: float
+    pulley_radius: float
+
+    @property
+    def RT(self) -> float:
+        """R T, J/kg."""
+        return self.gas_constant * self.temperature
+
+    @property
+    def shape(self) -> float:
+        """Factor 1/(4 π n²) of the volume."""
+        return 1.0 / (4.0 * math.pi * self.turns**2)
+
+    def volume(self, eps: Array) -> Array:
+        """Return V (m³) at contraction ``eps``."""
+        L = self.rest_length * (1.0 - eps)
+        return self.shape * L * (self.thread_length**2 - L * L)
+
+    def volume_slope(self, eps: Array) -> Array:
+        """Return ∂V/∂ε (m³) at contraction ``eps``."""
+        L = self.rest_length * (1.0 - eps)
+        return self.shape * self.rest_length * (3.0 * L * L - self.thread_length**2)

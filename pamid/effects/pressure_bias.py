@@ -1,0 +1,32 @@
+"""A pressure sensor with an offset."""
+
+from __future__ import annotations
+
+from ._sensor import Bias
+from .base import Parameter
+
+
+class PressureBias(Bias):
+    r"""A pressure sensor with an offset.
+
+    .. math:: P' = P + P_0
+
+    Parameters
+    ----------
+    **values : float
+        ``offset`` offset of the reading (Pa).
+
+    References
+    ----------
+    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+    """
+
+    name = "pressure_bias"
+    family = "sensor"
+    equations = ("force", "flow", "valve")
+    channel = "P"
+    site = "muscle"
+    roles = ("pressure",)
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("offset", "Pa", -5e4, 5e4, 2e3, "offset of the reading", linear=True),)
+    offset: float

@@ -1,0 +1,34 @@
+"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure."""
+
+from __future__ import annotations
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ._sensor import Gain
+from .base import Parameter
+
+
+class PressureGain(Gain):
+    r"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure.
+
+    .. math:: P' = P + \delta\,(P - P_\mathrm{atm})
+
+    Parameters
+    ----------
+    **values : float
+        ``deviation`` δ, relative deviation of the gauge pressure read (dimensionless).
+
+    References
+    ----------
+    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+    """
+
+    name = "pressure_gain"
+    family = "sensor"
+    equations = ("force", "flow", "valve")
+    channel = "P"
+    site = "muscle"
+    roles = ("pressure",)
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("deviation", "-", -0.5, 0.5, 0.02, "deviation of the gauge pressure", linear=True),)
+    zero = ATMOSPHERIC_PRESSURE
+    deviation: float

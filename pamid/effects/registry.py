@@ -1,0 +1,75 @@
+"""Find effects by name."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+
+from ..errors import UnknownOptionError
+from .base import Effect
+
+_NOT_EFFECTS = {"base", "plant", "registry"}
+
+
+def all_effects() -> dict[str, type[Effect]]:
+    """Return every effect of the library and every effect that the caller has defined.
+
+    Returns
+    -------
+    dict of str to class
+        Effects by name, in alphabetical order.
+
+    Examples
+    --------
+    >>> from pamid.effects import all_effects
+    >>> all_effects()["leakage"].equations
+    ('flow',)
+    """
+    from .. import effects as package
+
+    for module in pkgutil.iter_modules(package.__path__):
+        if not module.name.startswith("_") and module.name not in _NOT_EFFECTS:
+            importlib.import_module(f"{package.__name__}.{module.name}")
+    return dict(sorted(Effect.registry.items()))
+
+
+def make_effect(name: str, **values: float) -> Effect:
+    """Return an effect by its name, with values for its parameters.
+
+    Parameters
+    ----------
+    name : str
+        Name of an effect, such as ``"hysteresis"``.
+    **values : float
+        Values of its parameters; those left out keep their nominal values.
+
+    Returns
+    -------
+    Effect
+        The effect.
+
+    Raises
+    ------
+    UnknownOptionError
+        There is no effect of that name.
+    UnknownParameterError
+        The effect has no such parameter.
+    ImplausibleParameterError
+        A value is outside its physical range.
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("leakage", conductance=2e-10)
+    leakage(conductance=2e-10 m^3/(s Pa))
+    """
+    known = all_effects()
+    if name not in known:
+        close = difflib.get_close_matches(str(name), known, n=3)
+        raise UnknownOptionError(
+            f"There is no effect {name!r}.",
+            f"one of {', '.join(known)}",
+            f"Did you mean {' or '.join(close)}?" if close else "Import the module that defines it first.",
+        )
+    return known[name](**values)

@@ -1,0 +1,36 @@
+"""Friction in proportion to the speed."""
+
+from __future__ import annotations
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class ViscousFriction(Effect):
+    r"""Friction in proportion to the rate of contraction.
+
+    .. math:: \Delta F = -c\,\dot x
+
+    Parameters
+    ----------
+    **values : float
+        ``coefficient`` c (N s).
+
+    References
+    ----------
+    D. B. Reynolds et al., "Modeling the dynamic characteristics of pneumatic muscle", Annals of Biomedical
+    Engineering 31, 2003. https://doi.org/10.1114/1.1554921
+    """
+
+    name = "viscous_friction"
+    family = "friction"
+    equations = ("force",)
+    roles = ("velocity",)
+    source = "10.1114/1.1554921"
+    parameters = (Parameter("coefficient", "N s", 0.0, 1e5, 60.0, "force per rate of contraction", linear=True),)
+    coefficient: float
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return −c ẋ, N."""
+        return -self.coefficient * s.velocity
