@@ -1,0 +1,21 @@
+"""Residuals of the bench's equations on a log: how far each is from what was measured, and from its noise."""
+
+from .base import Equation, Residual, all_equations
+from .evaluate import Evaluation, LogEvaluation, TrajectoryEvaluation, evaluate_log, residuals
+from .noise import ChannelNoise, channel_noise
+from .refit import Refit, refit_within_tolerance
+
+__all__ = [
+    "ChannelNoise",
+    "Equation",
+    "Evaluation",
+    "LogEvaluation",
+    "Refit",
+    "Residual",
+    "TrajectoryEvaluation",
+    "all_equations",
+    "channel_noise",
+    "evaluate_log",
+    "refit_within_tolerance",
+    "residuals",
+]

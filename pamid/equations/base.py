@@ -1,0 +1,95 @@
+"""What an equation of the bench is: the columns it needs, and its residual over windows of a run."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from ..errors import IncompatibleError
+from .noise import ChannelNoise
+from .run import Run
+
+
+class Residual(NamedTuple):
+    """An equation over the windows of one run.
+
+    Parameters
+    ----------
+    time : array, shape (n_windows,)
+        Centres of the windows, s.
+    value : array, shape (n_windows, n_sides)
+        Measured minus modelled side, in the equation's unit; a side is a muscle, or the joint.
+    measured : array, shape (n_windows, n_sides)
+        The measured side.
+    noise : array, shape (n_windows, n_sides)
+        Standard deviation that the noise of the channels leaves in `value`.
+    """
+
+    time: np.ndarray
+    value: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+
+
+class Equation(ABC):
+    """One equation of the bench. A subclass in a module of this package is found by itself."""
+
+    name: ClassVar[str]
+    """Its name."""
+    unit: ClassVar[str]
+    """Unit of its residual."""
+    channels: ClassVar[tuple[str, ...]]
+    """Channels that it reads, of ``q``, ``P``, ``F``, ``mdot``, ``u``."""
+    order: ClassVar[int]
+    """Order of the B-spline that tests it: one more than the time derivatives that it takes."""
+    rank: ClassVar[int]
+    """Place in lists."""
+    sides: ClassVar[tuple[str, ...]] = ("1", "2")
+    """What the columns of a residual belong to."""
+
+    @abstractmethod
+    def residual(self, run: Run) -> Residual:
+        """Return the residual over the windows of ``run``."""
+
+
+def spread(*parts: tuple[np.ndarray | float, list[ChannelNoise], np.ndarray], n_windows: int) -> np.ndarray:
+    """Return the standard deviation of a residual from the noise of its channels.
+
+    Parameters
+    ----------
+    *parts : (sensitivity, noise, weights)
+        For each channel: the derivative of the residual with respect to the weighted sum of samples, shape
+        (n_windows, n_sides) or a number; its noise, one entry a side or one for all; the weights of that sum.
+    n_windows : int
+        Number of windows.
+    """
+    total: np.ndarray | float = 0.0
+    for sensitivity, noise, weights in parts:
+        variance = np.array([n.variance(weights) for n in noise])
+        total = total + np.square(sensitivity) * variance
+    return np.sqrt(np.broadcast_to(total, (n_windows, np.shape(total)[-1])))
+
+
+def all_equations() -> dict[str, Equation]:
+    """Return the equations of the bench by name.
+
+    Returns
+    -------
+    dict of str to Equation
+        ``force``, ``flow``, ``valve``, ``joint``, and any further one that a module of this package defines.
+    """
+    package = importlib.import_module(__package__ or "pamid.equations")
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{package.__name__}.{module.name}")
+    found: dict[str, Equation] = {}
+    for equation in sorted(Equation.__subclasses__(), key=lambda c: c.rank):
+        if equation.name in found:
+            raise IncompatibleError(
+                f"Two equations are named {equation.name!r}.", "one equation a name", "Rename one of them."
+            )
+        found[equation.name] = equation()
+    return found

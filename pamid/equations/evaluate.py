@@ -1,0 +1,295 @@
+"""Hold a log against the equations of a simulator: how large each residual is, and how large its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import ShortTrajectoryError, UnknownOptionError
+from .base import Equation, Residual, all_equations
+from .run import Model, columns_of, runs
+from .windows import WINDOW
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+
+@dataclass(frozen=True)
+class TrajectoryEvaluation:
+    """One equation on one trajectory.
+
+    Parameters
+    ----------
+    rmse, noise_floor : float
+        Root mean square of residual and of its noise, in the equation's unit.
+    nrmse : float
+        `rmse` over the standard deviation of the measured side.
+    n_windows : int
+        Number of windows, those of both muscles counted.
+    """
+
+    rmse: float
+    nrmse: float
+    noise_floor: float
+    n_windows: int
+
+
+@dataclass(frozen=True)
+class Evaluation(TrajectoryEvaluation):
+    """One equation on a log.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of `rmse` and `noise_floor`.
+    trajectories : dict of str to TrajectoryEvaluation
+        The same for each trajectory.
+    """
+
+    unit: str = ""
+    trajectories: dict[str, TrajectoryEvaluation] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the evaluation as plain numbers and text."""
+        return {
+            "rmse": self.rmse,
+            "nrmse": self.nrmse,
+            "noise_floor": self.noise_floor,
+            "unit": self.unit,
+            "n_windows": self.n_windows,
+            "trajectories": {
+                name: {"rmse": t.rmse, "nrmse": t.nrmse, "noise_floor": t.noise_floor, "n_windows": t.n_windows}
+                for name, t in self.trajectories.items()
+            },
+        }
+
+
+class LogEvaluation(Mapping[str, Evaluation]):
+    """The equations that a log allows, by name, and why it does not allow the others.
+
+    Parameters
+    ----------
+    equations : dict of str to Evaluation
+        The evaluated equations.
+    skipped : dict of str to str
+        For each other equation, what it needs and what the log has.
+
+    Attributes
+    ----------
+    skipped : dict of str to str
+        As given.
+    """
+
+    def __init__(self, equations: Mapping[str, Evaluation], skipped: Mapping[str, str]) -> None:
+        self._equations = dict(equations)
+        self.skipped = dict(skipped)
+
+    def __getitem__(self, name: str) -> Evaluation:
+        return self._equations[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._equations)
+
+    def __len__(self) -> int:
+        return len(self._equations)
+
+    def __repr__(self) -> str:
+        lines = [f"{n}: rmse {e.rmse:.4g} {e.unit}, noise {e.noise_floor:.4g} {e.unit}" for n, e in self.items()]
+        return "\n".join([*lines, *(f"{name}: skipped, {why}" for name, why in self.skipped.items())])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers and text, as ``pamid evaluate --json`` prints it."""
+        return {"equations": {name: e.as_dict() for name, e in self.items()}, "skipped": dict(self.skipped)}
+
+
+class _Sums:
+    """Running sums over the windows of one trajectory, so that no window has to be kept."""
+
+    def __init__(self) -> None:
+        self.n = 0
+        self.square = self.noise = self.measured = self.measured_square = 0.0
+        self.origin: float | None = None
+
+    def add(self, r: Residual) -> None:
+        if not r.value.size:
+            return
+        if self.origin is None:  # sums about a value of the signal itself keep their digits
+            self.origin = float(r.measured.flat[0])
+        m = r.measured - self.origin
+        self.n += r.value.size
+        self.square += float(np.sum(r.value**2))
+        self.noise += float(np.sum(r.noise**2))
+        self.measured += float(np.sum(m))
+        self.measured_square += float(np.sum(m**2))
+
+    def merge(self, other: _Sums) -> None:
+        if not other.n or other.origin is None:
+            return
+        if self.origin is None:
+            self.origin = other.origin
+        shift = other.origin - self.origin
+        self.measured_square += other.measured_square + 2 * shift * other.measured + other.n * shift**2
+        self.measured += other.measured + other.n * shift
+        self.n += other.n
+        self.square += other.square
+        self.noise += other.noise
+
+    def result(self) -> dict[str, Any]:
+        rmse = float(np.sqrt(self.square / self.n))
+        variance = max(self.measured_square / self.n - (self.measured / self.n) ** 2, 0.0)
+        return {
+            "rmse": rmse,
+            "nrmse": rmse / float(np.sqrt(variance)) if variance > 0 else float("nan"),
+            "noise_floor": float(np.sqrt(self.noise / self.n)),
+            "n_windows": self.n,
+        }
+
+
+def _chosen(names: Sequence[str] | None, log: pd.DataFrame) -> tuple[dict[str, Equation], dict[str, str]]:
+    known = all_equations()
+    for name in names or ():
+        if name not in known:
+            raise UnknownOptionError(
+                f"There is no equation {name!r}.", f"one of {', '.join(known)}", "Correct the name."
+            )
+    allowed: dict[str, Equation] = {}
+    skipped: dict[str, str] = {}
+    for name, equation in known.items():
+        if names is not None and name not in names:
+            continue
+        needed = [column for channel in equation.channels for column in columns_of(channel)]
+        missing = [column for column in needed if column not in log.columns or log[column].isna().all()]
+        if missing:
+            skipped[name] = f"{name} needs {', '.join(needed)}; the log lacks {', '.join(missing)}"
+        else:
+            allowed[name] = equation
+    return allowed, skipped
+
+
+def residuals(
+    log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None
+) -> Iterator[tuple[str, str, Residual]]:
+    """Go through a log and give the residual of each equation on each evenly sampled stretch.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench: ``trajectory``, ``time`` (s), ``q`` (rad), ``P1``, ``P2`` (Pa, absolute), ``F1``, ``F2`` (N),
+        ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``; an equation is left out if the log lacks what it reads.
+    params : BenchParameters
+        The simulator, its effects included.
+    equations : sequence of str, optional
+        Names of the equations; all by default.
+
+    Yields
+    ------
+    trajectory : str
+        Name of the trajectory.
+    equation : str
+        Name of the equation.
+    residual : Residual
+        Its windows; a stretch too short for one window gives none.
+    """
+    allowed, _ = _chosen(equations, log)
+    if not allowed:
+        return
+    channels = sorted({c for e in allowed.values() for c in e.channels} - {"q"})
+    partial = [c for c in channels if any(log[k].isna().any() for k in columns_of(c))]
+    model = Model(params)
+    # A channel with gaps must not take windows from equations that do not read it.
+    batches = [list(allowed.values())] if not partial else [[e] for e in allowed.values()]
+    if model.effects:  # effects read channels that the equation itself does not
+        extra = [c for c in ("P", "F", "mdot", "u") if all(k in log.columns for k in columns_of(c))]
+    else:
+        extra = []
+    for batch in batches:
+        wanted = sorted({c for e in batch for c in e.channels} - {"q"} | set(extra))
+        for run in runs(log, model, wanted):
+            for equation in batch:
+                residual = _residual(equation, run)
+                if residual is not None:
+                    yield run.trajectory, equation.name, residual
+
+
+def _residual(equation: Equation, run: Any) -> Residual | None:
+    if len(run.time) < equation.order * run.n + equation.order:
+        return None
+    residual = equation.residual(run)
+    return residual if len(residual.time) else None
+
+
+def evaluate_log(log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None) -> LogEvaluation:
+    """Evaluate the equations of a simulator on a log.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench, see `residuals`.
+    params : BenchParameters
+        The simulator, its effects included.
+    equations : sequence of str, optional
+        Names of the equations; all that the log allows by default.
+
+    Returns
+    -------
+    LogEvaluation
+        For each equation its root mean square residual over windows of 20 ms, the same over the standard deviation
+        of the measured side, and the noise floor that the channels' own noise leaves; and in ``skipped`` what the log
+        does not allow, and why.
+
+    Raises
+    ------
+    MissingTrajectoryError, InterleavedTrajectoryError, TimeOrderError, SamplingError, NonFiniteError, EmptyLogError
+        The log cannot be used as it is.
+    ShortTrajectoryError
+        No trajectory is long enough for a window.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.equations import evaluate_log
+    >>> rest = np.full(200, 300_000.0)
+    >>> log = pd.DataFrame({"trajectory": "rest", "time": np.arange(200) * 1e-3, "q": 0.0, "P1": rest, "P2": rest})
+    >>> log = log.assign(mdot1=0.0, mdot2=0.0)
+    >>> result = evaluate_log(log, BenchParameters.for_muscle("B"))
+    >>> list(result), result["flow"].rmse
+    (['flow'], 0.0)
+    >>> result.skipped["joint"]
+    'joint needs q, F1, F2; the log lacks F1, F2'
+    """
+    allowed, skipped = _chosen(equations, log)
+    sums: dict[str, dict[str, _Sums]] = {name: {} for name in allowed}
+    from .run import trajectory_rows
+
+    trajectory_rows(log)
+    for trajectory, name, residual in residuals(log, params, list(allowed)):
+        sums[name].setdefault(trajectory, _Sums()).add(residual)
+    evaluations: dict[str, Evaluation] = {}
+    for name, by_trajectory in sums.items():
+        total = _Sums()
+        for part in by_trajectory.values():
+            total.merge(part)
+        if not total.n:
+            skipped[name] = (
+                f"{name} needs stretches without gaps of at least {allowed[name].order * WINDOW + 0.01:.2f} s; "
+                "the log has none"
+            )
+            continue
+        evaluations[name] = Evaluation(
+            **total.result(),
+            unit=allowed[name].unit,
+            trajectories={t: TrajectoryEvaluation(**part.result()) for t, part in by_trajectory.items()},
+        )
+    if allowed and not evaluations:
+        raise ShortTrajectoryError(
+            "No trajectory of the log is long enough for a window.",
+            f"at least {WINDOW:g} s without gaps",
+            "Check the unit of time (it must be seconds) and the sampling.",
+        )
+    return LogEvaluation(evaluations, skipped)

@@ -1,0 +1,53 @@
+"""The joint equation: two muscles that turn an inertia."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from .base import Equation, Residual, spread
+from .run import Run
+from .windows import average, kernel, starts
+
+
+class JointEquation(Equation):
+    r"""Torque of the measured tensions minus what the motion takes.
+
+    .. math:: r (F_1 - F_2) - b_q \dot q - J \ddot q
+
+    tested in weak form: the acceleration becomes the second difference of window means of the angle, so that the
+    encoder's noise is not differentiated sample by sample and no filter's error poses as a torque.
+    """
+
+    name: ClassVar[str] = "joint"
+    unit: ClassVar[str] = "N m"
+    channels: ClassVar[tuple[str, ...]] = ("q", "F")
+    order: ClassVar[int] = 3
+    rank: ClassVar[int] = 3
+    sides: ClassVar[tuple[str, ...]] = ("joint",)
+
+    def residual(self, run: Run) -> Residual:
+        """Return the residual torque, N m."""
+        joint = run.model.params.joint
+        q, dt = run.q, run.dt
+        torque = joint.pulley_radius * (run.F[:, 0] - run.F[:, 1])
+        speed = (q[2:] - q[:-2]) / (2 * dt)
+        acceleration = (q[2:] - 2 * q[1:-1] + q[:-2]) / dt**2
+        added = np.broadcast_to(run.added_torque(), q.shape)[1:-1]
+        left = torque[1:-1] + added - joint.viscous_damping * speed - joint.inertia * acceleration
+        n, first = run.n, starts(len(left), run.n, 3, shift=-1)
+        weights = kernel(n, 3)
+        motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
+        motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
+        pull = joint.pulley_radius
+        noise = np.hypot(
+            spread((1.0, run.noise("q"), motion), n_windows=len(first)),
+            np.sqrt(sum(pull**2 * side.variance(weights) for side in run.noise("F"))),
+        )
+        return Residual(
+            average(run.time[1:-1], n, 3, first),
+            average(left, n, 3, first)[:, None],
+            average(torque[1:-1], n, 3, first)[:, None],
+            noise,
+        )

@@ -1,0 +1,75 @@
+"""The noise of a channel, estimated from its own log: what no smooth motion explains from one sample to the next."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+_MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
+_DIFFERENCE = np.sqrt(20.0)  # norm of the weights of a third difference, 1, -3, 3, -1
+
+
+class ChannelNoise(NamedTuple):
+    """Noise of one channel in one trajectory, in the unit of the channel.
+
+    Parameters
+    ----------
+    white : float
+        Standard deviation of what averages out over a window.
+    resolution : float
+        Step of the quantisation; 0 if the values show none.
+    fixed : float
+        Standard deviation of what does not average out: the quantisation error of a signal that rests between two
+        steps with too little noise to dither them.
+    """
+
+    white: float
+    resolution: float
+    fixed: float
+
+    def variance(self, weights: np.ndarray) -> float:
+        """Return the variance that the noise leaves in a sum of samples with these weights."""
+        return float(self.white**2 * (weights @ weights) + self.fixed**2 * weights.sum() ** 2)
+
+
+def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
+    r"""Estimate the noise of a channel over one trajectory.
+
+    The third difference cancels all motion that is smooth over four samples; its median absolute deviation ignores
+    the few samples at which a command jumps. Quantisation by a step d adds d²/12; it averages out over a window if
+    noise dithers it (all but exp(−2π²σ²/d²)) or if the signal sweeps over several steps within the window.
+
+    Parameters
+    ----------
+    x : array, shape (n_samples,)
+        The channel, evenly sampled.
+    n : int
+        Samples per window.
+
+    Returns
+    -------
+    ChannelNoise
+        The estimate.
+
+    References
+    ----------
+    B. Widrow, I. Kollár, "Quantization Noise", Cambridge University Press, 2008.
+    https://doi.org/10.1017/CBO9780511754661
+    """
+    x = np.asarray(x, dtype=float)
+    if len(x) < 5:
+        return ChannelNoise(0.0, 0.0, 0.0)
+    steps = np.diff(x)
+    jerk = np.diff(steps, 2)
+    sigma = float(_MAD * np.median(np.abs(jerk)) / _DIFFERENCE)
+    sizes = np.abs(steps)
+    moved = sizes[sizes > 1e-12 * np.max(np.abs(x))] if np.any(x) else sizes[:0]
+    resolution = float(moved.min()) if len(moved) else 0.0
+    rounding = resolution / np.sqrt(12.0)
+    dither = np.sqrt(max(sigma**2 - rounding**2, 0.0))
+    if resolution == 0.0:
+        return ChannelNoise(sigma, 0.0, 0.0)
+    swept = float(np.mean(np.abs(x[n:] - x[:-n]))) / resolution if len(x) > n else 0.0
+    left = float(np.exp(-2.0 * (np.pi * dither / resolution) ** 2)) / max(1.0, swept)
+    return ChannelNoise(max(sigma, rounding), resolution, rounding * left)

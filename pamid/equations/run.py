@@ -1,0 +1,332 @@
+"""One run of a log as arrays, with the simulator's effects applied: what the equations read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import (
+    ColumnTypeError,
+    EmptyLogError,
+    InterleavedTrajectoryError,
+    MissingColumnError,
+    MissingTrajectoryError,
+    NonFiniteError,
+    SamplingError,
+    TimeOrderError,
+)
+from .noise import ChannelNoise, channel_noise
+from .windows import samples_per_window
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+    from ..effects import Effect, Plant, Signals, Step
+
+MUSCLES = (1, 2)
+SIGNS = np.array([1.0, -1.0])
+"""How the joint angle contracts muscles 1 and 2."""
+_GAP = 1.5  # in sampling intervals: a longer step of time is a gap, which no window crosses
+_JITTER = 0.25  # in sampling intervals
+
+
+class Model:
+    """The parameters of a bench with its effects made, as the equations use them.
+
+    Parameters
+    ----------
+    params : BenchParameters
+        The simulator.
+    """
+
+    def __init__(self, params: BenchParameters) -> None:
+        from ..effects import make_effect
+
+        self.given = params
+        self.effects: list[Effect] = [make_effect(name, **values) for name, values in params.effects]
+        changes: dict[str, float] = {}
+        for effect in self.effects:
+            changes |= effect.adjust({**params.values(), **changes})
+        self.params = params.replace(**changes) if changes else params
+        self.plant = _plant(self.params)
+
+    def with_hook(self, hook: str) -> list[Effect]:
+        """Return the effects that override a hook."""
+        return [effect for effect in self.effects if hook in effect.hooks()]
+
+
+def _plant(params: BenchParameters) -> Plant:
+    from ..effects import Plant
+
+    own = getattr(params, "plant", None)
+    if isinstance(own, Plant):
+        return own
+    values = params.values() | {"thread_length": params.muscle.thread_length, "turns": params.muscle.turns}
+    return Plant(**{name: values[name] for name in Plant.__dataclass_fields__})
+
+
+@dataclass
+class Run:
+    """Signals of one evenly sampled stretch of a log.
+
+    Parameters
+    ----------
+    trajectory : str
+        Name of the trajectory.
+    time : array, shape (n_samples,)
+        s.
+    dt : float
+        Sampling interval, s.
+    q : array, shape (n_samples,)
+        Joint angle, rad.
+    channels : dict of str to array, shape (n_samples, 2)
+        The channels ``P``, ``F``, ``mdot``, ``u`` of both muscles, those that the log has.
+    model : Model
+        The simulator.
+    """
+
+    trajectory: str
+    time: np.ndarray
+    dt: float
+    q: np.ndarray
+    channels: dict[str, np.ndarray]
+    model: Model
+    noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Noise is that of the readings; what a sensor effect restores is as noisy as what was read.
+        self.n = samples_per_window(self.dt)
+        for name in ("q", *self.channels):
+            series = self.q[:, None] if name == "q" else self.channels[name]
+            self.noises[name] = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
+        start = np.zeros(1, dtype=int)
+        for effect in self.model.with_hook("measure"):
+            if effect.channel == "q":
+                self.q = np.asarray(effect.restore(self.q, self.dt, start), dtype=float)
+            elif effect.channel in self.channels:
+                self.channels[effect.channel] = np.asarray(
+                    effect.restore(self.channels[effect.channel], self.dt, start), dtype=float
+                )
+
+    def noise(self, channel: str) -> list[ChannelNoise]:
+        """Return the noise of a channel, one entry a muscle (one in all for ``"q"``)."""
+        return self.noises[channel]
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.__dict__["channels"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    @cached_property
+    def eps(self) -> np.ndarray:
+        """Contraction ratios, shape (n_samples, 2)."""
+        p = self.model.params
+        gain = p.joint.pulley_radius / p.muscle.rest_length
+        return p.muscle.initial_contraction + gain * self.q[:, None] * SIGNS
+
+    @cached_property
+    def volume(self) -> np.ndarray:
+        """Nominal gas volumes, m³, shape (n_samples, 2)."""
+        return np.asarray(self.model.plant.volume(self.eps))
+
+    @cached_property
+    def volume_slope(self) -> np.ndarray:
+        """∂V/∂ε, m³, shape (n_samples, 2)."""
+        return np.asarray(self.model.plant.volume_slope(self.eps))
+
+    # --- effects --------------------------------------------------------------------------------------------
+    def _rate(self, x: np.ndarray) -> np.ndarray:
+        """Differentiate by a local quadratic fit; only effects that read a rate see it."""
+        from scipy.signal import savgol_filter
+
+        width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
+        if width < 3:
+            return np.zeros_like(x)
+        return savgol_filter(x, width, 2, deriv=1, delta=self.dt, axis=0)
+
+    def _signals(self, effect: Effect) -> Signals:
+        from ..effects import Signals
+
+        roles = set(effect.roles)
+        joint = effect.site == "joint"
+        position = self.q[:, None] if joint else self.eps
+        P = self.channels.get("P")
+        s = Signals(time=self.time[:, None], position=position, pressure=P, command=self.channels.get("u"))
+        s.flow, s.force = self.channels.get("mdot"), self.channels.get("F")
+        if "velocity" in roles:
+            s.velocity = self._rate(position)
+        if "pressure_rate" in roles and P is not None:
+            s.pressure_rate = self._rate(P)
+        return s
+
+    @cached_property
+    def _traces(self) -> list[tuple[Effect, Signals, Any]]:
+        traces = []
+        for effect in self.model.effects:
+            signals = self._signals(effect)
+            memory = effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
+            traces.append((effect, signals, memory))
+        return traces
+
+    def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:
+        for effect, signals, memory in self._traces if self.model.effects else ():
+            if hook in effect.hooks():
+                yield effect, signals, memory
+
+    def added_force(self) -> np.ndarray | float:
+        """Return what effects add to the tensions, N."""
+        return sum((e.force(s, x, self.model.plant) for e, s, x in self._having("force")), start=0.0)
+
+    def added_flow(self) -> np.ndarray | float:
+        """Return what effects add to the flow into the muscles, kg/s, their Ṗ terms included."""
+        total: Any = 0.0
+        for e, s, x in self._having("flow"):
+            part: Step = e.flow(s, x, self.model.plant)
+            total = total + part.a
+            if np.any(np.asarray(part.b)):
+                total = total + part.b * (self._rate(self.P) if s.pressure_rate is None else s.pressure_rate)
+        return total
+
+    def followed_command(self) -> np.ndarray:
+        """Return the command that the valves follow."""
+        u = self.u
+        for e, s, x in self._having("command"):
+            u = e.command(u, s, x, self.model.plant)
+        return u
+
+    def inlet_pressure(self) -> Any:
+        """Return the pressure at the valves' inlets, Pa."""
+        P = self.model.params.gas.supply_pressure
+        for e, s, x in self._having("supply"):
+            P = e.supply(P, s, x, self.model.plant)
+        return P
+
+    def added_valve_flow(self) -> np.ndarray | float:
+        """Return what effects add to the flow through the valves, kg/s."""
+        return sum((e.valve(s, x, self.model.plant) for e, s, x in self._having("valve")), start=0.0)
+
+    def added_torque(self) -> np.ndarray | float:
+        """Return what effects add to the torque on the joint, N m."""
+        total: Any = 0.0
+        for e, s, x in self._having("torque"):
+            part = np.asarray(e.torque(s, x, self.model.plant))
+            total = total + (part[:, 0] if part.ndim == 2 else part)
+        return total
+
+
+def columns_of(channel: str) -> list[str]:
+    """Return the columns of a log that hold a channel."""
+    return [channel] if channel in ("q", "q_ref", "time") else [f"{channel}{m}" for m in MUSCLES]
+
+
+def _numbers(log: pd.DataFrame, column: str, rows: slice) -> np.ndarray:
+    try:
+        return log[column].iloc[rows].to_numpy(dtype=float, na_value=np.nan)
+    except (TypeError, ValueError):
+        bad = next((v for v in log[column].iloc[rows] if isinstance(v, str) or not np.isscalar(v)), "?")
+        raise ColumnTypeError(
+            f"The column '{column}' holds {str(bad)[:30]!r}.", "numbers", "Remove or convert the entries that are text."
+        ) from None
+
+
+def trajectory_rows(log: pd.DataFrame) -> list[tuple[str, slice]]:
+    """Return name and rows of each trajectory of a log, in its order.
+
+    Raises
+    ------
+    MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
+        The log does not name its trajectories, mixes their rows, or has none.
+    """
+    import pandas as pd
+
+    if "trajectory" not in log.columns:
+        raise MissingTrajectoryError(
+            f"The log has no column 'trajectory'; it has {', '.join(map(str, log.columns[:20]))}.",
+            "the name of its run in each row",
+            "Add the column, or map one of yours to it.",
+        )
+    if not len(log):
+        raise EmptyLogError("The log has no rows.", "at least one trajectory", "Check how the log was written.")
+    codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
+    borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
+    if len(borders) - 1 != len(names):
+        raise InterleavedTrajectoryError(
+            f"The log has {len(names)} trajectories in {len(borders) - 1} separate blocks of rows.",
+            "the rows of each trajectory together and in time order",
+            "Sort the log by trajectory and time; give repeats names of their own.",
+        )
+    return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
+
+
+def runs(log: pd.DataFrame, model: Model, channels: list[str]) -> Iterator[Run]:
+    """Cut a log into evenly sampled stretches, one trajectory at a time.
+
+    A stretch ends where a trajectory ends, where time jumps, and where a channel is NaN.
+
+    Parameters
+    ----------
+    log : DataFrame
+        The log, SI units, absolute pressures.
+    model : Model
+        The simulator.
+    channels : list of str
+        The channels to read, of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read.
+
+    Yields
+    ------
+    Run
+        The stretches in order.
+    """
+    needed = ["time", *columns_of("q"), *(c for name in channels for c in columns_of(name))]
+    if missing := [c for c in needed if c not in log.columns]:
+        raise MissingColumnError(
+            f"The log lacks {', '.join(missing)}.",
+            f"the columns {', '.join(needed)}",
+            f"Map your columns to these names; the log has {', '.join(map(str, log.columns[:20]))}.",
+        )
+    for name, rows in trajectory_rows(log):
+        time = _numbers(log, "time", rows)
+        data = {c: _numbers(log, c, rows) for c in needed[1:]}
+        if np.isinf(bad := np.sum(list(data.values()), axis=0)).any():
+            column = next(c for c, v in data.items() if np.isinf(v).any())
+            raise NonFiniteError(
+                f"The column '{column}' of trajectory '{name}' holds infinite values.",
+                "finite numbers, or NaN where nothing was measured",
+                "Remove those rows or set them to NaN.",
+            )
+        if not np.isfinite(time).all():
+            raise NonFiniteError(
+                f"The time of trajectory '{name}' holds NaN.", "a time in each row", "Remove those rows."
+            )
+        steps = np.diff(time)
+        if len(steps) and steps.min() <= 0:
+            at = int(np.argmin(steps))
+            raise TimeOrderError(
+                f"The time of trajectory '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
+                "time that increases",
+                "Sort the trajectory by time and remove repeated rows; runs of their own need names of their own.",
+            )
+        if len(time) < 2:
+            continue
+        dt = float(np.median(steps))
+        regular = steps < _GAP * dt
+        if np.any(np.abs(steps[regular] - dt) > _JITTER * dt):
+            raise SamplingError(
+                f"The sampling interval of trajectory '{name}' varies from {steps[regular].min():g} s to "
+                f"{steps[regular].max():g} s.",
+                f"even sampling (its median is {dt:g} s)",
+                "Resample the log onto an even grid first.",
+            )
+        usable = np.isfinite(bad)
+        cuts = np.flatnonzero(~regular | (usable[1:] != usable[:-1])) + 1
+        for a, b in zip([0, *cuts.tolist()], [*cuts.tolist(), len(time)], strict=True):
+            if usable[a] and b - a > 1:
+                pairs = {c: np.column_stack([data[k][a:b] for k in columns_of(c)]) for c in channels}
+                yield Run(name, time[a:b], dt, data["q"][a:b], pairs, model)

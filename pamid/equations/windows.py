@@ -1,0 +1,89 @@
+r"""Windows over which equations are averaged, and the test functions that keep derivatives off noisy signals.
+
+An equation with m time derivatives is tested against the B-spline of order m + 1, the box of the window's width folded
+m times with itself. Every derivative then moves onto the test function, by parts and without remainder:
+
+.. math:: \int B_{m+1}\, x^{(m)}\,\mathrm{d}t = \Delta^{-m}\,\delta^m \bar x
+
+the m-th difference of window means. No filter is involved whose error could pose as a gap, and a derivative costs no
+more noise than the difference of two means. All equations share one grid of windows; for m > 0 the test functions of
+neighbours overlap.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+WINDOW = 0.02
+"""Width of a window, s."""
+
+
+def samples_per_window(dt: float, window: float = WINDOW) -> int:
+    """Return the number of samples in a window, at least one."""
+    return max(1, round(window / dt))
+
+
+@cache
+def kernel(n: int, order: int) -> np.ndarray:
+    """Return the weights of the B-spline of an order on samples; they add to one."""
+    box = np.full(n, 1.0 / n)
+    weights = box
+    for _ in range(order - 1):
+        weights = np.convolve(weights, box)
+    weights.setflags(write=False)
+    return weights
+
+
+def span(n: int, order: int) -> int:
+    """Return the number of samples under the B-spline of an order."""
+    return order * (n - 1) + 1
+
+
+def starts(n_rows: int, n: int, order: int, shift: int = 0) -> np.ndarray:
+    """Return the first rows of the test functions of all windows that lie inside a series.
+
+    Parameters
+    ----------
+    n_rows : int
+        Length of the series.
+    n : int
+        Samples per window; window k begins at sample k n.
+    order : int
+        Order of the B-spline, centred on its window.
+    shift : int, default=0
+        Row of the series that sample 0 would have.
+    """
+    first = np.arange(0, max(n_rows, 0) + n, n) - ((order - 1) * (n - 1)) // 2 + shift
+    return first[(first >= 0) & (first + span(n, order) <= n_rows)]
+
+
+def average(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
+    """Return the weighted means of a series under the test functions that begin at ``first``.
+
+    Parameters
+    ----------
+    x : array, shape (n_rows, ...)
+        The series, time along the first axis.
+    n, order : int
+        Samples per window and order of the B-spline.
+    first : array of int
+        First rows, as `starts` gives them.
+
+    Returns
+    -------
+    array, shape (len(first), ...)
+        The means.
+    """
+    # The mean is taken off first: running sums of a large constant would eat the digits of what varies.
+    offset = x.mean(axis=0) if len(x) else 0.0
+    for _ in range(order):
+        sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x - offset, axis=0)])
+        x = (sums[n:] - sums[:-n]) / n + offset
+    return x[first]
+
+
+def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
+    """Return the values of a series at the centres of the test functions that begin at ``first``."""
+    return x[first + (span(n, order) - 1) // 2]
