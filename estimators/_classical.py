@@ -1,0 +1,124 @@
+"""What the classical estimators share: signals in, a law over a fitted volume model, a volume out."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.utils import Tags
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+
+from pamid.errors import ExcitationWarning
+from pamid.laws.base import Law
+from pamid.signals.plausibility import check_units
+from pamid.signals.state import State
+from pamid.volume import ClassicalVolume, VolumeJet, check_volume
+
+from ._base import SignalEstimator
+from ._trajectories import trajectory_codes
+
+
+class ClassicalRegressor(RegressorMixin, SignalEstimator):
+    """A law read with a classical volume model; subclasses say how the model is fitted and built."""
+
+    __metadata_request__fit = {"groups": True}  # noqa: RUF012 - scikit-learn reads it by this name
+
+    _level_known = True
+    signal_columns_: dict[str, int]
+
+    def __sklearn_tags__(self) -> Tags:
+        """Declare that random tables, which obey no physics, are fitted poorly."""
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    # --- what a subclass gives --------------------------------------------------------------------------------
+    def _law(self) -> Law:
+        """Return the law."""
+        raise NotImplementedError
+
+    def _volume_model(self) -> ClassicalVolume:
+        """Return the fitted volume model."""
+        raise NotImplementedError
+
+    # --- the way in -------------------------------------------------------------------------------------------
+    def _training(
+        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool = True
+    ) -> tuple[State, np.ndarray, np.ndarray, np.ndarray | None]:
+        """Validate what a fit is given: signals, target, weights, clusters. Warn of wrong units."""
+        clusters = None if groups is None else trajectory_codes(X, groups)
+        X, y = self._read(X, y, reset=reset, ensure_min_samples=2 if reset else 1)
+        y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
+        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        state = self._state(X)
+        law = self._law()
+        signals = {name: self._signal(X, name) for name in self._needs}
+        check_units(signals | {law.target: y})
+        return state, y, weight, clusters
+
+    def _state(self, X: np.ndarray) -> State:
+        """Return the signals that this estimator reads; what it does not read is zero."""
+        zero = np.zeros(X.shape[0])
+        return State(*(self._signal(X, s) if s in self._needs else zero for s in State._fields))
+
+    # --- the way out ------------------------------------------------------------------------------------------
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict what the law says of the fitted volume.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Force in N or mass flow in kg/s.
+        """
+        check_is_fitted(self)
+        X, _ = self._read(X, reset=False)
+        return self._predict_state(self._state(X))
+
+    def _predict_state(self, state: State) -> np.ndarray:
+        return self._law().predict(*self._volume_model().jet(state), state)
+
+    def volume(self, X: Any) -> VolumeJet:
+        """Return the identified volume and its derivatives, and warn where they make no physical sense.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        VolumeJet
+            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
+
+        Warns
+        -----
+        VolumeWarning
+            If the volume is not positive or falls with contraction.
+        """
+        check_is_fitted(self)
+        X, _ = self._read(X, reset=False)
+        state = self._state(X)
+        jet = self._volume_model().jet(state)
+        check_volume(jet, state, level_known=self._level_known)
+        return jet
+
+
+def warn_of_still_signals(state: State, names: tuple[str, ...], who: str) -> None:
+    """Warn, before a fit, of signals that do not vary: what depends on them is not identified."""
+    for name in names:
+        values = getattr(state, name)
+        if len(values) > 2 and np.ptp(values) <= 1e-6 * max(float(np.abs(values).max()), 1e-12):
+            warnings.warn(
+                f"The signal {name} hardly varies (range {np.ptp(values):.3g} around {values.mean():.6g}). "
+                f"Expected an experiment that moves it. {who} fits, but parameters that act through {name} alone are "
+                "not identified; look at the standard errors.",
+                ExcitationWarning,
+                stacklevel=3,
+            )

@@ -1,0 +1,138 @@
+"""A named volume model whose parameters are fitted by bounded nonlinear least squares, whatever the law."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pamid.errors import ParameterError, UnknownOptionError
+from pamid.signals.state import State
+from pamid.volume import ClassicalVolume, Parameter, all_volumes
+
+from ._classical import ClassicalRegressor, warn_of_still_signals
+from ._least_squares import fit_nonlinear
+
+
+class GeometricRegressor(ClassicalRegressor):
+    """Shared by `GeometricForce` and `GeometricFlow`: from a name to fitted parameters with units and errors."""
+
+    _silent: ClassVar[tuple[str, ...]] = ()
+    """Parameters of volume models that the law cannot see, and which are never freed by default."""
+
+    _moving: ClassVar[tuple[str, ...]] = ("eps", "P")
+    """Signals that an experiment must move."""
+
+    model: str
+    rest_length: float
+    rest_diameter: float
+    braid_angle: float
+    start: Mapping[str, float] | None
+    free: str | Iterable[str]
+    bounds: Mapping[str, tuple[float, float]] | None
+    max_iter: int
+
+    def _nominal(self) -> ClassicalVolume:
+        """Return the model at the starting values."""
+        offered = {name: cls for name, cls in all_volumes().items() if cls.parameters}
+        if self.model not in offered:
+            raise UnknownOptionError(f"model is {self.model!r}.", f"one of {', '.join(offered)}", "Correct the name.")
+        for name in ("rest_length", "rest_diameter", "braid_angle"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float, np.number)) and 0.0 < float(value) < np.inf):
+                raise ParameterError(f"{name} is {value!r}.", "a positive number (m, m, rad)", "Correct it.")
+        cls = offered[self.model]
+        nominal = cls.from_geometry(self.rest_length, self.rest_diameter, self.braid_angle)
+        if hasattr(self, "atmospheric_pressure") and hasattr(nominal, "atmospheric_pressure"):
+            nominal = replace(nominal, atmospheric_pressure=self.atmospheric_pressure)  # type: ignore[call-arg]
+        given = dict(self.start or {})
+        return replace(nominal, **{n: float(given[n]) for n in cls.parameter_names() if n in given})
+
+    def _declared(self) -> dict[str, Parameter]:
+        """Return every parameter that may be fitted, by name."""
+        return {p.name: p for p in all_volumes()[self.model].parameters}
+
+    def _starting_values(self) -> dict[str, float]:
+        nominal = self._nominal()
+        return {name: float(getattr(nominal, name)) for name in nominal.parameter_names()}
+
+    def _chosen(self) -> tuple[str, ...]:
+        """Return the names of the parameters to fit."""
+        declared = self._declared()
+        if isinstance(self.free, str):
+            if self.free == "all":
+                return tuple(n for n in declared if n not in self._silent)
+            if self.free != "auto":
+                raise UnknownOptionError(
+                    f"free is {self.free!r}.",
+                    "'auto', 'all' or a list of names",
+                    f"{self.model} has {', '.join(declared)}.",
+                )
+            return tuple(n for n, p in declared.items() if p.free and n not in self._silent)
+        names = tuple(self.free)
+        self._refuse_unknown(names, "free", declared)
+        return names
+
+    def _refuse_unknown(self, names: Iterable[str], where: str, declared: dict[str, Parameter]) -> None:
+        unknown = [n for n in names if n not in declared]
+        if unknown:
+            raise UnknownOptionError(
+                f"{where} names {', '.join(map(str, unknown))}, which {self.model} does not have.",
+                f"names among {', '.join(declared)}",
+                "Correct the names.",
+            )
+
+    def _bounds_of(self, name: str, declared: dict[str, Parameter]) -> tuple[float, float]:
+        low, high = (self.bounds or {}).get(name, (declared[name].lower, declared[name].upper))
+        if not low < high:
+            raise ParameterError(
+                f"The bounds of {name} are {low:.6g} to {high:.6g} {declared[name].unit}.",
+                "a lower bound below the upper one",
+                "Correct them; to hold a parameter, leave it out of free.",
+            )
+        return float(low), float(high)
+
+    def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:
+        """Predict with given values of all parameters, real or complex."""
+        fields = {n: values[n] for n in nominal.parameter_names()}
+        return self._law().predict(*replace(nominal, **fields).jet(state), state)
+
+    def _fit_parameters(self, state: State, y: np.ndarray, weight: np.ndarray, clusters: np.ndarray | None) -> None:
+        """Fit the chosen parameters and set the fitted attributes."""
+        nominal = self._nominal()
+        declared = self._declared()
+        self._refuse_unknown(self.start or {}, "start", declared)
+        self._refuse_unknown(self.bounds or {}, "bounds", declared)
+        values: dict[str, Any] = dict(self._starting_values())
+        names = self._chosen()
+        warn_of_still_signals(state, self._moving, type(self).__name__)
+
+        def predict(x: np.ndarray) -> np.ndarray:
+            return self._predict_with(nominal, values | dict(zip(names, x, strict=True)), state)
+
+        limits = [self._bounds_of(n, declared) for n in names]
+        at_bound: list[str] = []
+        errors = dict.fromkeys(values, 0.0)
+        self.covariance_ = np.zeros((len(names), len(names)))
+        self.n_iter_ = 1
+        if names:
+            lower, upper = (np.array(b, dtype=float) for b in zip(*limits, strict=True))
+            begin = np.array([values[n] for n in names], dtype=float)
+            solution = fit_nonlinear(predict, y, weight, begin, lower, upper, clusters=clusters, max_iter=self.max_iter)
+            values |= dict(zip(names, solution.x.tolist(), strict=True))
+            errors |= dict(zip(names, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
+            at_bound = [n for n, b in zip(names, solution.at_bound, strict=True) if b]
+            self.covariance_ = solution.covariance
+            self.n_iter_ = solution.n_iter
+        self.parameters_ = values
+        self.standard_errors_ = errors
+        self.units_ = {n: p.unit for n, p in declared.items()}
+        self.fitted_names_ = list(names)
+        self.at_bound_ = at_bound
+
+    def _volume_model(self) -> ClassicalVolume:
+        """Return the fitted volume model."""
+        nominal = self._nominal()
+        return replace(nominal, **{n: self.parameters_[n] for n in nominal.parameter_names()})
