@@ -352,6 +352,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     def _rates(self, X: Any, columns: np.ndarray, groups: Any) -> np.ndarray:
         """Differentiate the states within each trajectory."""
         codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+        assert codes is not None  # needed_by raises instead
         states = np.column_stack([self._signal(columns, name) for name in self.states])
         rates = np.empty_like(states)
         time = self._times(columns)

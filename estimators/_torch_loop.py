@@ -1,0 +1,205 @@
+"""What the plain network baselines share: scaling, whole trajectories held out, and the loop over epochs.
+
+torch is imported inside the functions that need it. Parameters travel as dicts of numpy arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import DivergedError, MissingTrajectoryError, ParameterError, TooFewTrajectoriesError
+
+from ._progress import FitProgress
+
+Weights = dict[str, np.ndarray]
+
+
+def local_generator(random_state: Any) -> np.random.Generator:
+    """Return a generator of its own: no global generator is read or moved, whatever `random_state` is."""
+    if isinstance(random_state, np.random.RandomState):
+        return np.random.default_rng(random_state.randint(2**31 - 1))
+    return np.random.default_rng(random_state)
+
+
+def later_generator(random_state: Any, steps: int) -> np.random.Generator:
+    """Return the generator of a later pass, which follows from the seed and the steps already made."""
+    if isinstance(random_state, (int, np.integer)):
+        return np.random.default_rng([int(random_state), steps])
+    return local_generator(random_state)
+
+
+def standardisation(columns: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean and standard deviation of each column; 1 for the deviation of a constant one."""
+    share = weights / weights.sum()
+    mean = share @ columns
+    deviation = np.sqrt(share @ (columns - mean) ** 2)
+    return mean, np.where(deviation > 1e-12 * np.maximum(1.0, np.abs(mean)), deviation, 1.0)
+
+
+def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Generator, needed_by: str) -> np.ndarray:
+    """Choose whole trajectories, about `fraction` of them and at least one; mark their rows."""
+    if codes is None:
+        raise MissingTrajectoryError(
+            f"{needed_by} stops early on held-out trajectories, and got neither groups nor a column 'trajectory'.",
+            "one of the two",
+            "Pass groups=, keep a 'trajectory' column in a DataFrame, or set early_stopping=False.",
+        )
+    names = np.unique(codes)
+    if len(names) < 2:
+        raise TooFewTrajectoriesError(
+            f"{needed_by} stops early on held-out trajectories, and got one trajectory.",
+            "at least two trajectories",
+            "Give more trajectories, or set early_stopping=False.",
+        )
+    if not 0 < fraction < 1:
+        raise ParameterError(
+            f"validation_fraction is {fraction!r}.", "a number between 0 and 1", "Correct validation_fraction."
+        )
+    count = min(max(1, round(fraction * len(names))), len(names) - 1)
+    return np.isin(codes, rng.choice(names, size=count, replace=False))
+
+
+def check_counts(estimator: Any, *names: str) -> None:
+    """Raise unless each named parameter is a whole number of at least 1."""
+    for name in names:
+        value = getattr(estimator, name)
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            raise ParameterError(f"{name} is {value!r}.", "a whole number of at least 1", f"Correct {name}.")
+
+
+def check_sizes(estimator: Any, **least: float) -> None:
+    """Raise unless each named parameter is a finite number of at least its bound."""
+    for name, bound in least.items():
+        value = getattr(estimator, name)
+        if not np.isfinite(value) or value < bound:
+            raise ParameterError(f"{name} is {value!r}.", f"a finite number of at least {bound:g}", f"Correct {name}.")
+
+
+@dataclass
+class Best:
+    """The best weights of a fit so far, and when to give up waiting for better ones."""
+
+    patience: int
+    tol: float
+    weights: Weights | None = None
+    score: float = math.inf
+    curve: list[float] = field(default_factory=list)
+    _reference: float = math.inf
+    _waited: int = 0
+
+    def offer(self, score: float, weights: Callable[[], Weights]) -> bool:
+        """Take the weights if they are the best; return whether `patience` epochs brought less than `tol`."""
+        self.curve.append(float(score))
+        if not math.isfinite(score):
+            if self.weights is None:
+                raise DivergedError(
+                    f"The loss is {score} after {len(self.curve)} epochs.",
+                    "a finite loss",
+                    "Lower learning_rate, and check the scale of the signals.",
+                )
+            return True
+        if score < self.score:
+            self.score, self.weights = float(score), weights()
+        self._waited = 0 if score < self._reference * (1 - self.tol) else self._waited + 1
+        self._reference = min(self._reference, score)
+        return self._waited >= self.patience
+
+
+class AdamSteps:
+    """Adam on tensors, with moments that can be taken out and put back as numpy arrays.
+
+    D. P. Kingma, J. Ba, "Adam: a method for stochastic optimization", 2015. https://doi.org/10.48550/arXiv.1412.6980
+    """
+
+    def __init__(self, parameters: dict[str, Any], learning_rate: float, state: dict[str, Any] | None = None) -> None:
+        import torch
+
+        self.parameters = parameters
+        self.learning_rate = learning_rate
+        self._adam = torch.optim.Adam(list(parameters.values()), lr=learning_rate)
+        self.steps = 0
+        if state:
+            self.steps = int(state["steps"])
+            for name, tensor in parameters.items():
+                self._adam.state[tensor] = {
+                    "step": torch.tensor(float(self.steps)),
+                    "exp_avg": torch.as_tensor(state["first"][name].copy(), device=tensor.device),
+                    "exp_avg_sq": torch.as_tensor(state["second"][name].copy(), device=tensor.device),
+                }
+
+    def anneal(self, progress: float) -> None:
+        """Lower the rate along a half cosine to 1 % of it; `progress` runs from 0 to 1."""
+        rate = self.learning_rate * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(progress, 1.0))))
+        for group in self._adam.param_groups:
+            group["lr"] = rate
+
+    def step(self, loss: Any) -> None:
+        """Descend one step on a loss."""
+        self._adam.zero_grad(set_to_none=True)
+        loss.backward()
+        self._adam.step()
+        self.steps += 1
+
+    def state(self) -> dict[str, Any]:
+        """Moments and step count, plain."""
+        held = {name: self._adam.state[tensor] for name, tensor in self.parameters.items()}
+        if not all(held.values()):
+            return {}
+        return {
+            "steps": self.steps,
+            "first": {name: s["exp_avg"].cpu().numpy().copy() for name, s in held.items()},
+            "second": {name: s["exp_avg_sq"].cpu().numpy().copy() for name, s in held.items()},
+        }
+
+
+def to_tensors(weights: Weights, device: str) -> dict[str, Any]:
+    """Copy weights into tensors that are trained."""
+    import torch
+
+    return {name: torch.tensor(w, dtype=torch.float64, device=device).requires_grad_() for name, w in weights.items()}
+
+
+def to_arrays(tensors: dict[str, Any]) -> Weights:
+    """Copy tensors into numpy arrays."""
+    return {name: tensor.detach().cpu().numpy().copy() for name, tensor in tensors.items()}
+
+
+def penalty(tensors: Sequence[Any], alpha: float) -> Any:
+    """Weight decay of the matrices, to be added to a loss; biases are free."""
+    return alpha * sum((w**2).sum() for w in tensors if w.ndim > 1) if alpha else 0.0
+
+
+def run_epochs(
+    progress: FitProgress,
+    best: Best,
+    tensors: dict[str, Any],
+    one_epoch: Callable[[int], float],
+    validate: Callable[[], float] | None,
+    *,
+    one_step: bool,
+    attributes: Callable[[Weights], dict[str, Any]],
+) -> None:
+    """Run epochs until the last, until they bring nothing more, or until a callback or the user stops them.
+
+    Without held-out rows the training loss is what decides. Where an epoch is one step, its loss belongs to the
+    weights before the step, and these are what is kept.
+    """
+    for epoch in progress:
+        before = to_arrays(tensors) if one_step and validate is None else None
+        loss = one_epoch(epoch)
+        score = loss if validate is None else validate()
+        enough = best.offer(score, partial(_first_of, before, tensors))
+        shown = None if validate is None else score
+        progress.report(loss, validation_loss=shown, attributes=partial(attributes, best.weights or {}))
+        if enough:
+            break
+
+
+def _first_of(kept: Weights | None, tensors: dict[str, Any]) -> Weights:
+    return to_arrays(tensors) if kept is None else kept

@@ -1,0 +1,461 @@
+"""A plain feed-forward network on the muscle's signals: the baseline that knows no physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+
+from pamid.errors import ParameterError, UnknownOptionError
+
+from ._base import SignalEstimator, Signals
+from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._torch_loop import (
+    AdamSteps,
+    Best,
+    Weights,
+    check_counts,
+    check_sizes,
+    held_out_rows,
+    later_generator,
+    local_generator,
+    penalty,
+    run_epochs,
+    standardisation,
+    to_arrays,
+    to_tensors,
+)
+from ._trajectories import trajectory_codes
+
+ACTIVATIONS = ("tanh", "softplus", "relu")
+OPTIMIZERS = ("adam", "lbfgs")
+_CHUNK = 65536  # rows predicted at a time, which bounds the memory of a prediction
+
+
+class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
+    r"""Plain network from the muscle's signals to a force or a mass flow.
+
+    .. math:: y = \bar y + \sigma_y\, N\!\left(\frac{s - \bar s}{\sigma_s}\right), \quad
+        s = (\varepsilon, P, \dot P) \text{ or any other signals}
+
+    trained on the mean squared error. Rows are independent, and the network sees no history.
+
+    Parameters
+    ----------
+    inputs : sequence of str, default=("eps", "P", "dP")
+        Signals that the network reads: contraction ratio (dimensionless), absolute pressure (Pa), its rate (Pa/s);
+        also ``"deps"`` (1/s) or any other column.
+    hidden : sequence of int, default=(64, 64)
+        Units of each hidden layer.
+    activation : {"tanh", "softplus", "relu"}, default="tanh"
+        Function of the hidden units.
+    optimizer : {"adam", "lbfgs"}, default="adam"
+        Adam on mini-batches, its rate lowered along a half cosine; or L-BFGS on all rows at once.
+    learning_rate : float, default=0.003
+        First rate of Adam, dimensionless, as inputs and target are standardised.
+    batch_size : int, default=256
+        Rows of a mini-batch. If there are no more rows than that, every step sees them all.
+    max_iter : int, default=200
+        Most epochs (Adam) or iterations (L-BFGS).
+    alpha : float, default=0.0
+        Weight decay: factor of the sum of squared weights in the loss, dimensionless.
+    early_stopping : bool, default=False
+        Whether to hold out whole trajectories, keep the weights that do best on them, and stop when they cease to
+        improve. Otherwise the training loss decides.
+    validation_fraction : float, default=0.2
+        Share of the trajectories that is held out, dimensionless.
+    patience : int, default=30
+        Epochs without improvement after which the fit ends.
+    tol : float, default=1e-5
+        Relative improvement of the loss that counts, dimensionless.
+    random_state : int or RandomState, optional
+        Seed of the initial weights, the order of rows and the choice of held-out trajectories.
+    device : str, default="cpu"
+        Device of torch on which the network is trained.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    weights_ : dict of str to ndarray
+        Weight matrices ``W0``, ``W1``, ... of shape (n_in, n_out), and biases ``b0``, ``b1``, ...
+    input_mean_, input_scale_ : ndarray, shape (n_inputs,)
+        Mean and standard deviation of the inputs, in their units.
+    target_mean_, target_scale_ : float
+        Mean and standard deviation of the target, in its unit.
+    loss_curve_ : list of float
+        Training loss of each epoch: mean squared error in units of the target's variance, and the weight decay.
+    validation_curve_ : list of float
+        The same error on the held-out trajectories; empty without early stopping.
+    n_iter_ : int
+        Epochs of the last fit, and passes of `partial_fit` since.
+    optimizer_state_ : dict
+        Moments of Adam, with which `partial_fit` goes on.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    Recurrent : A network with memory.
+
+    Notes
+    -----
+    Weights equal repetition, to rounding, wherever a step sees all rows. A fit that is interrupted keeps its best
+    weights so far and warns. Callbacks of scikit-learn are supported (``set_callbacks``).
+
+    References
+    ----------
+    D. P. Kingma, J. Ba, "Adam: a method for stochastic optimization", ICLR 2015.
+    https://doi.org/10.48550/arXiv.1412.6980
+
+    D. C. Liu, J. Nocedal, "On the limited memory BFGS method for large scale optimization", Mathematical Programming
+    45, 1989. https://doi.org/10.1007/BF01589116
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import MLP
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"eps": rng.uniform(0, 0.25, 400), "P": rng.uniform(1e5, 7e5, 400)})
+    >>> force = 1e-3 * (X["P"] - 1e5) * (1 - 3 * X["eps"])
+    >>> model = MLP(("eps", "P"), hidden=(8,), optimizer="lbfgs", random_state=0).fit(X, force)
+    >>> bool(model.score(X, force) > 0.999)
+    True
+    """
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+
+    def __init__(
+        self,
+        inputs: Sequence[str] = ("eps", "P", "dP"),
+        *,
+        hidden: Sequence[int] = (64, 64),
+        activation: str = "tanh",
+        optimizer: str = "adam",
+        learning_rate: float = 3e-3,
+        batch_size: int = 256,
+        max_iter: int = 200,
+        alpha: float = 0.0,
+        early_stopping: bool = False,
+        validation_fraction: float = 0.2,
+        patience: int = 30,
+        tol: float = 1e-5,
+        random_state: Any = None,
+        device: str = "cpu",
+        signals: Signals | None = None,
+    ) -> None:
+        self.inputs = inputs
+        self.hidden = hidden
+        self.activation = activation
+        self.optimizer = optimizer
+        self.learning_rate = learning_rate
+        self.batch_size = batch_size
+        self.max_iter = max_iter
+        self.alpha = alpha
+        self.early_stopping = early_stopping
+        self.validation_fraction = validation_fraction
+        self.patience = patience
+        self.tol = tol
+        self.random_state = random_state
+        self.device = device
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(self.inputs)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
+        return tags
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Train the network from new weights.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,)
+            Force (N), mass flow (kg/s) or whatever the network shall give.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
+            too.
+
+        Returns
+        -------
+        MLP
+            The fitted estimator itself.
+
+        Raises
+        ------
+        MissingTrajectoryError
+            If early stopping is asked for and nothing tells trajectories.
+        DivergedError
+            If the loss is not finite from the first epoch.
+        """
+        self._check_parameters()
+        rng = local_generator(self.random_state)
+        columns, target, weights = self._table(X, y, sample_weight, reset=True)
+        held_out = np.zeros(len(target), dtype=bool)
+        if self.early_stopping:
+            codes = trajectory_codes(X, groups)
+            held_out = held_out_rows(codes, self.validation_fraction, rng, type(self).__name__)
+        used = ~held_out & (weights > 0)
+        self._set_scales(columns[used], target[used], weights[used])
+        training = self._scaled(columns[used], target[used], weights[used])
+        validation = self._scaled(columns[held_out], target[held_out], weights[held_out]) if held_out.any() else None
+        initial = self._initial_weights(rng)
+        best = Best(int(self.patience), float(self.tol))
+        self.optimizer_state_: dict[str, Any] = {}
+        train = self._train_adam if self.optimizer == "adam" else self._train_lbfgs
+        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
+            train(initial, training, validation, progress, best, rng)
+        self.weights_ = initial if best.weights is None else best.weights
+        self.loss_curve_ = progress.losses
+        self.validation_curve_ = best.curve if validation is not None else []
+        self.n_iter_ = max(progress.n_epochs, 1)
+        return self
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
+        """Go on training with further rows: one pass over them by Adam, in mini-batches, at the full learning rate.
+
+        The first call on an unfitted estimator sets the scaling of inputs and target, which later calls keep, and
+        the initial weights; so its rows should span the range to come. Moments of Adam are carried from call to
+        call and from fit; memory does not grow.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,)
+            Target, as in fit.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+
+        Returns
+        -------
+        MLP
+            The fitted estimator itself.
+        """
+        self._check_parameters()
+        first = not hasattr(self, "weights_")
+        columns, target, weights = self._table(X, y, sample_weight, reset=first)
+        if first:
+            self._set_scales(columns, target, weights)
+            self.weights_ = self._initial_weights(local_generator(self.random_state))
+            self.optimizer_state_ = {}
+            self.loss_curve_, self.validation_curve_, self.n_iter_ = [], [], 0
+        tensors = to_tensors(self.weights_, self.device)
+        adam = AdamSteps(tensors, float(self.learning_rate), self.optimizer_state_)
+        used = weights > 0
+        rows = self._scaled(columns[used], target[used], weights[used])
+        self._epoch(tensors, adam, rows, later_generator(self.random_state, adam.steps))
+        self.weights_ = to_arrays(tensors)
+        self.optimizer_state_ = adam.state()
+        self.n_iter_ += 1
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Evaluate the network.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Prediction in the unit of y.
+        """
+        check_is_fitted(self, "weights_")
+        X, _ = self._read(X, reset=False)
+        columns = self._columns(X)
+        result = np.empty(len(columns))
+        for start in range(0, len(columns), _CHUNK):
+            chunk = slice(start, start + _CHUNK)
+            result[chunk] = self._forward_numpy((columns[chunk] - self.input_mean_) / self.input_scale_)
+        return result * self.target_scale_ + self.target_mean_
+
+    # --- data ---------------------------------------------------------------------------------------------------
+    def _check_parameters(self) -> None:
+        check_counts(self, "batch_size", "max_iter", "patience")
+        check_sizes(self, learning_rate=0.0, alpha=0.0, tol=0.0)
+        for name, offered in (("activation", ACTIVATIONS), ("optimizer", OPTIMIZERS)):
+            if getattr(self, name) not in offered:
+                raise UnknownOptionError(
+                    f"{name} is {getattr(self, name)!r}.", f"one of {', '.join(offered)}", "Choose one of them."
+                )
+        if any(int(units) < 1 for units in self.hidden):
+            raise ParameterError(f"hidden is {self.hidden!r}.", "at least one unit in each layer", "Correct hidden.")
+
+    def _table(self, X: Any, y: Any, sample_weight: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        X, y = self._read(X, y, reset=reset)
+        target = column_or_1d(y, warn=True).astype(float)
+        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        return self._columns(X), target, weights
+
+    def _columns(self, X: np.ndarray) -> np.ndarray:
+        return np.column_stack([self._signal(X, name) for name in self.inputs])
+
+    def _set_scales(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> None:
+        self.input_mean_, self.input_scale_ = standardisation(columns, weights)
+        mean, scale = standardisation(target[:, None], weights)
+        self.target_mean_, self.target_scale_ = float(mean[0]), float(scale[0])
+
+    def _scaled(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple[Any, Any, Any]:
+        """Standardised inputs and target, and weights of mean one, as tensors."""
+        import torch
+
+        arrays = (
+            (columns - self.input_mean_) / self.input_scale_,
+            (target - self.target_mean_) / self.target_scale_,
+            weights / weights.mean() if weights.any() else weights,
+        )
+        inputs, wanted, shares = (torch.as_tensor(a, dtype=torch.float64, device=self.device) for a in arrays)
+        return inputs, wanted, shares
+
+    # --- network ------------------------------------------------------------------------------------------------
+    def _initial_weights(self, rng: np.random.Generator) -> Weights:
+        """Glorot's initialisation for smooth functions, He's for relu."""
+        sizes = [len(self.inputs), *(int(units) for units in self.hidden), 1]
+        weights: Weights = {}
+        for layer, (n_in, n_out) in enumerate(pairwise(sizes)):
+            bound = np.sqrt(6.0 / n_in) if self.activation == "relu" else np.sqrt(6.0 / (n_in + n_out))
+            weights[f"W{layer}"] = rng.uniform(-bound, bound, (n_in, n_out))
+            weights[f"b{layer}"] = np.zeros(n_out)
+        return weights
+
+    def _forward(self, tensors: dict[str, Any], inputs: Any) -> Any:
+        import torch
+
+        function: Any = getattr(torch.nn.functional, self.activation)
+        x = inputs
+        last = len(tensors) // 2 - 1
+        for layer in range(last):
+            x = function(torch.addmm(tensors[f"b{layer}"], x, tensors[f"W{layer}"]))
+        return torch.addmm(tensors[f"b{last}"], x, tensors[f"W{last}"])[:, 0]
+
+    def _forward_numpy(self, x: np.ndarray) -> np.ndarray:
+        last = len(self.weights_) // 2 - 1
+        for layer in range(last):
+            x = x @ self.weights_[f"W{layer}"] + self.weights_[f"b{layer}"]
+            if self.activation == "tanh":
+                x = np.tanh(x)
+            elif self.activation == "relu":
+                x = np.maximum(x, 0.0)
+            else:
+                x = np.logaddexp(x, 0.0)
+        return (x @ self.weights_[f"W{last}"] + self.weights_[f"b{last}"])[:, 0]
+
+    def _loss(self, tensors: dict[str, Any], rows: tuple[Any, Any, Any]) -> Any:
+        inputs, target, weights = rows
+        error = (weights * (self._forward(tensors, inputs) - target) ** 2).mean()
+        return error + penalty(list(tensors.values()), float(self.alpha))
+
+    def _error(self, tensors: dict[str, Any], rows: tuple[Any, Any, Any]) -> float:
+        import torch
+
+        inputs, target, weights = rows
+        with torch.no_grad():
+            return float((weights * (self._forward(tensors, inputs) - target) ** 2).mean())
+
+    # --- training -----------------------------------------------------------------------------------------------
+    def _epoch(
+        self, tensors: dict[str, Any], adam: AdamSteps, rows: tuple[Any, Any, Any], rng: np.random.Generator
+    ) -> float:
+        """One pass over the rows; returns the mean of the losses met on the way."""
+        import torch
+
+        n, size = len(rows[0]), int(self.batch_size)
+        if n > size:
+            order = torch.as_tensor(rng.permutation(n), device=rows[0].device)
+            rows = (rows[0][order], rows[1][order], rows[2][order])
+        total = 0.0
+        for start in range(0, n, size):
+            batch = (rows[0][start : start + size], rows[1][start : start + size], rows[2][start : start + size])
+            loss = self._loss(tensors, batch)
+            adam.step(loss)
+            total += float(loss.detach()) * len(batch[0])
+        return total / n
+
+    def _train_adam(
+        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any
+    ) -> None:
+        tensors = to_tensors(initial, self.device)
+        adam = AdamSteps(tensors, float(self.learning_rate))
+
+        def one_epoch(epoch: int) -> float:
+            adam.anneal(epoch / int(self.max_iter))
+            return self._epoch(tensors, adam, training, rng)
+
+        try:
+            run_epochs(
+                progress,
+                best,
+                tensors,
+                one_epoch,
+                None if validation is None else lambda: self._error(tensors, validation),
+                one_step=len(training[0]) <= int(self.batch_size),
+                attributes=lambda weights: {"weights_": weights},
+            )
+        finally:  # an interrupted fit can be continued too
+            self.optimizer_state_ = adam.state()
+
+    def _train_lbfgs(
+        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any
+    ) -> None:
+        import torch
+        from scipy.optimize import OptimizeResult, minimize
+
+        shapes = {name: w.shape for name, w in initial.items()}
+
+        def split(flat: np.ndarray) -> Weights:
+            parts = np.split(flat, np.cumsum([int(np.prod(s)) for s in shapes.values()])[:-1])
+            return {name: part.reshape(shapes[name]).copy() for name, part in zip(shapes, parts, strict=True)}
+
+        def value_and_gradient(flat: np.ndarray) -> tuple[float, np.ndarray]:
+            tensors = to_tensors(split(flat), self.device)
+            loss = self._loss(tensors, training)
+            gradients = torch.autograd.grad(loss, list(tensors.values()))
+            return float(loss.detach()), np.concatenate([g.cpu().numpy().ravel() for g in gradients])
+
+        def after_iteration(intermediate_result: OptimizeResult) -> None:
+            weights = split(intermediate_result.x)
+            loss = float(intermediate_result.fun)
+            score = loss
+            if validation is not None:
+                score = self._error(to_tensors(weights, self.device), validation)
+            enough = best.offer(score, lambda: weights)
+            shown = None if validation is None else score
+            if progress.report(loss, validation_loss=shown, attributes=lambda: {"weights_": best.weights}) or enough:
+                raise StopIteration
+
+        start = np.concatenate([w.ravel() for w in initial.values()])
+        minimize(
+            value_and_gradient,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            callback=after_iteration,
+            options={"maxiter": int(self.max_iter), "maxcor": 20, "ftol": 1e-15, "gtol": 1e-9, "maxfun": 10**9},
+        )
+
+    @staticmethod
+    def _checked_instances() -> list[MLP]:
+        small: dict[str, Any] = {"hidden": (3,), "random_state": 0}
+        return [
+            MLP(signals=dict.fromkeys(("eps", "P", "dP"), 0), max_iter=4, **small),
+            MLP(("x",), signals={"x": 0}, activation="softplus", optimizer="lbfgs", alpha=1e-4, max_iter=4, **small),
+        ]
