@@ -14,6 +14,7 @@ import numpy as np
 
 from pamid.errors import ParameterError
 
+from ._checks import check_counts, check_sizes
 from ._pysindy import polynomial_powers, sparse_regression, term_names
 
 
@@ -30,14 +31,8 @@ class PolynomialLibraryMixin:
     max_iter: int
 
     def _check_library(self, signals: Sequence[str]) -> None:
-        for name, value, lowest in (("degree", self.degree, 1), ("max_iter", self.max_iter, 1)):
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < lowest:
-                raise ParameterError(
-                    f"{name} is {value!r}.", f"a whole number of at least {lowest}", f"Correct {name}."
-                )
-        for name, value in (("threshold", self.threshold), ("alpha", self.alpha)):
-            if not np.isfinite(value) or value < 0:
-                raise ParameterError(f"{name} is {value!r}.", "a finite number of at least 0", f"Correct {name}.")
+        check_counts(self, "degree", "max_iter")
+        check_sizes(self, threshold=0.0, alpha=0.0)
         unknown = [name for name in self.sign_of if name not in signals]
         if unknown:
             raise ParameterError(

@@ -65,22 +65,6 @@ def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Gene
     return np.isin(codes, rng.choice(names, size=count, replace=False))
 
 
-def check_counts(estimator: Any, *names: str) -> None:
-    """Raise unless each named parameter is a whole number of at least 1."""
-    for name in names:
-        value = getattr(estimator, name)
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise ParameterError(f"{name} is {value!r}.", "a whole number of at least 1", f"Correct {name}.")
-
-
-def check_sizes(estimator: Any, **least: float) -> None:
-    """Raise unless each named parameter is a finite number of at least its bound."""
-    for name, bound in least.items():
-        value = getattr(estimator, name)
-        if not np.isfinite(value) or value < bound:
-            raise ParameterError(f"{name} is {value!r}.", f"a finite number of at least {bound:g}", f"Correct {name}.")
-
-
 @dataclass
 class Best:
     """The best weights of a fit so far, and when to give up waiting for better ones."""

@@ -10,16 +10,15 @@ import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
 
-from pamid.errors import ParameterError, UnknownOptionError
+from pamid.errors import ParameterError
 
 from ._base import SignalEstimator, Signals
+from ._checks import check_counts, check_option, check_sizes
 from ._progress import FitProgress, ProgressMixin, fit_progress
 from ._torch_loop import (
     AdamSteps,
     Best,
     Weights,
-    check_counts,
-    check_sizes,
     held_out_rows,
     later_generator,
     local_generator,
@@ -292,11 +291,8 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
     def _check_parameters(self) -> None:
         check_counts(self, "batch_size", "max_iter", "patience")
         check_sizes(self, learning_rate=0.0, alpha=0.0, tol=0.0)
-        for name, offered in (("activation", ACTIVATIONS), ("optimizer", OPTIMIZERS)):
-            if getattr(self, name) not in offered:
-                raise UnknownOptionError(
-                    f"{name} is {getattr(self, name)!r}.", f"one of {', '.join(offered)}", "Choose one of them."
-                )
+        check_option(self, "activation", ACTIVATIONS)
+        check_option(self, "optimizer", OPTIMIZERS)
         if any(int(units) < 1 for units in self.hidden):
             raise ParameterError(f"hidden is {self.hidden!r}.", "at least one unit in each layer", "Correct hidden.")
 

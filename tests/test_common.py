@@ -61,9 +61,14 @@ def with_trajectory(X: np.ndarray, groups: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(X, columns=["a", "b", "c"]).assign(trajectory=[f"run {g}" for g in groups])
 
 
+def seeded(estimator: BaseEstimator) -> BaseEstimator:
+    estimator = clone(estimator)
+    return estimator.set_params(random_state=7) if "random_state" in estimator.get_params() else estimator
+
+
 def needing_trajectories(estimator: BaseEstimator) -> BaseEstimator:
     """Take back an instance's word that all rows are one trajectory, so that it fails if nothing tells."""
-    estimator = clone(estimator)
+    estimator = seeded(estimator)
     if "one_trajectory" in estimator.get_params():
         estimator.set_params(one_trajectory=False)
     return estimator
@@ -71,7 +76,7 @@ def needing_trajectories(estimator: BaseEstimator) -> BaseEstimator:
 
 def fitted(estimator: BaseEstimator, data) -> BaseEstimator:
     X, y, groups = data
-    estimator = clone(estimator)
+    estimator = seeded(estimator)
     return estimator.fit(X, y, groups=groups) if takes(estimator, "fit", "groups") else estimator.fit(X, y)
 
 
@@ -267,8 +272,6 @@ def test_random_state(estimator, data):
     """A seed gives the same model again, and no fit touches the global generators."""
     import torch
 
-    if "random_state" in estimator.get_params():
-        estimator = clone(estimator).set_params(random_state=7)
     before = (random.getstate(), np.random.get_state()[1].copy(), torch.get_rng_state().clone())  # noqa: NPY002
     one, other = fitted(estimator, data), fitted(estimator, data)
     assert_same_outputs(one, other, data)
@@ -294,13 +297,14 @@ def test_input_untouched(estimator, data):
 
 @each_instance
 def test_parameters_survive_fit(estimator, data):
-    before = copy.deepcopy(estimator.get_params(deep=False))
+    before = copy.deepcopy(seeded(estimator).get_params(deep=False))
     model = fitted(estimator, data)
     assert repr(model.get_params(deep=False)) == repr(before)
 
 
 @each_instance
 def test_html_representation(estimator, data):
+    model = fitted(estimator, data)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert name_of(estimator) in fitted(estimator, data)._repr_html_()
+        assert name_of(estimator) in model._repr_html_()

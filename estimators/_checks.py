@@ -1,0 +1,32 @@
+"""Checks of parameters that many estimators share, worded alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import ParameterError, UnknownOptionError
+
+
+def check_counts(estimator: Any, *names: str) -> None:
+    """Raise unless each named parameter is a whole number of at least 1."""
+    for name in names:
+        value = getattr(estimator, name)
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            raise ParameterError(f"{name} is {value!r}.", "a whole number of at least 1", f"Correct {name}.")
+
+
+def check_sizes(estimator: Any, **least: float) -> None:
+    """Raise unless each named parameter is a finite number of at least its bound."""
+    for name, bound in least.items():
+        value = getattr(estimator, name)
+        if not np.isfinite(value) or value < bound:
+            raise ParameterError(f"{name} is {value!r}.", f"a finite number of at least {bound:g}", f"Correct {name}.")
+
+
+def check_option(estimator: Any, name: str, offered: tuple[str, ...]) -> None:
+    """Raise unless a named parameter is one of the names offered."""
+    value = getattr(estimator, name)
+    if value not in offered:
+        raise UnknownOptionError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Choose one of them.")
