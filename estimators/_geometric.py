@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -13,7 +13,7 @@ from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, Parameter, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
-from ._least_squares import fit_nonlinear
+from ._least_squares import Solution, fit_nonlinear
 
 
 class GeometricRegressor(ClassicalRegressor):
@@ -120,7 +120,7 @@ class GeometricRegressor(ClassicalRegressor):
         if names:
             lower, upper = (np.array(b, dtype=float) for b in zip(*limits, strict=True))
             begin = np.array([values[n] for n in names], dtype=float)
-            solution = fit_nonlinear(predict, y, weight, begin, lower, upper, clusters=clusters, max_iter=self.max_iter)
+            solution = self._best_of_starts(predict, y, weight, names, begin, lower, upper, clusters)
             values |= dict(zip(names, solution.x.tolist(), strict=True))
             errors |= dict(zip(names, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
             at_bound = [n for n, b in zip(names, solution.at_bound, strict=True) if b]
@@ -131,6 +131,62 @@ class GeometricRegressor(ClassicalRegressor):
         self.units_ = {n: p.unit for n, p in declared.items()}
         self.fitted_names_ = list(names)
         self.at_bound_ = at_bound
+
+    def _best_of_starts(
+        self,
+        predict: Callable[[np.ndarray], np.ndarray],
+        y: np.ndarray,
+        weight: np.ndarray,
+        names: tuple[str, ...],
+        begin: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        clusters: np.ndarray | None,
+    ) -> Solution:
+        """Fit from the user's start and from the best bare geometry, and keep the better fit.
+
+        Diameter and angle share a long flat valley in which a fit of all parameters at once gets lost. The bare
+        geometry, fitted first with the corrections held, stays out of it; and a model can then never end worse than
+        the simpler one it contains.
+        """
+        shared: dict[str, Any] = {"clusters": clusters, "max_iter": self.max_iter}
+        found = [fit_nonlinear(predict, y, weight, begin, lower, upper, **shared)]
+        geometry = np.array([n in ("rest_diameter", "braid_angle") for n in names])
+        if geometry.all() and not found[0].at_bound.any():
+            return found[0]
+        scan = self._scan(predict, y, weight, names, begin, lower, upper)
+        if geometry.any() and not geometry.all():
+            scan = fit_nonlinear(predict, y, weight, scan, lower, upper, held=~geometry, max_iter=self.max_iter).x
+        found.append(fit_nonlinear(predict, y, weight, scan, lower, upper, **shared))
+        return min(found, key=lambda s: s.cost)
+
+    @staticmethod
+    def _scan(
+        predict: Callable[[np.ndarray], np.ndarray],
+        y: np.ndarray,
+        weight: np.ndarray,
+        names: tuple[str, ...],
+        begin: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
+    ) -> np.ndarray:
+        """Return the best of some braid angles, each with the diameter that suits it (force and flow go as D₀²)."""
+        best, least = begin, np.inf
+        angle = names.index("braid_angle") if "braid_angle" in names else None
+        diameter = names.index("rest_diameter") if "rest_diameter" in names else None
+        for theta in (0.2, 0.35, 0.5, 0.65, 0.8, 0.9) if angle is not None else (0.0,):
+            x = begin.copy()
+            if angle is not None:
+                x[angle] = np.clip(theta, lower[angle], upper[angle])
+            if diameter is not None:
+                f = predict(x)
+                norm = float(np.sum(weight * f * f))
+                scale = float(np.sum(weight * f * y)) / norm if norm > 0 else 1.0
+                x[diameter] = np.clip(x[diameter] * np.sqrt(max(scale, 1e-6)), lower[diameter], upper[diameter])
+            cost = float(np.sum(weight * (predict(x) - y) ** 2))
+            if cost < least:
+                best, least = x, cost
+        return best
 
     def _volume_model(self) -> ClassicalVolume:
         """Return the fitted volume model."""

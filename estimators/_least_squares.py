@@ -18,6 +18,7 @@ class Solution(NamedTuple):
     """A fit: the parameters, their covariance and how it ended."""
 
     x: np.ndarray
+    cost: float
     covariance: np.ndarray
     at_bound: np.ndarray
     n_iter: int
@@ -43,8 +44,9 @@ def fit_nonlinear(
     lower: np.ndarray,
     upper: np.ndarray,
     *,
-    clusters: np.ndarray | None,
-    max_iter: int,
+    held: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    max_iter: int = 200,
 ) -> Solution:
     """Minimise Σ w (y − predict(x))² within bounds, with an exact Jacobian whose columns scale the steps.
 
@@ -56,7 +58,9 @@ def fit_nonlinear(
         Target and weight of each row.
     start, lower, upper : ndarray, shape (n_parameters,)
         Start and bounds.
-    clusters : ndarray of int, shape (n_samples,), or None
+    held : ndarray of bool, shape (n_parameters,), optional
+        Parameters that stay at their start.
+    clusters : ndarray of int, shape (n_samples,), optional
         Cluster of each row, for cluster-robust standard errors.
     max_iter : int
         Most iterations.
@@ -82,11 +86,21 @@ def fit_nonlinear(
         )
     width = upper - lower
     inside = np.clip(start, lower + 1e-6 * width, upper - 1e-6 * width)
+    moved = np.ones(len(start), dtype=bool) if held is None else ~held
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        full = start.astype(x.dtype)
+        full[moved] = x
+        return full
+
+    def predict_moved(x: np.ndarray) -> np.ndarray:
+        return predict(whole(x))
+
     result = least_squares(
-        lambda x: root * (predict(x) - y) / size,
-        inside,
-        jac=lambda x: root[:, None] * complex_step_jacobian(predict, x) / size,
-        bounds=(lower, upper),
+        lambda x: root * (predict_moved(x) - y) / size,
+        inside[moved],
+        jac=lambda x: root[:, None] * complex_step_jacobian(predict_moved, x) / size,
+        bounds=(lower[moved], upper[moved]),
         method="dogbox",
         x_scale="jac",
         ftol=1e-15,
@@ -94,10 +108,12 @@ def fit_nonlinear(
         gtol=1e-14,
         max_nfev=max_iter,
     )
-    at_bound = result.active_mask != 0
-    J = complex_step_jacobian(predict, result.x)
-    covariance = _covariance(J, y - predict(result.x), weight, ~at_bound, clusters)
-    return Solution(result.x, covariance, at_bound, int(result.nfev), str(result.message))
+    at_bound = np.zeros(len(start), dtype=bool)
+    at_bound[moved] = result.active_mask != 0
+    best = whole(result.x)
+    J = complex_step_jacobian(predict, best)
+    covariance = _covariance(J, y - predict(best), weight, ~at_bound, clusters)
+    return Solution(best, float(result.cost), covariance, at_bound, int(result.nfev), str(result.message))
 
 
 def _covariance(
@@ -175,7 +191,14 @@ def solve(factor: np.ndarray, total_weight: float) -> Solution:
     covariance = (V / s[kept] ** 2) @ V.T * float(residual @ residual) / dof / np.outer(scale, scale)
     lost = 1.0 - np.sum(V * V, axis=1) > 1e-8
     covariance[lost, lost] = np.inf
-    return Solution(x / scale, covariance, np.zeros(len(x), dtype=bool), 1, f"rank {int(kept.sum())}")
+    return Solution(
+        x / scale,
+        0.5 * float(residual @ residual),
+        covariance,
+        np.zeros(len(x), dtype=bool),
+        1,
+        f"rank {int(kept.sum())}",
+    )
 
 
 def cluster_covariance(A: np.ndarray, residual: np.ndarray, weight: np.ndarray, clusters: np.ndarray) -> np.ndarray:
