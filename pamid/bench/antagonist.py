@@ -1,0 +1,94 @@
+"""The antagonistic bench as a right-hand side: one joint, two muscles, many runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..effects.base import Effect, Signals
+from .muscles import Muscles
+
+if TYPE_CHECKING:
+    from .parameters import BenchParameters
+
+
+class Antagonist:
+    r"""Two muscles on one pulley.
+
+    The state of each run is (q, q̇, P₁, P₂), one column a run:
+
+    .. math:: L_{1,2} = L_0 (1 - \varepsilon_0) \mp r q, \qquad J\ddot q = r\,(F_1 - F_2) - b_q\,\dot q
+
+    Parameters
+    ----------
+    params : BenchParameters
+        The bench; effects that adjust a parameter are already carried out.
+    n_runs : int
+        Number of runs.
+    effects : sequence of Effect
+        The other effects.
+    """
+
+    def __init__(self, params: BenchParameters, n_runs: int, effects: Sequence[Effect] = ()) -> None:
+        self.muscles = Muscles(params, (2, n_runs), effects)
+        self.plant = self.muscles.plant
+        r = params.joint.pulley_radius
+        self._turn = np.array([[-r], [r]])
+        self._middle = params.muscle.rest_length * (1.0 - params.muscle.initial_contraction)
+        self._torque = r / params.joint.inertia
+        self._damping = params.joint.viscous_damping / params.joint.inertia
+        self._inertia = params.joint.inertia
+        self._L, self._L_rate = np.empty((2, n_runs)), np.empty((2, n_runs))
+        self._drag = np.empty(n_runs)
+        self._torques = [e for e in effects if "torque" in e.hooks()]
+        self._memory: dict[Effect, np.ndarray] = {}
+        self._base = Signals()
+
+    def _lengths(self, y: np.ndarray) -> None:
+        np.multiply(self._turn, y[0], out=self._L)
+        self._L += self._middle
+        np.multiply(self._turn, y[1], out=self._L_rate)
+
+    def rates(self, y: np.ndarray, out: np.ndarray, ahead: float) -> None:
+        """Write ẏ into ``out``; ``ahead`` is the time since the start of the integration step, s."""
+        self._lengths(y)
+        m = self.muscles
+        m.evaluate(self._L, self._L_rate, y[2:], out[2:], ahead)
+        out[0] = y[1]
+        acceleration = out[1]
+        np.subtract(m.F[0], m.F[1], out=acceleration)
+        acceleration *= self._torque
+        np.multiply(y[1], self._damping, out=self._drag)
+        acceleration -= self._drag
+        if self._torques:
+            s = Signals(position=y[0], velocity=y[1])
+            for e in self._torques:
+                x = self._memory.get(e)
+                if x is not None and ahead > 0.0:
+                    x = e.step(x, self._base, s, ahead, self.plant)
+                acceleration += e.torque(s, x, self.plant) / self._inertia
+
+    @property
+    def remembers(self) -> bool:
+        """Whether anything has memory."""
+        return bool(self.muscles.remembering or self._memory)
+
+    # --- memory ---------------------------------------------------------------------------------------------
+    def start_memory(self, y: np.ndarray, dt: float) -> None:
+        """Put all memory at rest at the state ``y``."""
+        self._lengths(y)
+        self.muscles.start_memory(self._L, self._L_rate, y[2:].copy(), dt)
+        self._base = Signals(position=y[0].copy(), velocity=y[1].copy())
+        self._memory = {e: e.start(self._base, self.plant, dt) for e in self._torques if e.n_states}
+
+    def carry_memory(self, y: np.ndarray, h: float) -> None:
+        """Carry memory over the integration step of ``h`` seconds that ended at ``y``."""
+        if self.muscles.remembering:
+            self._lengths(y)
+            self.muscles.carry_memory(self._L, self._L_rate, y[2:].copy(), h)
+        if self._memory:
+            s = Signals(position=y[0].copy(), velocity=y[1].copy())
+            self._memory = {e: e.step(x, self._base, s, h, self.plant) for e, x in self._memory.items()}
+            self._base = s

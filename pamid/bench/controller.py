@@ -1,0 +1,129 @@
+"""The digital controller of the bench: PD on the angle, pressure loops below it, both muscles always taut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .kinematics import contraction
+from .references import PERIOD, Trajectory
+
+if TYPE_CHECKING:
+    from .parameters import BenchParameters
+
+
+@dataclass(frozen=True)
+class Controller:
+    r"""PD control at 1 kHz around a nominal pressure.
+
+    The wanted pressures are
+
+    .. math:: P_{1,2} = P_\mathrm{atm} + p_0 \pm \left(\Delta_\mathrm{ff}(q_\mathrm{ref}) + k_p\,(q_\mathrm{ref} - q)
+        - k_d\,\dot q\right),
+
+    kept between ``lowest`` above ambient and ``margin`` below supply; the valve command is the error of the pressure
+    over the flow that the open valve would pass, saturated at ±1. The gains follow from the bench by pole placement,
+    so that one setting serves all muscles.
+
+    Parameters
+    ----------
+    pressure : float, default=2e5
+        Nominal pressure p₀ of both muscles, Pa gauge.
+    bandwidth : float, default=45
+        Natural frequency of the controlled joint, rad/s.
+    damping : float, default=1
+        Damping ratio of the controlled joint.
+    pressure_time : float, default=4e-3
+        Time constant of the pressure loops, s.
+    lowest : float, default=3e4
+        Least wanted pressure, Pa gauge: the muscles stay taut.
+    margin : float, default=5e4
+        Least distance of the wanted pressure from supply, Pa.
+    """
+
+    pressure: float = 2e5
+    bandwidth: float = 45.0
+    damping: float = 1.0
+    pressure_time: float = 4e-3
+    lowest: float = 3e4
+    margin: float = 5e4
+
+
+class RunningController:
+    """A `Controller` set up for a batch of runs.
+
+    Parameters
+    ----------
+    controller : Controller
+        Its settings.
+    params : BenchParameters
+        The nominal bench, from which the gains follow.
+    runs : sequence of Trajectory
+        What the runs are told, all of one length.
+    """
+
+    def __init__(self, controller: Controller, params: BenchParameters, runs: Sequence[Trajectory]) -> None:
+        plant = params.plant()
+        q_ref = np.stack([run.q_ref for run in runs], axis=1)
+        p0 = controller.pressure
+
+        def per_pressure(muscle: int) -> np.ndarray:
+            """Tension per gauge pressure at the wanted angle, N/Pa."""
+            return plant.volume_slope(contraction(q_ref, muscle, params)) / plant.rest_length
+
+        f1, f2 = per_pressure(1), per_pressure(2)
+        self.feedforward = p0 * (f2 - f1) / (f1 + f2)  # holds the joint at the wanted angle by the nominal equations
+        eps0, r = params.muscle.initial_contraction, params.joint.pulley_radius
+        h = 1e-5
+        torque_per_pressure = 2.0 * r * plant.volume_slope(eps0) / plant.rest_length
+        slope = (plant.volume_slope(eps0 + h) - plant.volume_slope(eps0 - h)) / (2.0 * h * plant.rest_length)
+        stiffness = -2.0 * r * p0 * slope * r / plant.rest_length
+        J, w = params.joint.inertia, controller.bandwidth
+        kp = max(J * w * w - stiffness, 0.0) / torque_per_pressure
+        kd = max(2.0 * controller.damping * w * J - params.joint.viscous_damping, 0.0) / torque_per_pressure
+        self._now, self._last = kp + kd / PERIOD, kd / PERIOD
+        self._wanted = self.feedforward + kp * q_ref
+        offsets = [np.zeros(len(q_ref)) if run.pressure_offset is None else run.pressure_offset for run in runs]
+        ambient = params.gas.atmospheric_pressure
+        self._base = ambient + p0 + np.stack(offsets, axis=1)
+        self._constant_base = not np.ptp(self._base)
+        self._share = np.array([run.share for run in runs]).T * np.array([[1.0], [-1.0]])
+        self._low, self._high = ambient + controller.lowest, params.gas.supply_pressure - controller.margin
+        # Flow that the fully open valve passes at the nominal pressure, choked both ways.
+        C = params.valve.sonic_conductance * params.valve.reference_density
+        needed = plant.volume(eps0) / (params.gas.heat_capacity_ratio * plant.RT) / controller.pressure_time
+        self._fill = needed / (C * params.gas.supply_pressure)
+        self._vent = needed / (C * (ambient + p0))
+        sealed = [np.zeros(len(q_ref), dtype=bool) if run.sealed is None else run.sealed for run in runs]
+        self._sealed = np.stack(sealed, axis=1)
+        self._any_sealed = bool(self._sealed.any())
+        self._q_before: np.ndarray | None = None
+
+    def initial_pressure(self) -> np.ndarray:
+        """Return the pressures that hold each run at its first wanted angle, Pa, shape (2, n_runs)."""
+        return np.clip(self._base[0] + self._share * self.feedforward[0], self._low, self._high)
+
+    def command(self, k: int, q: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """Return the commands at sample ``k`` from the readings of angle (rad) and pressure (Pa)."""
+        before = q if self._q_before is None else self._q_before
+        self._q_before = q.copy()
+        drive = self._wanted[k] - self._now * q
+        drive += self._last * before
+        u = self._share * drive
+        u += self._base[0, 0] if self._constant_base else self._base[k]
+        np.maximum(u, self._low, out=u)
+        np.minimum(u, self._high, out=u)
+        u -= P
+        vent = np.minimum(u, 0.0)
+        np.maximum(u, 0.0, out=u)
+        u *= self._fill
+        vent *= self._vent
+        u += vent
+        np.maximum(u, -1.0, out=u)
+        np.minimum(u, 1.0, out=u)
+        if self._any_sealed:
+            u[:, self._sealed[k]] = 0.0
+        return u

@@ -1,0 +1,109 @@
+"""The data sets of the study, with the published counts, from a seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..errors import UnknownOptionError
+from .parameters import BenchParameters
+from .references import Trajectory, sine, step, triangle
+from .simulation import EffectLike, simulate
+
+AMPLITUDES = (5.0, 10.0, 15.0, 20.0, 25.0)
+"""Amplitudes of the study, degrees."""
+TRAINING_FREQUENCIES = (1.0, 2.0, 4.0, 10.0)
+"""Frequencies of the training sines, rad/s."""
+TRIANGLE_FREQUENCIES = (0.5, 1.0, 2.0, 4.0, 10.0)
+"""Frequencies of the validation triangles, rad/s."""
+ROWS = {"D_A": 31_464, "D_B": 31_464, "D_C": 30_952}
+"""Published number of training samples of each muscle."""
+TRIANGLE_SAMPLES = 1_573
+"""Samples of one triangle run: as many as of a training run."""
+STEP_SAMPLES = 2_000
+"""Samples of one step run; the step comes after 0.5 s."""
+
+
+def training_trajectories(rows: int = ROWS["D_B"]) -> list[Trajectory]:
+    """Return the 20 training sines, together ``rows`` samples long.
+
+    The recorded window of amplitude number k starts at the phase 2πk/5, so that the runs of a slow sine, shorter than
+    its period, cover the cycle together.
+    """
+    runs = []
+    n = len(TRAINING_FREQUENCIES) * len(AMPLITUDES)
+    for i, frequency in enumerate(TRAINING_FREQUENCIES):
+        for k, amplitude in enumerate(AMPLITUDES):
+            place = i * len(AMPLITUDES) + k
+            samples = rows // n + (place < rows % n)
+            runs.append(sine(frequency, amplitude, samples, phase=2.0 * math.pi * k / len(AMPLITUDES)))
+    return runs
+
+
+def triangle_trajectories(samples: int = TRIANGLE_SAMPLES) -> list[Trajectory]:
+    """Return the 25 validation triangles, their windows spread over the cycle like those of the training."""
+    return [
+        triangle(frequency, amplitude, samples, phase=2.0 * math.pi * k / len(AMPLITUDES))
+        for frequency in TRIANGLE_FREQUENCIES
+        for k, amplitude in enumerate(AMPLITUDES)
+    ]
+
+
+def step_trajectories(samples: int = STEP_SAMPLES) -> list[Trajectory]:
+    """Return the 10 validation steps, from 0 to each amplitude in both directions."""
+    return [step(0.0, sign * amplitude, samples) for amplitude in AMPLITUDES for sign in (1.0, -1.0)]
+
+
+_SETS: dict[str, tuple[str, Callable[[], list[Trajectory]]]] = {
+    "D_A": ("A", lambda: training_trajectories(ROWS["D_A"])),
+    "D_B": ("B", lambda: training_trajectories(ROWS["D_B"])),
+    "D_C": ("C", lambda: training_trajectories(ROWS["D_C"])),
+    "D_tri": ("B", triangle_trajectories),
+    "D_step": ("B", step_trajectories),
+}
+DATASETS = tuple(_SETS)
+"""Names of the data sets."""
+
+
+def dataset(
+    name: str,
+    seed: int = 0,
+    effects: Sequence[EffectLike] = (),
+    muscle: str | None = None,
+    params: BenchParameters | None = None,
+    **options: Any,
+) -> Any:
+    """Return a data set of the study, simulated.
+
+    Parameters
+    ----------
+    name : str
+        ``"D_A"``, ``"D_B"``, ``"D_C"`` (training sines of each muscle), ``"D_tri"`` (triangles), ``"D_step"`` (steps).
+    seed : int, default=0
+        Seed of the sensors' noise.
+    effects : sequence, default=()
+        Effects of the bench: objects, names, or pairs (name, parameters).
+    muscle : str, optional
+        ``"A"``, ``"B"`` or ``"C"``, where it is not the one of the data set (B for triangles and steps).
+    params : BenchParameters, optional
+        Another bench altogether; then ``muscle`` is not looked at.
+    **options
+        Passed on to `simulate`, such as ``truth=True``.
+
+    Returns
+    -------
+    DataFrame, or a pair of them with ``truth=True``
+        The log, see `simulate`.
+
+    Examples
+    --------
+    >>> from pamid.bench import dataset
+    >>> len(dataset("D_step"))
+    20000
+    """
+    if name not in _SETS:
+        raise UnknownOptionError(f"There is no data set {name!r}.", f"one of {', '.join(_SETS)}", "Correct the name.")
+    default, trajectories = _SETS[name]
+    bench = params if params is not None else BenchParameters.for_muscle(muscle or default)
+    return simulate(bench, trajectories(), seed=seed, effects=effects, **options)

@@ -1,0 +1,166 @@
+"""What the joint is told to do: the trajectories of the study and those that tell effects apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ParameterError
+
+PERIOD = 1e-3
+"""Control and sampling period, s."""
+
+LEAD = 0.6
+"""Time before the recorded window, s: long enough for the transient of the start to fade."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """One run: the wanted angle, sample by sample, and what else the controller is told.
+
+    Parameters
+    ----------
+    name : str
+        Name of the run in the log.
+    q_ref : array, shape (n_samples,)
+        Wanted joint angle, rad, lead-in included.
+    lead : int, default=0
+        Samples at the start that are not recorded.
+    pressure_offset : array, shape (n_samples,), optional
+        Added to the nominal pressure of both muscles, Pa.
+    share : tuple of float, default=(1, 1)
+        How much of the differential pressure each muscle takes; (2, 0) leaves muscle 2 at constant pressure.
+    sealed : array of bool, shape (n_samples,), optional
+        Where both valves are shut.
+    """
+
+    name: str
+    q_ref: np.ndarray
+    lead: int = 0
+    pressure_offset: np.ndarray | None = None
+    share: tuple[float, float] = (1.0, 1.0)
+    sealed: np.ndarray | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        n = len(self.q_ref)
+        if not 0 <= self.lead < n:
+            raise ParameterError(
+                f"The trajectory {self.name} has {n} samples and a lead-in of {self.lead}.",
+                "at least one recorded sample",
+                "Lengthen the run or shorten its lead-in.",
+            )
+        for name in ("pressure_offset", "sealed"):
+            value = getattr(self, name)
+            if value is not None and len(value) != n:
+                raise ParameterError(
+                    f"{name} of the trajectory {self.name} has {len(value)} samples.", f"{n}, as q_ref", "Match them."
+                )
+        if not np.all(np.isfinite(self.q_ref)):
+            raise ParameterError(
+                f"The wanted angle of {self.name} holds NaN or infinity.", "finite angles in rad", "Correct it."
+            )
+
+    @property
+    def n_samples(self) -> int:
+        """Number of recorded samples."""
+        return len(self.q_ref) - self.lead
+
+
+def _number(value: float) -> str:
+    return f"{value:g}"
+
+
+def _times(samples: int, lead: float) -> tuple[np.ndarray, int]:
+    n_lead = round(lead / PERIOD)
+    return (np.arange(samples + n_lead) - n_lead) * PERIOD, n_lead
+
+
+def sine(frequency: float, amplitude: float, samples: int, phase: float = 0.0, lead: float = LEAD) -> Trajectory:
+    """Return a sine.
+
+    Parameters
+    ----------
+    frequency : float
+        rad/s.
+    amplitude : float
+        Degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    phase : float, default=0
+        Phase at the first recorded sample, rad.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``sine-<frequency>-<amplitude>``.
+    """
+    t, n_lead = _times(samples, lead)
+    q = math.radians(amplitude) * np.sin(frequency * t + phase)
+    return Trajectory(f"sine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+
+
+def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.0, lead: float = LEAD) -> Trajectory:
+    """Return a triangle wave, parameters as for `sine`; named ``triangle-<frequency>-<amplitude>``."""
+    t, n_lead = _times(samples, lead)
+    q = math.radians(amplitude) * 2.0 / math.pi * np.arcsin(np.sin(frequency * t + phase))
+    return Trajectory(f"triangle-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+
+
+def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = LEAD) -> Trajectory:
+    """Return a step from ``start`` to ``end`` (degrees) at ``at`` seconds; named ``step-<start>-<end>``."""
+    t, n_lead = _times(samples, lead)
+    q = np.where(t < at - 0.5 * PERIOD, math.radians(start), math.radians(end))
+    return Trajectory(f"step-{_number(start)}-{_number(end)}", q, n_lead)
+
+
+def multisine(
+    frequency: float, amplitude: float, samples: int, seed: int = 0, tones: int = 6, lead: float = LEAD
+) -> Trajectory:
+    """Return a sum of sines of random phase up to ``frequency`` (rad/s) with a peak of ``amplitude`` degrees."""
+    t, n_lead = _times(samples, lead)
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, tones)
+    w = frequency * np.arange(1, tones + 1) / tones
+    q = np.sin(w[:, None] * t + phases[:, None]).sum(0)
+    q *= math.radians(amplitude) / np.abs(q).max()
+    return Trajectory(f"multisine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+
+
+def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
+    """Return a run that holds ``angle`` (degrees) after a step from 0 in the lead-in; named ``hold-<angle>``."""
+    t, n_lead = _times(samples, lead)
+    q = np.where(t < -0.5 * lead, 0.0, math.radians(angle))
+    return Trajectory(f"hold-{_number(angle)}", q, n_lead)
+
+
+def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LEAD) -> Trajectory:
+    """Return a hold whose valves shut ``after`` seconds of recording; named ``sealed-<angle>``."""
+    held = hold(angle, samples, lead)
+    t, n_lead = _times(samples, lead)
+    return Trajectory(f"sealed-{_number(angle)}", held.q_ref, n_lead, sealed=t >= after - 0.5 * PERIOD)
+
+
+def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, lead: float = LEAD) -> Trajectory:
+    """Return a sine during which ``muscle`` stays at constant pressure and the other one moves the joint.
+
+    Named ``isobaric<muscle>-<frequency>-<amplitude>``.
+    """
+    if muscle not in (1, 2):
+        raise ParameterError(f"There is no muscle {muscle!r}.", "1 or 2", "Name one of the two muscles.")
+    moved = sine(frequency, amplitude, samples, lead=lead)
+    name = f"isobaric{muscle}-{_number(frequency)}-{_number(amplitude)}"
+    return Trajectory(name, moved.q_ref, moved.lead, share=(0.0, 2.0) if muscle == 1 else (2.0, 0.0))
+
+
+def isometric(angle: float, rise: float, samples: int, frequency: float = 1.0, lead: float = LEAD) -> Trajectory:
+    """Return a run that holds ``angle`` (degrees) while both pressures go up and down by ``rise`` (Pa).
+
+    Named ``isometric-<angle>-<rise in kPa>``; ``frequency`` in rad/s.
+    """
+    held = hold(angle, samples, lead)
+    t, n_lead = _times(samples, lead)
+    offset = rise * 0.5 * (1.0 - np.cos(frequency * np.maximum(t, 0.0)))
+    return Trajectory(f"isometric-{_number(angle)}-{_number(rise / 1e3)}", held.q_ref, n_lead, pressure_offset=offset)

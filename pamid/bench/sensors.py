@@ -1,0 +1,51 @@
+"""Sensors of the bench: noise and resolution of each channel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Noise and resolution of one channel.
+
+    Parameters
+    ----------
+    noise : float, default=0
+        Standard deviation of white Gaussian noise, unit of the channel.
+    resolution : float, default=0
+        Step of the converter, unit of the channel; 0 for none.
+    """
+
+    noise: float = 0.0
+    resolution: float = 0.0
+
+    def read(self, values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return what the sensor reads at the true ``values``."""
+        out = np.array(values, dtype=float)
+        if self.noise:
+            out += self.noise * rng.standard_normal(out.shape)
+        if self.resolution:
+            out = np.round(out / self.resolution) * self.resolution
+        return out
+
+    @property
+    def standard_deviation(self) -> float:
+        """Of the reading about the true value: noise and rounding together."""
+        return math.hypot(self.noise, self.resolution / math.sqrt(12.0))
+
+
+SENSORS: Mapping[str, Sensor] = {
+    "q": Sensor(1.9e-5, 2.0 * math.pi / 2**18),
+    "P": Sensor(60.0, 1e6 / 2**16),
+    "F": Sensor(0.07, 1000.0 / 2**16),
+    "mdot": Sensor(3e-6, 0.02 / 2**16),
+}
+"""The sensors of the bench: an encoder of 18 bit (rad), 16-bit converters for 10 bar (Pa), 1 kN (N), ±10 g/s (kg/s)."""
+
+IDEAL: Mapping[str, Sensor] = {channel: Sensor() for channel in SENSORS}
+"""Sensors that read the truth."""
