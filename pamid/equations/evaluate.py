@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ShortTrajectoryError, UnknownOptionError
 from .base import Equation, Residual, all_equations
-from .run import Model, columns_of, runs
+from .run import Model, columns_of, runs, trajectory_rows
 from .windows import WINDOW
 
 if TYPE_CHECKING:
@@ -223,7 +223,13 @@ def _residual(equation: Equation, run: Any) -> Residual | None:
     return residual if len(residual.time) else None
 
 
-def evaluate_log(log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None) -> LogEvaluation:
+def evaluate_log(
+    log: pd.DataFrame,
+    params: BenchParameters,
+    equations: Sequence[str] | None = None,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> LogEvaluation:
     """Evaluate the equations of a simulator on a log.
 
     Parameters
@@ -234,6 +240,8 @@ def evaluate_log(log: pd.DataFrame, params: BenchParameters, equations: Sequence
         The simulator, its effects included.
     equations : sequence of str, optional
         Names of the equations; all that the log allows by default.
+    progress : callable, optional
+        Called with the name of each trajectory when it is begun.
 
     Returns
     -------
@@ -265,10 +273,11 @@ def evaluate_log(log: pd.DataFrame, params: BenchParameters, equations: Sequence
     """
     allowed, skipped = _chosen(equations, log)
     sums: dict[str, dict[str, _Sums]] = {name: {} for name in allowed}
-    from .run import trajectory_rows
-
     trajectory_rows(log)
+    begun = ""
     for trajectory, name, residual in residuals(log, params, list(allowed)):
+        if progress is not None and trajectory != begun:
+            progress(begun := trajectory)
         sums[name].setdefault(trajectory, _Sums()).add(residual)
     evaluations: dict[str, Evaluation] = {}
     for name, by_trajectory in sums.items():

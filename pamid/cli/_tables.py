@@ -1,0 +1,157 @@
+"""From a log to the table that an estimator reads, its target, and scores by trajectory."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import IncompatibleError, MissingColumnError, ParameterError, UnknownOptionError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+RATES = {"deps": "eps", "dP": "P"}
+
+
+class Target(NamedTuple):
+    """What is predicted: the equation's name, the column that holds it, its unit."""
+
+    name: str
+    column: str
+    unit: str
+
+
+TARGETS = {"force": Target("force", "F", "N"), "flow": Target("flow", "mdot", "kg/s")}
+
+
+def equation_of(estimator: Any, wanted: str | None) -> Target:
+    """Return what an estimator predicts: as it says itself, or as the caller says.
+
+    Raises
+    ------
+    IncompatibleError
+        The estimator predicts something else than wanted.
+    ParameterError
+        Neither says it.
+    """
+    last = estimator.steps[-1][1] if hasattr(estimator, "steps") else estimator
+    own = _own_equations(last)
+    if wanted is not None and own and wanted not in own:
+        raise IncompatibleError(
+            f"{type(last).__name__} predicts {' and '.join(own)}.",
+            f"an estimator of {wanted}",
+            f"Use --equation {own[0]}, or another estimator.",
+        )
+    name = wanted or (own[0] if len(own) == 1 else None)
+    if name is None:
+        raise ParameterError(
+            f"{type(last).__name__} can predict either equation.", "force or flow", "Add --equation force or flow."
+        )
+    if len(own) > 1:
+        raise IncompatibleError(
+            f"{type(last).__name__} predicts {' and '.join(own)} together.",
+            "an estimator of one equation",
+            "Fit it in Python, or choose another estimator here.",
+        )
+    return TARGETS[name]
+
+
+def _own_equations(estimator: Any) -> list[str]:
+    for method in ("_laws", "_law"):
+        if callable(found := getattr(estimator, method, None)):
+            laws = found()
+            return [law.equation for law in (laws if isinstance(laws, tuple) else (laws,))]
+    return []
+
+
+def signal_table(log: pd.DataFrame, params: BenchParameters | None, target: Target) -> pd.DataFrame:
+    """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target.
+
+    A log of the bench is unfolded by its simulator; a log of one muscle has these columns already.
+    """
+    columns = list(map(str, log.columns))
+    if "eps" in columns and "P" in columns:
+        table = log.assign(run=log["trajectory"])
+    elif params is None:
+        raise MissingColumnError(
+            f"The log has no column eps (it has {', '.join(columns[:20])}).",
+            "eps and P of one muscle, or q, P1, P2 and a simulator that tells eps",
+            "Add --sim SIM.toml, or map your columns with --columns.",
+        )
+    else:
+        from ..bench.kinematics import unfold
+
+        table = unfold(log, params)
+    if target.column not in table.columns:
+        raise MissingColumnError(
+            f"The log has no {target.column} (it has {', '.join(columns[:20])}).",
+            f"measured {target.name} as {target.column}, or {target.column}1 and {target.column}2, in {target.unit}",
+            "Choose the other equation, or map your columns with --columns.",
+        )
+    return table
+
+
+def make_estimator(name: str, settings: dict[str, Any], params: BenchParameters | None, seed: int) -> Any:
+    """Make an estimator by its name: settings as given, geometry from the simulator, seed where it takes one."""
+    import difflib
+
+    from pamid.estimators import all_estimators
+
+    known = dict(all_estimators())
+    known = {n: c for n, c in known.items() if hasattr(c, "predict")}
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=3)
+        raise UnknownOptionError(
+            f"There is no estimator {name!r}.",
+            f"one of {', '.join(known)}",
+            f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
+        )
+    accepted = [p for p in inspect.signature(known[name]).parameters if p not in ("args", "kwargs")]
+    if unknown := sorted(set(settings) - set(accepted)):
+        close = difflib.get_close_matches(unknown[0], accepted, n=3)
+        raise UnknownOptionError(
+            f"{name} has no parameter {', '.join(unknown)}.",
+            f"one of {', '.join(accepted)}",
+            f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
+        )
+    values: dict[str, Any] = {"random_state": seed}
+    if params is not None:
+        values |= params.values()
+    return known[name](**{k: v for k, v in values.items() if k in accepted} | settings)
+
+
+def needed_signals(estimator: Any) -> list[str]:
+    """Return the signals that an estimator reads."""
+    return list(getattr(estimator, "_needs", ("eps", "P")))
+
+
+def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
+    """Predict a table, with what the model was fitted on as columns."""
+    import numpy as np
+
+    names = list(getattr(model, "feature_names_in_", []))
+    if missing := [n for n in names if n not in table.columns]:
+        raise MissingColumnError(
+            f"The log gives no {', '.join(missing)}.",
+            f"the columns of the fit: {', '.join(names)}",
+            "Map the log's columns with --columns, or fit the model on columns that this log has.",
+        )
+    return np.asarray(model.predict(table[names] if names else table), dtype=float)
+
+
+def score_by_trajectory(table: pd.DataFrame, predicted: np.ndarray, target: Target) -> dict[str, Any]:
+    """Return rmse and nrmse over all rows and for each trajectory."""
+    import numpy as np
+
+    measured = table[target.column].to_numpy(dtype=float)
+
+    def score(rows: Any) -> dict[str, Any]:
+        y, error = measured[rows], (predicted - measured)[rows]
+        rmse, spread = float(np.sqrt(np.mean(error**2))), float(np.std(y))
+        return {"rmse": rmse, "nrmse": rmse / spread if spread > 0 else float("nan"), "n_samples": len(y)}
+
+    by_trajectory = {str(name): score(rows) for name, rows in table.groupby("trajectory", sort=False).indices.items()}
+    return {**score(slice(None)), "unit": target.unit, "trajectories": by_trajectory}

@@ -1,0 +1,132 @@
+"""Build the parser from the commands that there are, run one, and turn whatever it raises into one clear message."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import os
+import pkgutil
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from types import ModuleType
+from typing import Any
+
+from .. import __version__
+from ..errors import PamidError, PamidWarning
+
+DONE, OWN_ERROR, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
+
+_DESCRIPTION = """\
+Identify models of pneumatic artificial muscles from logs, and hold a simulator against a bench.
+
+A log is a table of samples (CSV, parquet, MATLAB, HDF5), a simulator a small file sim.toml with the parameters of
+the bench. All units are SI, pressures absolute; --columns maps a log with other names and units.
+"""
+
+_EPILOG = """\
+examples:
+  pamid simulate --muscle B --dataset D_B --out log.parquet     a data set from the twin, with its sim.toml
+  pamid evaluate log.parquet --sim log.sim.toml                 where simulator and log differ, and the noise floor
+  pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
+  pamid evaluate log.parquet --sim log.sim.toml --model model.pamid
+
+exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted
+
+'pamid COMMAND --help' explains one command.
+"""
+
+
+def commands() -> list[ModuleType]:
+    """Return the modules of all commands: every module of `pamid.cli.commands` is one."""
+    from . import commands as package
+
+    names = sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+    return [importlib.import_module(f"{package.__name__}.{name}") for name in names]
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser with all commands."""
+    parser = argparse.ArgumentParser(
+        prog="pamid",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"pamid {__version__}")
+    subparsers = parser.add_subparsers(title="commands", dest="command", metavar="COMMAND")
+    for module in commands():
+        before = set(subparsers.choices)
+        module.add_parser(subparsers)
+        for name in set(subparsers.choices) - before:
+            subparsers.choices[name].set_defaults(_run=module.run)
+    return parser
+
+
+def run(argv: Sequence[str] | None = None) -> int:
+    """Parse arguments and run the command; see `pamid.cli.main`."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in arguments
+    try:
+        with _plain_warnings("--quiet" in arguments):
+            parser = build_parser()
+            args = parser.parse_args(arguments)
+            if args.command is None:
+                parser.print_help()
+                return WRONG_USE
+            code = int(args._run(args))
+            sys.stdout.flush()
+            return code
+    except SystemExit as stop:  # argparse has said what it had to
+        return stop.code if isinstance(stop.code, int) else DONE if stop.code is None else WRONG_USE
+    except KeyboardInterrupt:
+        _say("interrupted; nothing is left half written")
+        return INTERRUPTED
+    except BrokenPipeError:
+        _close_stdout()  # whoever read the output has seen enough
+        return DONE
+    except PamidError as error:
+        if debug:
+            raise
+        _say(f"error: {error}")
+        return WRONG_USE
+    except MemoryError:
+        _say("error: There is not enough memory for this. Expected a smaller table. Thin the log, or cut it in parts.")
+        return WRONG_USE
+    except Exception as error:
+        if debug:
+            raise
+        text = " ".join(str(error).split())[:300]
+        _say(
+            f"error inside pamid: {type(error).__name__}: {text}\n"
+            "This should not happen. Please report it; --debug shows the traceback to send along."
+        )
+        return OWN_ERROR
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        print(f"pamid: {text}", file=sys.stderr, flush=True)
+
+
+def _close_stdout() -> None:
+    """Send what is still buffered nowhere, so that the interpreter does not stumble over the closed pipe at exit."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+@contextlib.contextmanager
+def _plain_warnings(quiet: bool) -> Iterator[None]:
+    """Show warnings as one line without file and line number; those of other packages once a text."""
+
+    def show(message: Any, category: type[Warning], *_: Any, **__: Any) -> None:
+        if quiet or not (issubclass(category, (PamidWarning, UserWarning, RuntimeWarning))):
+            return
+        _say(f"warning: {' '.join(str(message).split())}")
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield

@@ -1,0 +1,120 @@
+"""``pamid evaluate``: hold a log against a simulator, or against a saved model."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ...errors import ParameterError
+from ..common import (
+    add_command,
+    add_log_options,
+    load_log,
+    load_simulator,
+    note,
+    number,
+    print_json,
+    progress,
+    table,
+)
+
+_DESCRIPTION = """\
+Hold a log against the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
+
+For each equation you get the root mean square error over windows of 20 ms (rmse), the same over the standard
+deviation of what was measured (nrmse), and the noise floor: the rmse that the sensors' own noise, estimated from the
+log, would leave with a perfect simulator. An rmse far above the floor is a gap, unless the parameters under
+[tolerance] explain it: --refit fits those within their tolerances first.
+
+With --model, a model saved by 'pamid fit' predicts the log instead.
+"""
+_EXAMPLES = """\
+  pamid evaluate log.parquet --sim sim.toml
+  pamid evaluate log.parquet --sim sim.toml --refit --json
+  pamid evaluate new.csv --columns mapping.toml --sim sim.toml --model force.pamid
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(subparsers, "evaluate", "errors of a simulator or a model on a log", _DESCRIPTION, _EXAMPLES)
+    add_log_options(parser)
+    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file; needed unless --model reads a log with eps")
+    parser.add_argument("--model", metavar="MODEL", help="model file of 'pamid fit' to evaluate on the log")
+    parser.add_argument(
+        "--equation", choices=("force", "flow"), help="what the model predicts, if its file does not say"
+    )
+    parser.add_argument("--refit", action="store_true", help="refit the parameters under [tolerance] within it first")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    if args.model is not None:
+        return _evaluate_model(args)
+    if args.sim is None:
+        raise ParameterError(
+            "Neither --sim nor --model is given.", "a simulator or a model", "Add --sim SIM.toml or --model MODEL."
+        )
+    return _evaluate_simulator(args)
+
+
+def _evaluate_simulator(args: argparse.Namespace) -> int:
+    from ...equations import evaluate_log, refit_within_tolerance
+
+    params = load_simulator(args.sim)
+    log = load_log(args)
+    extra: dict[str, Any] = {}
+    if args.refit:
+        with progress(args, "Refitting within tolerances"):
+            refit = refit_within_tolerance(log, params)
+        params = refit.params
+        extra["refit"] = {
+            "parameters": {name: params.get(name) for name in refit.changes},
+            "relative_change": refit.changes,
+            "at_bound": list(refit.at_bound),
+        }
+    with progress(args, "Evaluating", log["trajectory"].nunique() if "trajectory" in log else None) as step:
+        result = evaluate_log(log, params, progress=step)
+    if args.json:
+        print_json({**result.as_dict(), **extra})
+        return 0
+    rows = [
+        [name, number(e.rmse), number(e.nrmse), number(e.noise_floor), number(e.rmse / e.noise_floor), e.unit]
+        if e.noise_floor > 0
+        else [name, number(e.rmse), number(e.nrmse), number(e.noise_floor), "-", e.unit]
+        for name, e in result.items()
+    ]
+    if rows:
+        print(table(["equation", "rmse", "nrmse", "noise floor", "rmse/floor", "unit"], rows))
+    for why in result.skipped.values():
+        print(f"skipped: {why}")
+    for name, change in extra.get("refit", {}).get("relative_change", {}).items():
+        bound = ", at its bound" if name in extra["refit"]["at_bound"] else ""
+        print(f"refitted: {name} {change:+.3%} to {params.get(name):.6g}{bound}")
+    if not args.refit and params.tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
+        note(args, f"the tolerances of {', '.join(params.tolerance)} may explain part of this: try --refit")
+    return 0
+
+
+def _evaluate_model(args: argparse.Namespace) -> int:
+    from ...persistence import inspect, load
+    from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
+
+    head = inspect(args.model)
+    model = load(args.model)
+    equation = equation_of(model, args.equation or head["metadata"].get("equation"))
+    params = load_simulator(args.sim) if args.sim else None
+    log = load_log(args, nan="drop")
+    signals = signal_table(log, params, equation)
+    with progress(args, "Predicting"):
+        predicted = predict_table(model, signals)
+    scores = score_by_trajectory(signals, predicted, equation)
+    if args.json:
+        print_json({"model": {"class": head["class"], "steps": head["steps"]}, "equation": equation.name, **scores})
+        return 0
+    rows = [
+        [name, number(s["rmse"]), number(s["nrmse"]), str(s["n_samples"])] for name, s in scores["trajectories"].items()
+    ]
+    rows.append(["all", number(scores["rmse"]), number(scores["nrmse"]), str(scores["n_samples"])])
+    print(table(["trajectory", f"rmse / {equation.unit}", "nrmse", "samples"], rows))
+    return 0

@@ -1,0 +1,179 @@
+"""``pamid fit``: fit an estimator to a log, say how well it holds on runs that it has not seen, save it."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+from ...errors import ParameterError, TooFewTrajectoriesError
+from ..common import (
+    add_command,
+    add_log_options,
+    checked_output,
+    load_log,
+    load_simulator,
+    note,
+    number,
+    parse_settings,
+    print_json,
+    progress,
+    table,
+)
+
+_DESCRIPTION = """\
+Fit an estimator to the force or the mass flow of a log and save it.
+
+First the estimator is fitted on most runs and scored on those left out, for each fold of a grouped cross-validation:
+that is the error to expect on a run that it has not seen. Then it is fitted on all runs and written to --out.
+Rates (deps, dP) are not logged; where the estimator needs them they are computed run by run and become the first step
+of the saved pipeline. From --sim come the contraction (from the joint angle) and the geometry that the estimator
+starts from.
+"""
+_EXAMPLES = """\
+  pamid fit log.parquet --estimator StaticPIHM --sim sim.toml --out force.pamid
+  pamid fit log.parquet --estimator GeometricFlow --sim sim.toml --out flow.pamid --set model=tondu_lopez
+  pamid fit festo/*.csv --columns mapping.toml --estimator MLP --equation force --set max_iter=50 --out mlp.pamid
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(subparsers, "fit", "fit an estimator to a log and save it", _DESCRIPTION, _EXAMPLES)
+    add_log_options(parser)
+    parser.add_argument("--estimator", metavar="NAME", required=True, help="name of the estimator, such as StaticPIHM")
+    parser.add_argument(
+        "--equation", choices=("force", "flow"), help="what to predict, if the estimator leaves it open"
+    )
+    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file; needed unless the log has eps and P")
+    parser.add_argument("--out", metavar="MODEL.pamid", required=True, help="file to write the model to")
+    parser.add_argument(
+        "--set", metavar="NAME=VALUE", action="append", default=[], help="parameter of the estimator; repeatable"
+    )
+    parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")
+    parser.add_argument("--thin", type=int, default=1, metavar="N", help="fit on every N-th sample only (default: all)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...persistence import save
+    from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, signal_table
+
+    out = checked_output(args.out)
+    if args.thin < 1 or args.folds < 0 or args.folds == 1:
+        raise ParameterError(
+            f"--thin is {args.thin} and --folds is {args.folds}.",
+            "--thin of at least 1, --folds 0 or at least 2",
+            "Correct the number.",
+        )
+    params = load_simulator(args.sim) if args.sim else None
+    estimator = make_estimator(args.estimator, parse_settings(args.set), params, args.seed)
+    target = equation_of(estimator, args.equation)
+    signals = signal_table(load_log(args, nan="drop"), params, target)
+    steps, features = _with_rates(signals, estimator)
+    columns = [*(c for c in ("trajectory",) if c in features), *_inputs(features, estimator)]
+    scores = None
+    if args.folds:
+        predicted = _held_out(args, estimator, features[columns], signals, target)
+        scores = score_by_trajectory(signals, predicted, target)
+    rows = slice(None, None, args.thin)
+    started = time.perf_counter()
+    with progress(args, f"Fitting {args.estimator}"):
+        fitted = _fit(estimator, features[columns].iloc[rows], signals[target.column].iloc[rows])
+    seconds = time.perf_counter() - started
+    model = _pipeline(steps, fitted)
+    predicted = predict_table(fitted, features[columns])
+    training = score_by_trajectory(signals, predicted, target)
+    metadata = {"equation": target.name, "unit": target.unit, "estimator": args.estimator, "logs": list(args.log)}
+    if scores is not None:
+        metadata["held_out"] = {"rmse": scores["rmse"], "nrmse": scores["nrmse"], "folds": args.folds}
+    save(model, out, metadata)
+    report = {
+        "model": str(out),
+        "estimator": args.estimator,
+        "equation": target.name,
+        "unit": target.unit,
+        "training": {k: training[k] for k in ("rmse", "nrmse", "n_samples")},
+        "held_out": scores,
+        "fit_seconds": seconds,
+        "n_iter": getattr(fitted, "n_iter_", None),
+    }
+    if args.json:
+        print_json(report)
+        return 0
+    lines = [["training", number(training["rmse"]), number(training["nrmse"]), str(training["n_samples"])]]
+    if scores is not None:
+        lines.append(["held out", number(scores["rmse"]), number(scores["nrmse"]), str(scores["n_samples"])])
+    print(table([args.estimator, f"rmse / {target.unit}", "nrmse", "samples"], lines))
+    print(f"saved: {out} (fitted in {seconds:.2f} s)")
+    return 0
+
+
+def _inputs(features: Any, estimator: Any) -> list[str]:
+    from .._tables import needed_signals
+
+    return [name for name in needed_signals(estimator) if name in features.columns]
+
+
+def _with_rates(signals: Any, estimator: Any) -> tuple[list[tuple[str, Any]], Any]:
+    """Return the steps before the estimator, fitted, and the table with the rates that the estimator needs."""
+    from .._tables import RATES, needed_signals
+
+    missing = [r for r in RATES if r in needed_signals(estimator) and r not in signals.columns]
+    if not missing:
+        return [], signals
+    from pamid.estimators import RateTransformer
+
+    base = signals[["trajectory", "time", *[RATES[r] for r in RATES]]]
+    rates = RateTransformer().fit(base)
+    found = rates.transform(base)
+    return [("rates", rates)], found.assign(trajectory=signals["trajectory"].to_numpy())
+
+
+def _fit(estimator: Any, X: Any, y: Any) -> Any:
+    """Fit, with scikit-learn's complaints about parameters turned into pamid's."""
+    from sklearn.utils._param_validation import InvalidParameterError
+
+    try:
+        return estimator.fit(X, y)
+    except InvalidParameterError as error:
+        raise ParameterError(str(error), "a value that the estimator takes", "Correct the --set option.") from None
+
+
+def _held_out(args: argparse.Namespace, estimator: Any, X: Any, signals: Any, target: Any) -> Any:
+    """Predict each run by a model that was fitted on the others."""
+    import numpy as np
+    from sklearn.base import clone
+    from sklearn.model_selection import GroupKFold
+
+    from .._tables import predict_table
+
+    runs = signals["run"].to_numpy()
+    n_runs = len(np.unique(runs.astype(str)))
+    if n_runs < 2:
+        raise TooFewTrajectoriesError(
+            f"The log has {n_runs} trajectory.",
+            "at least 2, to score the model on runs that it has not seen",
+            "Add a log, or pass --folds 0 to go without the check.",
+        )
+    folds = min(args.folds, n_runs)
+    if folds < args.folds:
+        note(args, f"{n_runs} runs allow {folds} folds only")
+    predicted = np.full(len(X), np.nan)
+    y = signals[target.column]
+    with progress(args, "Held-out check, fold", folds) as step:
+        for train, test in GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, runs):
+            rows = train[:: args.thin]
+            fitted = _fit(clone(estimator), X.iloc[rows], y.iloc[rows])
+            predicted[test] = predict_table(fitted, X.iloc[test])
+            step("")
+    return predicted
+
+
+def _pipeline(steps: list[tuple[str, Any]], fitted: Any) -> Any:
+    """Put the fitted steps together; what came before the estimator was fitted on the same log."""
+    if not steps:
+        return fitted
+    from sklearn.pipeline import Pipeline
+
+    return Pipeline([*steps, ("model", fitted)])

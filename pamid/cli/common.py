@@ -1,0 +1,203 @@
+"""What the commands share: common options, output for people and machines, progress."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import OutputError, ParameterError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+
+def add_command(subparsers: Any, name: str, summary: str, description: str, examples: str) -> argparse.ArgumentParser:
+    """Add a command with the common options.
+
+    Parameters
+    ----------
+    subparsers : object
+        What `add_parser` of a command is given.
+    name : str
+        Name of the command.
+    summary : str
+        One line for the list of commands.
+    description : str
+        What it does, for a newcomer.
+    examples : str
+        Examples, one a line; the exit codes are added.
+
+    Returns
+    -------
+    ArgumentParser
+        The command's parser.
+    """
+    parser = subparsers.add_parser(
+        name,
+        help=summary,
+        description=description,
+        epilog=f"examples:\n{examples.rstrip()}\n\n"
+        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    common = parser.add_argument_group("common options")
+    common.add_argument("--json", action="store_true", help="print the result as JSON on standard output, nothing else")
+    common.add_argument("--quiet", action="store_true", help="no progress and no warnings")
+    common.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of everything random (default: 0)")
+    common.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    return parser
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**32:
+        raise argparse.ArgumentTypeError(f"{text} is not a seed from 0 to {2**32 - 1}")
+    return value
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Add the log and the mapping of its columns."""
+    parser.add_argument(
+        "log", metavar="LOG", nargs="+", help="log file(s) or folder: CSV, parquet, MATLAB 5 to 7.3, HDF5, JSON"
+    )
+    parser.add_argument(
+        "--columns",
+        metavar="MAPPING.toml",
+        help="how the log's own columns and units become pamid's signals; not needed for SI units and pamid's names",
+    )
+    parser.add_argument(
+        "--nan",
+        choices=("raise", "drop", "keep"),
+        default="keep",
+        help="what to do about missing values (default: keep, windows around them are left out)",
+    )
+
+
+def load_log(args: argparse.Namespace, nan: str | None = None) -> pd.DataFrame:
+    """Read the log that the arguments name."""
+    from ..signals import read_log
+
+    paths = args.log if isinstance(args.log, list) else [args.log]
+    return read_log(paths, args.columns, nan=nan or args.nan)
+
+
+def load_simulator(path: str) -> BenchParameters:
+    """Read a simulator file."""
+    from ..bench.parameters import BenchParameters
+
+    return BenchParameters.from_toml(path)
+
+
+def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
+    """Turn ``name=value`` texts into a dictionary; values are Python literals, anything else is text."""
+    import ast
+
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not equals or not name.strip():
+            raise ParameterError(f"--set got {pair!r}.", "name=value", "Write for instance --set max_iter=200.")
+        try:
+            settings[name.strip()] = ast.literal_eval(text.strip())
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
+            settings[name.strip()] = {"true": True, "false": False, "none": None}.get(
+                text.strip().lower(), text.strip()
+            )
+    return settings
+
+
+# --- output -------------------------------------------------------------------------------------------------
+def finite(value: Any) -> Any:
+    """Return plain JSON data: numpy numbers as Python's, NaN and infinities as null."""
+    if isinstance(value, dict):
+        return {str(k): finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(v) for v in value]
+    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def print_json(data: Any) -> None:
+    """Print data as strict JSON."""
+    print(json.dumps(finite(data), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return an aligned table: text to the left, numbers to the right."""
+    widths = [max(len(str(row[k])) for row in [header, *rows]) for k in range(len(header))]
+    right = [all(_is_number(row[k]) for row in rows) for k in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        return "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(cells, widths, right, strict=True)).rstrip()
+
+    return "\n".join([line(header), *(line(row) for row in rows)])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return text in ("", "-")
+    return True
+
+
+def number(value: float) -> str:
+    """Return a number with four digits, ``-`` for none."""
+    return f"{value:.4g}" if math.isfinite(value) else "-"
+
+
+def note(args: argparse.Namespace, text: str) -> None:
+    """Say something to people on standard error."""
+    if not args.quiet:
+        print(f"pamid: {text}", file=sys.stderr, flush=True)
+
+
+def _no_step(text: str = "") -> None:
+    """Show nothing."""
+
+
+@contextlib.contextmanager
+def progress(args: argparse.Namespace, what: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
+    """Show a bar on standard error while the body runs, if a person is watching.
+
+    Yields
+    ------
+    callable
+        Call it with a short text after each step.
+    """
+    if args.quiet or not sys.stderr.isatty():
+        yield _no_step
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+
+        def step(text: str = "") -> None:
+            bar.update(task, advance=1, description=f"{what} {text}".rstrip())
+
+        yield step
+
+
+def checked_output(path: str, overwrite_hint: str = "") -> Path:
+    """Return the path of an output whose folder exists, before anything expensive starts."""
+    target = Path(path)
+    folder = target.parent
+    if not folder.is_dir():
+        raise OutputError(f"The folder {folder} does not exist.", "an existing folder", "Create it first.")
+    if target.is_dir():
+        raise OutputError(f"{target} is a folder.", "the name of a file", "Add a file name.")
+    return target
