@@ -19,6 +19,10 @@ _HOME = {
     "parse_quantity": "units",
     "implausible_units": "plausibility",
     "check_units": "plausibility",
+    "differentiate": "rates",
+    "tune_cutoff": "rates",
+    "noise_level": "noise",
+    "quantisation_step": "noise",
     "State": "state",
     "STATE_SIGNALS": "state",
 }

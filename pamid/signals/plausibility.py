@@ -49,7 +49,7 @@ class _Range(NamedTuple):
 
 
 def _range(values: np.ndarray) -> _Range:
-    low, high = np.quantile(values, [0.002, 0.998])
+    low, high = np.quantile(values, [0.002, 0.998], method="inverted_cdf")
     return _Range(float(low), float(high), float(max(abs(low), abs(high))))
 
 

@@ -1,0 +1,269 @@
+"""Kalman/RTS rates: a smoother of constant acceleration, with filterpy behind this one module.
+
+The state is (value, rate, acceleration), driven by white jerk; the value is measured. filterpy runs the first stretch,
+where the gain still changes; from there on the gain is constant, and filter and smoother are first-order recursions.
+filterpy's ready-made kinematic filters measure sums of axes in version 2; F, H and Q are therefore built here.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+SOURCE = "Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation"
+_HALF_POWER = np.sqrt(2.0) - 1.0
+_LOWEST = 2e-4
+_LONGEST_START = 1500
+_WIDE = 1e6
+
+
+class Model(NamedTuple):
+    """A smoother at one cut-off frequency, in a state scaled by it: (y, ẏ/ω, ÿ/ω²).
+
+    Parameters
+    ----------
+    omega : float
+        Bandwidth ω, rad per sample.
+    F, H, Q, R : ndarray
+        Transition (3, 3), measurement (1, 3), process noise (3, 3), measurement noise (1, 1).
+    """
+
+    omega: float
+    F: np.ndarray
+    H: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def model(cutoff: float) -> Model:
+    """Build the model of constant acceleration for a cut-off frequency.
+
+    Parameters
+    ----------
+    cutoff : float
+        Frequency at which the smoother's gain is 1/√2, cycles per sample.
+
+    Returns
+    -------
+    Model
+        With unit measurement noise and jerk of spectral density q: the smoother's gain is 1 / (1 + ω⁶/q).
+
+    Examples
+    --------
+    >>> from pamid.signals.kalman import model
+    >>> model(0.01).H.tolist()
+    [[1.0, 0.0, 0.0]]
+    """
+    w = 2.0 * np.pi * max(cutoff, _LOWEST)
+    F = np.array([[1.0, w, w * w / 2.0], [0.0, 1.0, w], [0.0, 0.0, 1.0]])
+    H = np.array([[1.0, 0.0, 0.0]])
+    q = 1.0 / _HALF_POWER
+    Q = q * np.array(
+        [
+            [w**6 / 20.0, w**5 / 8.0, w**4 / 6.0],
+            [w**5 / 8.0, w**4 / 3.0, w**3 / 2.0],
+            [w**4 / 6.0, w**3 / 2.0, w**2],
+        ]
+    )
+    return Model(w, F, H, Q, np.eye(1))
+
+
+def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
+    """Response of the smoothed rate divided by that of the true derivative.
+
+    Parameters
+    ----------
+    omega : ndarray
+        Frequency, rad per sample.
+    cutoff : float
+        Cut-off frequency, cycles per sample.
+
+    Returns
+    -------
+    ndarray
+        1 / (1 + ω⁶/q), the smoother of a threefold integrated white noise, as far as sampling does not alias it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.kalman import gain
+    >>> float(gain(np.array([2 * np.pi * 0.02]), 0.02)[0].round(3))
+    0.708
+    """
+    w = 2.0 * np.pi * max(cutoff, _LOWEST)
+    return 1.0 / (1.0 + _HALF_POWER * (2.0 * np.sin(omega / 2.0) / w) ** 6)
+
+
+def filterpy_filter(m: Model, P: np.ndarray) -> Any:
+    """Set up a filterpy filter of this model.
+
+    Parameters
+    ----------
+    m : Model
+        The model.
+    P : ndarray, shape (3, 3)
+        Covariance of the starting state, scaled as the model.
+
+    Returns
+    -------
+    filterpy.kalman.KalmanFilter
+        With F, H, Q, R of the model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.kalman import filterpy_filter, model
+    >>> filterpy_filter(model(0.01), np.eye(3)).H.shape
+    (1, 3)
+    """
+    from filterpy.kalman import KalmanFilter
+
+    kf = KalmanFilter(dim_x=3, dim_z=1)
+    kf.F, kf.H, kf.Q, kf.R, kf.P = (np.array(x, dtype=float) for x in (m.F, m.H, m.Q, m.R, P))
+    return kf
+
+
+class Steady(NamedTuple):
+    """Constant gains of a model.
+
+    Parameters
+    ----------
+    P : ndarray, shape (3, 3)
+        Covariance of the filtered state.
+    K : ndarray, shape (3,)
+        Kalman gain.
+    C : ndarray, shape (3, 3)
+        Gain of the RTS smoother.
+    """
+
+    P: np.ndarray
+    K: np.ndarray
+    C: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def steady(cutoff: float) -> Steady:
+    """Solve the Riccati equation for the gains of a long log.
+
+    Parameters
+    ----------
+    cutoff : float
+        Cut-off frequency, cycles per sample.
+
+    Returns
+    -------
+    Steady
+        The gains, in the scaled state of `Model`.
+
+    Examples
+    --------
+    >>> from pamid.signals.kalman import steady
+    >>> steady(0.01).K.shape
+    (3,)
+    """
+    from scipy.linalg import solve_discrete_are
+
+    m = model(cutoff)
+    predicted = solve_discrete_are(m.F.T, m.H.T, m.Q, m.R)
+    K = predicted @ m.H.T / (m.H @ predicted @ m.H.T + m.R)
+    filtered = predicted - K @ m.H @ predicted
+    filtered = (filtered + filtered.T) / 2.0
+    C = np.linalg.solve(predicted.T, (filtered @ m.F.T).T).T
+    return Steady(filtered, K[:, 0], C)
+
+
+def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smooth and differentiate at a unit step.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples, n_channels)
+        Signals sampled at equal steps.
+    cutoff : float
+        Cut-off frequency, cycles per sample.
+
+    Returns
+    -------
+    tuple of three ndarrays, shape (n_samples, n_channels)
+        Value, rate per sample, second rate per sample squared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.kalman import smooth
+    >>> value, rate, second = smooth(np.arange(300.0)[:, None], 0.05)
+    >>> bool(np.allclose(rate, 1.0, atol=1e-6))
+    True
+    """
+    m, gains = model(cutoff), steady(cutoff)
+    centre, spread = y.mean(axis=0), y.std(axis=0)
+    spread = np.where(spread > 0, spread, 1.0)
+    y = (y - centre) / spread
+    start = min(len(y), _LONGEST_START, int(np.ceil(12.0 / m.omega)) + 20)
+    states = np.empty((len(y), 3, y.shape[1]))
+    for channel in range(y.shape[1]):
+        states[:, :, channel] = _smooth_one(y[:, channel], m, gains, start)
+    states *= spread
+    return states[:, 0] + centre, states[:, 1] * m.omega, states[:, 2] * m.omega**2
+
+
+def _smooth_one(y: np.ndarray, m: Model, gains: Steady, start: int) -> np.ndarray:
+    n = len(y)
+    x0, P0 = _initial(y)
+    kf = filterpy_filter(m, P0)
+    kf.x = x0[:, None]
+    # filterpy predicts before its first update; updating first keeps the prior at the first sample.
+    means, covariances, _, _ = kf.batch_filter(y[:start, None, None], update_first=True)
+    filtered = np.empty((n, 3))
+    filtered[:start] = means[:, :, 0]
+    if start < n:
+        A = m.F - np.outer(gains.K, m.H @ m.F)
+        filtered[start:] = _recursion(A, gains.K[:, None] * y[start:], filtered[start - 1])
+    result = np.empty((n, 3))
+    if start < n:
+        drive = (np.eye(3) - gains.C @ m.F) @ filtered[start:-1].T
+        result[start:-1] = _recursion(gains.C, drive[:, ::-1], filtered[-1])[::-1]
+        result[-1] = filtered[-1]
+        last = result[start]
+    else:
+        last = None
+    return _smooth_start(result, filtered, covariances, m, start, last)
+
+
+def _smooth_start(
+    result: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, m: Model, start: int, last: np.ndarray | None
+) -> np.ndarray:
+    """Run the RTS recursion with changing gains over the first stretch."""
+    if last is None:
+        result[start - 1] = filtered[start - 1]
+        begin = start - 2
+    else:
+        begin = start - 1
+    following = result[start - 1] if last is None else last
+    for k in range(begin, -1, -1):
+        predicted = m.F @ covariances[k] @ m.F.T + m.Q
+        C = np.linalg.solve(predicted.T, (covariances[k] @ m.F.T).T).T
+        following = filtered[k] + C @ (following - m.F @ filtered[k])
+        result[k] = following
+    return result
+
+
+def _initial(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A prior at the first sample so wide, for signals of unit spread, that the data alone speak."""
+    return np.array([y[0], 0.0, 0.0]), np.eye(3) * _WIDE
+
+
+def _recursion(A: np.ndarray, drive: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Solve x[k] = A x[k-1] + drive[k] from x[-1] = first, by the eigenvectors of A."""
+    from scipy.signal import lfilter
+
+    values, vectors = np.linalg.eig(A)
+    inverse = np.linalg.inv(vectors)
+    modes = inverse @ drive
+    begin = inverse @ first
+    for i, value in enumerate(values):
+        modes[i] = lfilter([1.0], [1.0, -value], modes[i], zi=np.array([value * begin[i]]))[0]
+    return (vectors @ modes).real.T

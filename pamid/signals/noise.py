@@ -1,0 +1,85 @@
+"""How noisy a signal is, told from the signal itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_WHITE = 20.0
+"""Variance of the third difference of white noise of unit variance (1 + 9 + 9 + 1)."""
+_MAD = 0.6744897501960817
+"""Median of the absolute value of a standard normal variable."""
+
+
+def quantisation_step(y: np.ndarray) -> float:
+    """Find the step of a quantised signal.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples,)
+        A signal, in any unit.
+
+    Returns
+    -------
+    float
+        The step, in the unit of y; 0 if the values do not lie on a grid of at least ten times fewer levels than
+        samples.
+
+    Notes
+    -----
+    The step is the smallest difference between neighbouring levels, kept if nine in ten differences between
+    successive samples are whole multiples of it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import quantisation_step
+    >>> step = quantisation_step(np.round(np.sin(np.linspace(0, 20, 5000)) / 0.01) * 0.01)
+    >>> round(step, 6)
+    0.01
+    """
+    y = np.asarray(y, dtype=float).ravel()
+    levels = np.unique(y)
+    if len(levels) < 3 or len(levels) > len(y) / 3:
+        return 0.0
+    spacing = np.diff(levels)
+    # Rounding in the last digits splits one level into several: only differences well above it count.
+    spacing = spacing[spacing > 1e-9 * max(abs(levels[0]), abs(levels[-1]))]
+    if not spacing.size:
+        return 0.0
+    step = float(np.median(spacing[spacing < 1.5 * spacing.min()]))
+    multiples = np.diff(levels) / step
+    return step if np.mean(np.abs(multiples - np.round(multiples)) < 0.05) >= 0.9 else 0.0
+
+
+def noise_level(y: np.ndarray) -> float:
+    """Estimate the standard deviation of white noise on a signal.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples,)
+        A signal sampled at equal steps, in any unit.
+
+    Returns
+    -------
+    float
+        Standard deviation of the noise, in the unit of y; at least that of the signal's own quantisation, Δ/√12.
+
+    Notes
+    -----
+    σ̂ = median(|Δ³y|) / (0.6745 √20): third differences remove what is locally quadratic, the median what jumps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import noise_level
+    >>> rng = np.random.default_rng(0)
+    >>> t = np.linspace(0, 1, 20_000)
+    >>> round(noise_level(np.sin(20 * t) + 0.01 * rng.standard_normal(t.size)), 3)
+    0.01
+    """
+    y = np.asarray(y, dtype=float).ravel()
+    if len(y) < 5:
+        return 0.0
+    third = np.abs(np.diff(y, 3))
+    sigma = float(np.median(third)) / (_MAD * _WHITE**0.5)
+    return max(sigma, quantisation_step(y) / 12.0**0.5)

@@ -1,0 +1,360 @@
+"""Rates of measured signals: smoothing and differentiation of one trajectory, tuned by the signal itself."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pamid.errors import (
+    NonFiniteError,
+    ParameterError,
+    SamplingError,
+    SamplingWarning,
+    ShapeError,
+    ShortTrajectoryError,
+    TimeOrderError,
+    UnknownOptionError,
+)
+
+METHODS = ("savgol", "spline", "kalman")
+"""Names of the methods; each is a module of this package with `gain` and `smooth`."""
+
+_JITTER = 1e-3
+_WARN_JITTER = 0.25
+_GAP = 20.0
+_LONGEST_GRID = 20
+
+
+class Grid(NamedTuple):
+    """Sampling of one trajectory.
+
+    Parameters
+    ----------
+    period : float
+        Sampling period, s: the median step, or the mean of equal steps.
+    t : ndarray, shape (n_samples,), or None
+        Times from the first sample in units of the period; None for equal steps.
+    """
+
+    period: float
+    t: np.ndarray | None
+
+
+def _method(name: str) -> ModuleType:
+    if name not in METHODS:
+        raise UnknownOptionError(f"method is {name!r}.", f"one of {', '.join(METHODS)}", "Choose one of them.")
+    return importlib.import_module(f"pamid.signals.{name}")
+
+
+def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: bool = True) -> Grid:
+    """Tell how a trajectory is sampled.
+
+    Parameters
+    ----------
+    t : array_like, shape (n_samples,), optional
+        Times, s, increasing.
+    sampling_period : float, optional
+        Time between samples, s, where there are no times.
+    warn : bool, default=True
+        Whether to warn of gaps and irregular steps.
+
+    Returns
+    -------
+    Grid
+        Period and, for unequal steps, times.
+
+    Raises
+    ------
+    ParameterError
+        If neither is given, or the period is not positive.
+    NonFiniteError, TimeOrderError
+        If times are not finite or do not increase.
+
+    Examples
+    --------
+    >>> from pamid.signals.rates import sampling_grid
+    >>> sampling_grid([0.0, 0.5, 1.0]).period
+    0.5
+    """
+    if t is None:
+        if sampling_period is None:
+            raise ParameterError(
+                "Neither times nor a sampling period are given.", "one of them", "Pass t or sampling_period, in s."
+            )
+        if not np.isfinite(sampling_period) or sampling_period <= 0:
+            raise ParameterError(f"sampling_period is {sampling_period}.", "a positive time in s", "Correct it.")
+        return Grid(float(sampling_period), None)
+    t = np.asarray(t, dtype=float).ravel()
+    if not np.isfinite(t).all():
+        raise NonFiniteError(
+            f"time has {int((~np.isfinite(t)).sum())} NaN or infinite values.", "finite times", "Remove these rows."
+        )
+    steps = np.diff(t)
+    if not steps.size:
+        return Grid(float(sampling_period or 1.0), None)
+    if (bad := int((steps <= 0).sum())) > 0:
+        row = int((steps <= 0).argmax()) + 1
+        raise TimeOrderError(
+            f"time does not increase at {bad} of {len(steps)} steps, first from {t[row - 1]:.6g} s to {t[row]:.6g} s "
+            f"in row {row + 1}.",
+            "times that increase within a trajectory",
+            "Sort by time and drop doubled times, or pass one trajectory at a time.",
+        )
+    period = float(np.median(steps))
+    if np.abs(steps - period).max() <= _JITTER * period + 4 * np.finfo(float).eps * np.abs(t).max():
+        return Grid(float(t[-1] - t[0]) / len(steps), None)
+    if warn:
+        _warn_irregular(steps, period)
+    return Grid(period, (t - t[0]) / period)
+
+
+def _warn_irregular(steps: np.ndarray, period: float) -> None:
+    share = float(np.mean(np.abs(steps - period) > _WARN_JITTER * period))
+    gap = float(steps.max())
+    if gap > _GAP * period:
+        warnings.warn(
+            f"The longest step is {gap:.3g} s at a period of {period:.3g} s: rates across such gaps are guesses.",
+            SamplingWarning,
+            stacklevel=4,
+        )
+    elif share > 0.01:
+        warnings.warn(
+            f"{share:.0%} of the steps differ by more than {_WARN_JITTER:.0%} from the period of {period:.3g} s; rates "
+            "are taken on equal steps and read back at the given times.",
+            SamplingWarning,
+            stacklevel=4,
+        )
+
+
+def differentiate(
+    y: Any,
+    t: Any = None,
+    *,
+    method: str = "savgol",
+    tuning: str | float | Sequence[float] = "auto",
+    sampling_period: float | None = None,
+    second: bool = False,
+) -> tuple[np.ndarray, ...]:
+    """Smooth the signals of one trajectory and give their rates, at the given times and of the given length.
+
+    Parameters
+    ----------
+    y : array_like, shape (n_samples,) or (n_samples, n_channels)
+        Signals, any unit.
+    t : array_like, shape (n_samples,), optional
+        Times, s, increasing; unequal steps are allowed.
+    method : {"savgol", "spline", "kalman"}, default="savgol"
+        Savitzky-Golay filter (cubic), cubic smoothing spline, Kalman/RTS smoother of constant acceleration.
+    tuning : "auto", float or sequence of float, default="auto"
+        Cut-off frequency (gain 1/√2), Hz, one for all or one a channel; "auto": that of the least estimated error of the
+        rate, for each channel on its own (`pamid.signals.tune_cutoff`).
+    sampling_period : float, optional
+        Time between samples, s, where there is no t.
+    second : bool, default=False
+        Whether to give the second rate too.
+
+    Returns
+    -------
+    smoothed : ndarray, shape of y
+        The smoothed signals, unit of y.
+    rate : ndarray, shape of y
+        Their rates, unit of y per s.
+    second_rate : ndarray, shape of y
+        With `second`: the rates of the rates, unit of y per s².
+
+    Raises
+    ------
+    ShortTrajectoryError
+        With fewer than 2 samples.
+    NonFiniteError
+        If y or t has NaN or infinite values.
+    TimeOrderError
+        If t does not increase.
+    ParameterError
+        If tuning, method or sampling period are out of their domain.
+
+    Warns
+    -----
+    SamplingWarning
+        If steps are irregular or there are gaps.
+
+    Notes
+    -----
+    With unequal steps the spline uses the times as they are; the other methods work on equal steps of the median
+    period, to which signals are carried by linear interpolation, and are read back by cubic Hermite interpolation.
+    Below 8 samples a polynomial through all of them (of degree 2 at most) gives the rates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import differentiate
+    >>> t = np.arange(0, 2, 1e-3)
+    >>> noisy = np.sin(2 * np.pi * t) + 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    >>> smoothed, rate = differentiate(noisy, t, method="kalman")
+    >>> bool(np.std(rate - 2 * np.pi * np.cos(2 * np.pi * t)) < 0.05)
+    True
+    """
+    module = _method(method)
+    y, flat = _as_channels(y)
+    grid = sampling_grid(t, sampling_period)
+    n = len(y)
+    if t is not None and np.size(t) != n:
+        raise ShapeError(f"t has {np.size(t)} entries for {n} samples.", "one time a sample", "Pass times of one run.")
+    if n < 8:
+        results = _few(y, grid)
+    else:
+        equal, back = _on_equal_steps(y, grid, method)
+        cutoffs = _cutoffs(tuning, equal, grid.period, method)
+        results = _smooth_channels(module, equal, cutoffs * grid.period, grid if back is None else None)
+        if back is not None:
+            results = _read_back(results, back)
+    smoothed, rate, rate2 = results[0], results[1] / grid.period, results[2] / grid.period**2
+    out = (smoothed, rate, rate2) if second else (smoothed, rate)
+    return tuple(x[:, 0] for x in out) if flat else out
+
+
+def tune_cutoff(
+    signals: Any, times: Any = None, *, method: str = "savgol", sampling_period: float | None = None
+) -> float:
+    """Choose the cut-off frequency of a signal recorded over one or several trajectories.
+
+    Parameters
+    ----------
+    signals : array_like, shape (n_samples,), or list of them
+        One signal; a list holds one array a trajectory.
+    times : array_like or list of them, optional
+        Times, s, likewise.
+    method : {"savgol", "spline", "kalman"}, default="savgol"
+        The method that will smooth.
+    sampling_period : float, optional
+        Time between samples, s, where there are no times.
+
+    Returns
+    -------
+    float
+        Cut-off frequency, Hz, with the least estimated squared error of the rate: Stein's unbiased risk estimate
+        for the derivative, with the noise level told from the signal itself.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import tune_cutoff
+    >>> t = np.arange(0, 4, 1e-3)
+    >>> noise = np.random.default_rng(0).standard_normal(t.size)
+    >>> slow, fast = (tune_cutoff(np.sin(w * t) + 1e-2 * noise, t) for w in (3, 60))
+    >>> slow < fast
+    True
+    """
+    from .tuning import tune
+
+    module = _method(method)
+    single = not isinstance(signals, list | tuple) or not np.ndim(signals[0])
+    runs = [signals] if single else list(signals)
+    clocks = ([times] if single else list(times)) if times is not None else [None] * len(runs)
+    equal, periods = [], []
+    for y, t in zip(runs, clocks, strict=True):
+        channel, _ = _as_channels(y)
+        grid = sampling_grid(t, sampling_period, warn=False)
+        equal.append(_on_equal_steps(channel[:, :1], grid, "savgol")[0][:, 0])
+        periods.append(grid.period)
+    return tune(equal, periods, module.gain)
+
+
+def _as_channels(y: Any) -> tuple[np.ndarray, bool]:
+    y = np.asarray(y, dtype=float)
+    if y.ndim not in (1, 2):
+        raise ShapeError(f"y has {y.ndim} dimensions.", "(n_samples,) or (n_samples, n_channels)", "Reshape it.")
+    flat = y.ndim == 1
+    y = y[:, None] if flat else y
+    if len(y) < 2:
+        raise ShortTrajectoryError(
+            f"The trajectory has {len(y)} sample{'s' if len(y) != 1 else ''}.",
+            "at least 2 samples for a rate",
+            "Leave this trajectory out.",
+        )
+    if not np.isfinite(y).all():
+        row, channel = np.argwhere(~np.isfinite(y))[0]
+        raise NonFiniteError(
+            f"The signal has {int((~np.isfinite(y)).sum())} NaN or infinite values, first in row {row + 1} of channel "
+            f"{channel}.",
+            "finite values",
+            "Fill in or drop these rows first.",
+        )
+    return y, flat
+
+
+def _few(y: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    t = np.arange(len(y), dtype=float) if grid.t is None else grid.t
+    middle = t.mean()
+    powers = np.vander(t - middle, min(len(y), 3), increasing=True)
+    c = np.linalg.lstsq(powers, y, rcond=None)[0]
+    c = np.concatenate([c, np.zeros((3 - len(c), y.shape[1]))])
+    x = (t - middle)[:, None]
+    return c[0] + c[1] * x + c[2] * x**2, c[1] + 2 * c[2] * x, 2 * c[2] + 0 * x
+
+
+def _on_equal_steps(y: np.ndarray, grid: Grid, method: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Carry signals to equal steps; the spline needs none. Returns where to read back, in steps, or None."""
+    if grid.t is None or method == "spline":
+        return y, None
+    last = grid.t[-1]
+    count = round(last) + 1
+    if count > _LONGEST_GRID * len(y) + 1000:
+        raise SamplingError(
+            f"The trajectory lasts {count} sampling periods and has {len(y)} samples.",
+            "no gaps that are longer than the samples between them",
+            "Split the trajectory at its gaps, or use method='spline'.",
+        )
+    steps = np.linspace(0.0, last, max(count, 8))
+    equal = np.stack([np.interp(steps, grid.t, channel) for channel in y.T], axis=1)
+    return equal, grid.t * ((len(steps) - 1) / last)
+
+
+def _cutoffs(tuning: Any, y: np.ndarray, period: float, method: str) -> np.ndarray:
+    channels = y.shape[1]
+    if isinstance(tuning, str):
+        if tuning != "auto":
+            raise UnknownOptionError(f"tuning is {tuning!r}.", "'auto' or a cut-off frequency in Hz", "Correct it.")
+        from .tuning import tune
+
+        module = _method(method)
+        return np.array([tune([y[:, i]], [period], module.gain) for i in range(channels)])
+    cutoffs = np.atleast_1d(np.asarray(tuning, dtype=float))
+    if cutoffs.shape not in ((1,), (channels,)) or not np.isfinite(cutoffs).all() or (cutoffs <= 0).any():
+        raise ParameterError(
+            f"tuning is {tuning!r}.",
+            f"'auto', or a positive cut-off frequency in Hz, one for all or one for each of {channels} channels",
+            "Correct it.",
+        )
+    return np.broadcast_to(cutoffs, (channels,))
+
+
+def _smooth_channels(
+    module: ModuleType, y: np.ndarray, cutoffs: np.ndarray, grid: Grid | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smooth the channels that share a cut-off together."""
+    results = tuple(np.empty_like(y) for _ in range(3))
+    extra = {"t": grid.t} if grid is not None and grid.t is not None else {}
+    for cutoff in np.unique(cutoffs):
+        channels = np.flatnonzero(cutoffs == cutoff)
+        for whole, part in zip(results, module.smooth(y[:, channels], min(float(cutoff), 0.45), **extra), strict=True):
+            whole[:, channels] = part
+    return results  # type: ignore[return-value]
+
+
+def _read_back(results: tuple[np.ndarray, ...], at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Interpolate from equal steps to the given times, in steps."""
+    value, rate, second = results
+    k = np.clip(at.astype(int), 0, len(value) - 2)
+    s = (at - k)[:, None]
+
+    def hermite(f: np.ndarray, d: np.ndarray) -> np.ndarray:
+        jump = f[k + 1] - f[k]
+        return f[k] + s * (d[k] + s * (3 * jump - 2 * d[k] - d[k + 1] + s * (d[k] + d[k + 1] - 2 * jump)))
+
+    return hermite(value, rate), hermite(rate, second), second[k] + s * (second[k + 1] - second[k])

@@ -1,0 +1,147 @@
+"""Savitzky-Golay rates: the derivative of a cubic fitted in a moving window."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+DEGREE = 3
+SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097"
+
+
+def window_of(cutoff: float, n: int | None = None) -> int:
+    """Convert a cut-off frequency to a window length.
+
+    Parameters
+    ----------
+    cutoff : float
+        Frequency at which the gain is 1/√2, cycles per sample.
+    n : int, optional
+        Number of samples, which the window does not exceed.
+
+    Returns
+    -------
+    int
+        Odd number of samples, at least 5 (or n, if that is less).
+
+    Notes
+    -----
+    Schafer's f_c ≈ (N + 1) / (3.2 M − 4.6), in half-cycles per sample, for degree N and window 2 M + 1.
+
+    Examples
+    --------
+    >>> from pamid.signals.savgol import window_of
+    >>> window_of(0.02)
+    67
+    """
+    half = round(((DEGREE + 1) / (2.0 * cutoff) + 4.6) / 3.2)
+    window = 2 * max(half, 2) + 1
+    return window if n is None else min(window, n - (n + 1) % 2)
+
+
+@lru_cache(maxsize=256)
+def _kernels(window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of value, rate and second rate at the middle of a window, from orthogonal polynomials."""
+    half = window // 2
+    x = np.arange(-half, half + 1) / half
+    degree = min(DEGREE, window - 1)
+    basis, triangle = np.linalg.qr(np.vander(x, degree + 1, increasing=True))
+    to_powers = np.linalg.solve(triangle, basis.T)
+    return to_powers[0], to_powers[1] / half, 2 * to_powers[2] / half**2
+
+
+def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
+    """Response of the smoothed rate divided by that of the true derivative.
+
+    Parameters
+    ----------
+    omega : ndarray
+        Frequency, rad per sample.
+    cutoff : float
+        Cut-off frequency, cycles per sample.
+
+    Returns
+    -------
+    ndarray
+        Real gain: the window is symmetric.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.savgol import gain
+    >>> float(gain(np.array([1e-4]), 0.02)[0].round(3))
+    1.0
+    """
+    window = window_of(cutoff)
+    kernel = _kernels(window)[1]
+    half = window // 2
+    weights = 2 * kernel[half + 1 :]
+    if half * len(omega) <= 400_000:
+        return np.sin(np.outer(omega, np.arange(1, half + 1))) @ weights / omega
+    size = 1 << int(np.ceil(np.log2(16 * window)))
+    padded = np.zeros(size)
+    padded[1 : half + 1] = weights
+    response = -np.fft.rfft(padded).imag
+    return np.interp(omega, np.linspace(0, np.pi, len(response)), response) / omega
+
+
+def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smooth and differentiate at a unit step.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples, n_channels)
+        Signals sampled at equal steps.
+    cutoff : float
+        Cut-off frequency, cycles per sample.
+
+    Returns
+    -------
+    tuple of three ndarrays, shape (n_samples, n_channels)
+        Value, rate per sample, second rate per sample squared. At the ends the cubic of the outermost window serves.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.savgol import smooth
+    >>> value, rate, second = smooth(np.arange(50.0)[:, None] ** 2, 0.1)
+    >>> bool(np.allclose(rate[:, 0], 2 * np.arange(50.0)))
+    True
+    """
+    from scipy.signal import oaconvolve
+
+    n = len(y)
+    window = window_of(cutoff, n)
+    half = window // 2
+    centre = y.mean(axis=0)
+    y = y - centre
+    results = []
+    ends = _end_fits(y, window)
+    for order, kernel in enumerate(_kernels(window)):
+        out = np.empty_like(y)
+        inner = oaconvolve(y, kernel[::-1, None], mode="valid", axes=0)
+        out[half : n - half] = inner
+        out[:half] = ends[0][order]
+        out[n - half :] = ends[1][order]
+        results.append(out)
+    return results[0] + centre, results[1], results[2]
+
+
+def _end_fits(y: np.ndarray, window: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Value, rate and second rate of the cubics of the first and the last window, outside their middles."""
+    half = window // 2
+    x = np.arange(-half, half + 1) / half
+    powers = np.vander(x, min(DEGREE, window - 1) + 1, increasing=True)
+    basis, triangle = np.linalg.qr(powers)
+    to_powers = np.linalg.solve(triangle, basis.T)
+    sides = []
+    for part, rows in ((y[:window], slice(0, half)), (y[-window:], slice(half + 1, window))):
+        coefficients = to_powers @ part
+        fits = []
+        for order in range(3):
+            k = np.arange(order, len(coefficients))
+            factor = np.ones(len(k)) if order == 0 else (k if order == 1 else k * (k - 1)).astype(float)
+            fits.append(powers[rows, : len(k)] @ (factor[:, None] * coefficients[order:]) / half**order)
+        sides.append(fits)
+    return sides[0], sides[1]
