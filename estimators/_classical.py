@@ -45,11 +45,11 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
 
     # --- the way in -------------------------------------------------------------------------------------------
     def _training(
-        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool = True
+        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool = True, least: int = 2
     ) -> tuple[State, np.ndarray, np.ndarray, np.ndarray | None]:
         """Validate what a fit is given: signals, target, weights, clusters. Warn of wrong units."""
         clusters = None if groups is None else trajectory_codes(X, groups)
-        X, y = self._read(X, y, reset=reset, ensure_min_samples=2 if reset else 1)
+        X, y = self._read(X, y, reset=reset, ensure_min_samples=least)
         y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
         weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
         state = self._state(X)

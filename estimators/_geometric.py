@@ -122,7 +122,7 @@ class GeometricRegressor(ClassicalRegressor):
             begin = np.array([values[n] for n in names], dtype=float)
             solution = self._best_of_starts(predict, y, weight, names, begin, lower, upper, clusters)
             values |= dict(zip(names, solution.x.tolist(), strict=True))
-            errors |= dict(zip(names, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
+            errors |= dict(zip(names, np.sqrt(np.maximum(np.diag(solution.covariance), 0.0)).tolist(), strict=True))
             at_bound = [n for n, b in zip(names, solution.at_bound, strict=True) if b]
             self.covariance_ = solution.covariance
             self.n_iter_ = solution.n_iter

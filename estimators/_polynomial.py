@@ -92,7 +92,7 @@ class PolynomialRegressor(ClassicalRegressor):
             The fitted estimator.
         """
         first = not hasattr(self, "factor_")
-        state, y, weight, _ = self._training(X, y, sample_weight, groups, reset=first)
+        state, y, weight, _ = self._training(X, y, sample_weight, groups, reset=first, least=1)
         if first:
             self._start_over()
         self._take_in(state, y, weight)
@@ -115,7 +115,7 @@ class PolynomialRegressor(ClassicalRegressor):
     def _name_results(self) -> None:
         self.units_ = self._terms()
         self.parameters_ = dict(zip(self.units_, self.coef_.tolist(), strict=True))
-        errors = np.sqrt(np.diag(self.covariance_))
+        errors = np.sqrt(np.maximum(np.diag(self.covariance_), 0.0))
         self.standard_errors_ = dict(zip(self.units_, errors.tolist(), strict=True))
 
     def _predict_state(self, state: State) -> np.ndarray:

@@ -473,3 +473,15 @@ def test_a_level_that_nothing_determines_is_not_judged():
     report = check_volume(VolumeJet(jet.V - 1.0, jet.V_eps, jet.V_P), s, rest_volume=6e-5, level_known=False)
     assert report.sensible
     assert math.isnan(report.positive)
+
+
+def test_no_law_of_the_package_is_left_out_of_the_axioms():
+    import importlib
+    import pkgutil
+
+    import pamid.laws
+
+    for module in pkgutil.iter_modules(pamid.laws.__path__):
+        importlib.import_module(f"pamid.laws.{module.name}")
+    of_the_package = {c for c in Law.__subclasses__() if c.__module__.startswith("pamid.laws.")}
+    assert of_the_package == {type(law) for law in LAWS.values()}
