@@ -46,29 +46,13 @@ class Model:
     """
 
     def __init__(self, params: BenchParameters) -> None:
-        from ..effects import make_effect
-
-        self.given = params
-        self.effects: list[Effect] = [make_effect(name, **values) for name, values in params.effects]
-        changes: dict[str, float] = {}
-        for effect in self.effects:
-            changes |= effect.adjust({**params.values(), **changes})
-        self.params = params.replace(**changes) if changes else params
-        self.plant = _plant(self.params)
+        self.params = params.adjusted() if params.effects else params
+        self.effects: list[Effect] = self.params.make_effects()
+        self.plant: Plant = self.params.plant()
 
     def with_hook(self, hook: str) -> list[Effect]:
         """Return the effects that override a hook."""
         return [effect for effect in self.effects if hook in effect.hooks()]
-
-
-def _plant(params: BenchParameters) -> Plant:
-    from ..effects import Plant
-
-    own = getattr(params, "plant", None)
-    if isinstance(own, Plant):
-        return own
-    values = params.values() | {"thread_length": params.muscle.thread_length, "turns": params.muscle.turns}
-    return Plant(**{name: values[name] for name in Plant.__dataclass_fields__})
 
 
 @dataclass
