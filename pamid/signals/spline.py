@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-SOURCE = (
-    "Reinsch (1967), DOI 10.1007/BF02162161; relaxed ends after Oehlert (1992), DOI 10.1214/aos/1176348524, in the "
-    "form of a partial spline"
-)
+SOURCE = "Reinsch (1967), DOI 10.1007/BF02162161; relaxed ends as a partial spline"
 _HALF_POWER = np.sqrt(2.0) - 1.0
 _LOWEST = 3e-4
 

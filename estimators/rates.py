@@ -1,0 +1,323 @@
+"""Rates of measured signals as a step of a pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted, validate_data
+
+from pamid.errors import DuplicateColumnError, MissingColumnError, ParameterError, ShortTrajectoryError
+from pamid.signals.rates import differentiate, tune_cutoff
+
+from ._trajectories import encode_trajectory_column, trajectory_codes, trajectory_slices
+
+
+class RateTransformer(TransformerMixin, BaseEstimator):
+    """Append the rates of columns, taken within each trajectory.
+
+    For each column ``x`` a column ``dx`` with its rate is appended; rows keep their number and order. Smoothing is as
+    strong as the signals ask for: `fit` chooses one cut-off frequency a column over all trajectories, and `transform`
+    uses it on any later log.
+
+    Parameters
+    ----------
+    columns : sequence of str or int, default=("eps", "P")
+        Columns to differentiate, by name or position.
+    time : str, int or None, default="time"
+        Column with the time, s, by name or position. Where X has no such column, `sampling_period` serves.
+    method : {"savgol", "spline", "kalman"}, default="savgol"
+        Savitzky-Golay filter, cubic smoothing spline, or Kalman/RTS smoother of constant acceleration.
+    tuning : "auto", float or sequence of float, default="auto"
+        Cut-off frequency, Hz, one for all or one a column; "auto": the one with the least estimated squared error of
+        the rate (Stein's unbiased risk estimate for the derivative, DOI 10.1214/aos/1176345632).
+    smooth : bool, default=False
+        Whether to replace the columns themselves by their smoothed values.
+    second : bool, default=False
+        Whether to append the second rates too, as ``ddx``.
+    sampling_period : float or None, default=None
+        Time between rows, s, where there is no time column.
+    one_trajectory : bool, default=False
+        Whether all rows are one run, where neither `groups` nor a column ``trajectory`` tells.
+
+    Attributes
+    ----------
+    cutoffs_ : ndarray, shape (n_columns,)
+        Cut-off frequency of each column, Hz.
+    column_indices_ : ndarray of int, shape (n_columns,)
+        Position of each column.
+    time_index_ : int or None
+        Position of the time column.
+    n_features_in_ : int
+        Number of columns seen by `fit`.
+    feature_names_in_ : ndarray of str
+        Names of the columns seen by `fit`, where they have names.
+
+    See Also
+    --------
+    pamid.signals.differentiate : The same for arrays of one trajectory.
+
+    Notes
+    -----
+    Rates of the rows near the ends of a trajectory rest on fewer neighbours and are less certain. Rates depend on
+    neighbouring rows: take them on whole trajectories, before rows are thinned.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from pamid.estimators import RateTransformer
+    >>> t = np.arange(0, 2, 0.01)
+    >>> log = pd.DataFrame({"trajectory": "sine-1", "time": t, "eps": 0.1 * np.sin(t)})
+    >>> with_rates = RateTransformer(columns=["eps"]).fit_transform(log)
+    >>> list(with_rates.columns)
+    ['trajectory', 'time', 'eps', 'deps']
+    >>> bool(np.abs(with_rates["deps"] - 0.1 * np.cos(t)).max() < 1e-4)
+    True
+    """
+
+    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
+    __metadata_request__transform: ClassVar[dict[str, bool]] = {"groups": True}
+
+    def __init__(
+        self,
+        columns: Sequence[str | int] = ("eps", "P"),
+        *,
+        time: str | int | None = "time",
+        method: str = "savgol",
+        tuning: str | float | Sequence[float] = "auto",
+        smooth: bool = False,
+        second: bool = False,
+        sampling_period: float | None = None,
+        one_trajectory: bool = False,
+    ) -> None:
+        self.columns = columns
+        self.time = time
+        self.method = method
+        self.tuning = tuning
+        self.smooth = smooth
+        self.second = second
+        self.sampling_period = sampling_period
+        self.one_trajectory = one_trajectory
+
+    @staticmethod
+    def _checked_instances() -> list[RateTransformer]:
+        return [
+            RateTransformer(columns=(0,), time=None, sampling_period=0.1, method=method, one_trajectory=True)
+            for method in ("savgol", "spline", "kalman")
+        ]
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # scikit-learn has no tag for rows that depend on their neighbours; this one only leaves out the checks that
+        # transform shuffled and single rows, which no rate can bear.
+        tags.non_deterministic = bool(self.one_trajectory)
+        return tags
+
+    def fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:
+        """Choose the cut-off frequency of each column over all trajectories.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_features)
+            Table whose rows are samples in time order, trajectory by trajectory.
+        y : None
+            Ignored.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of X serves as well.
+
+        Returns
+        -------
+        RateTransformer
+            The fitted transformer.
+
+        Raises
+        ------
+        MissingTrajectoryError
+            If nothing tells which rows form a trajectory.
+        MissingColumnError
+            If a column is not there, or there is neither time nor `sampling_period`.
+        """
+        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, ensure_min_samples=2)
+        names = [str(n) for n in getattr(self, "feature_names_in_", [])]
+        if isinstance(self.columns, str) or not len(self.columns):
+            raise ParameterError(
+                f"columns is {self.columns!r}.", "a sequence of names or positions", "Pass for instance ['q', 'P1']."
+            )
+        self.column_indices_ = np.array([self._position(c, names, table.shape[1], "columns") for c in self.columns])
+        self.time_index_ = self._find_time(names, table.shape[1])
+        doubled = sorted(set(self._new_names(self._names())) & set(names))
+        if doubled:
+            raise DuplicateColumnError(
+                f"X already has the column{'s' if len(doubled) > 1 else ''} {', '.join(doubled)}.",
+                "no column with the name of a rate to be made",
+                "Drop or rename them, or leave their signals out of columns.",
+            )
+        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        if isinstance(self.tuning, str) and self.tuning == "auto":
+            times = [self._times(table, rows) for rows in slices]
+            self.cutoffs_ = np.array(
+                [
+                    tune_cutoff(
+                        [table[rows, column] for rows in slices],
+                        None if self.time_index_ is None else times,
+                        method=self.method,
+                        sampling_period=self.sampling_period,
+                    )
+                    for column in self.column_indices_
+                ]
+            )
+        else:
+            rows = slices[0]
+            differentiate(  # words the errors of method, tuning and period
+                table[rows][:, self.column_indices_],
+                self._times(table, rows),
+                method=self.method,
+                tuning=self.tuning,
+                sampling_period=self.sampling_period,
+            )
+            self.cutoffs_ = np.broadcast_to(np.asarray(self.tuning, float), self.column_indices_.shape).copy()
+        return self
+
+    def transform(self, X: Any, groups: Any = None) -> Any:
+        """Append the rates.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_features)
+            Table whose rows are samples in time order, trajectory by trajectory.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of X serves as well.
+
+        Returns
+        -------
+        DataFrame or ndarray, shape (n_samples, n_features_out)
+            X with the rates appended, a DataFrame where X is one; units of the columns per s.
+
+        Raises
+        ------
+        ShortTrajectoryError
+            If a trajectory has fewer than two rows.
+        """
+        check_is_fitted(self, "cutoffs_")
+        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        smoothed = np.empty((len(table), len(self.column_indices_)))
+        rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
+        for rows in self._slices(X if isinstance(X, pd.DataFrame) else table, groups):
+            results = differentiate(
+                table[rows][:, self.column_indices_],
+                self._times(table, rows),
+                method=self.method,
+                tuning=self.cutoffs_,
+                sampling_period=self.sampling_period,
+                second=self.second,
+            )
+            smoothed[rows] = results[0]
+            for whole, part in zip(rates, results[1:], strict=True):
+                whole[rows] = part
+        if isinstance(X, pd.DataFrame):
+            names = self._names()
+            out = X.copy()
+            if self.smooth:
+                for i, column in enumerate(self.column_indices_):
+                    out[X.columns[column]] = smoothed[:, i]
+            values = np.concatenate(rates, axis=1)
+            appended = pd.DataFrame(values, columns=self._new_names(names), index=X.index)
+            return pd.concat([out, appended], axis=1)
+        if self.smooth:
+            table = table.copy()
+            table[:, self.column_indices_] = smoothed
+        return np.concatenate([table, *rates], axis=1)
+
+    def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> Any:
+        """Fit to X and append the rates to it.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_features)
+            Table whose rows are samples in time order, trajectory by trajectory.
+        y : None
+            Ignored.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of X serves as well.
+
+        Returns
+        -------
+        DataFrame or ndarray, shape (n_samples, n_features_out)
+            X with the rates appended.
+        """
+        return self.fit(X, y, groups=groups).transform(X, groups=groups)
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Name the columns that `transform` returns.
+
+        Parameters
+        ----------
+        input_features : array_like of str, optional
+            Names of the columns, where X has none.
+
+        Returns
+        -------
+        ndarray of str
+            The names of X, then ``d<name>`` for each column, then ``dd<name>`` with `second`.
+        """
+        check_is_fitted(self, "cutoffs_")
+        names = _check_feature_names_in(self, input_features)
+        return np.array([*names, *self._new_names([str(n) for n in names])], dtype=object)
+
+    def _names(self) -> list[str]:
+        return [str(n) for n in _check_feature_names_in(self)]
+
+    def _new_names(self, names: list[str]) -> list[str]:
+        own = [names[i] for i in self.column_indices_]
+        return [f"{d}{n}" for d in (("d", "dd") if self.second else ("d",)) for n in own]
+
+    def _slices(self, X: Any, groups: Any) -> list[slice]:
+        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+        assert codes is not None
+        slices = trajectory_slices(codes)
+        short = next((s for s in slices if s.stop - s.start < 2), None)
+        if short is not None:
+            raise ShortTrajectoryError(
+                f"{type(self).__name__} got a trajectory of 1 sample, in row {short.start + 1}.",
+                "at least 2 samples in each trajectory",
+                "Pass whole trajectories: a rate needs neighbours.",
+            )
+        return slices
+
+    def _times(self, table: np.ndarray, rows: slice) -> np.ndarray | None:
+        return None if self.time_index_ is None else table[rows, self.time_index_]
+
+    def _find_time(self, names: list[str], n_columns: int) -> int | None:
+        named = isinstance(self.time, str)
+        if self.time is None or (named and self.time not in names):
+            if self.sampling_period is None:
+                raise MissingColumnError(
+                    f"X has no time column{f' {self.time!r}' if named else ''}; it has "
+                    f"{', '.join(names) or f'{n_columns} columns without names'}.",
+                    "a time column, or sampling_period",
+                    "Name the column with time=, or give the time between rows with sampling_period=.",
+                )
+            return None
+        return self._position(self.time, names, n_columns, "time")
+
+    @staticmethod
+    def _position(column: str | int, names: list[str], n_columns: int, parameter: str) -> int:
+        if isinstance(column, str):
+            if column in names:
+                return names.index(column)
+            raise MissingColumnError(
+                f"X has no column '{column}'; it has {', '.join(names) or f'{n_columns} columns without names'}.",
+                f"the columns that {parameter} names",
+                f"Set {parameter} to columns of X, by name or position.",
+            )
+        if not 0 <= column < n_columns:
+            raise MissingColumnError(
+                f"{parameter} asks for column {column}, but X has {n_columns} columns.",
+                f"a position from 0 to {n_columns - 1}",
+                "Correct the position.",
+            )
+        return int(column)
