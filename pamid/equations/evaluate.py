@@ -217,7 +217,7 @@ def residuals(
 
 
 def _residual(equation: Equation, run: Any) -> Residual | None:
-    if len(run.time) < equation.order * run.n + equation.order:
+    if len(run.time) < equation.order * run.n + equation.order + sum(run.margins):
         return None
     residual = equation.residual(run)
     return residual if len(residual.time) else None

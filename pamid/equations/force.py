@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
-from .windows import average, centre, kernel, starts
+from .windows import average, centre, kernel
 
 
 class ForceEquation(Equation):
@@ -29,7 +29,7 @@ class ForceEquation(Equation):
         L0 = p.muscle.rest_length
         gauge = run.P - p.gas.atmospheric_pressure
         modelled = gauge / L0 * run.volume_slope + run.added_force()
-        n, first = run.n, starts(len(run.q), run.n, 1)
+        n, first = run.n, run.starts(len(run.q), 1)
         weights = kernel(n, 1)
         h = 1e-6
         plant = run.model.plant
@@ -37,9 +37,9 @@ class ForceEquation(Equation):
         curvature = (plant.volume_slope(eps + h) - plant.volume_slope(eps - h)) / (2 * h)
         per_angle = centre(gauge, n, 1, first) / L0 * curvature * SIGNS * p.joint.pulley_radius / L0
         noise = spread(
-            (1.0, run.noise("F"), weights),
-            (centre(run.volume_slope, n, 1, first) / L0, run.noise("P"), weights),
-            (per_angle, run.noise("q"), weights),
+            (1.0, run.noise("F"), run.weights("F", weights)),
+            (centre(run.volume_slope, n, 1, first) / L0, run.noise("P"), run.weights("P", weights)),
+            (per_angle, run.noise("q"), run.weights("q", weights)),
             n_windows=len(first),
         )
         measured = average(run.F, n, 1, first)

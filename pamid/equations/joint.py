@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Equation, Residual, spread
 from .run import Run
-from .windows import average, kernel, starts
+from .windows import average, kernel
 
 
 class JointEquation(Equation):
@@ -36,14 +36,14 @@ class JointEquation(Equation):
         acceleration = (q[2:] - 2 * q[1:-1] + q[:-2]) / dt**2
         added = np.broadcast_to(run.added_torque(), q.shape)[1:-1]
         left = torque[1:-1] + added - joint.viscous_damping * speed - joint.inertia * acceleration
-        n, first = run.n, starts(len(left), run.n, 3, shift=-1)
+        n, first = run.n, run.starts(len(left), 3, shift=-1)
         weights = kernel(n, 3)
         motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
         motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
         pull = joint.pulley_radius
         noise = np.hypot(
-            spread((1.0, run.noise("q"), motion), n_windows=len(first)),
-            np.sqrt(sum(pull**2 * side.variance(weights) for side in run.noise("F"))),
+            spread((1.0, run.noise("q"), run.weights("q", motion)), n_windows=len(first)),
+            np.sqrt(sum(pull**2 * side.variance(run.weights("F", weights)) for side in run.noise("F"))),
         )
         return Residual(
             average(run.time[1:-1], n, 3, first),

@@ -21,7 +21,7 @@ from ..errors import (
     TimeOrderError,
 )
 from .noise import ChannelNoise, channel_noise
-from .windows import samples_per_window
+from .windows import samples_per_window, span, starts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +34,7 @@ SIGNS = np.array([1.0, -1.0])
 """How the joint angle contracts muscles 1 and 2."""
 _GAP = 1.5  # in sampling intervals: a longer step of time is a gap, which no window crosses
 _JITTER = 0.25  # in sampling intervals
+_SETTLING = 0.1  # s: what effects remember from before a log is not known; windows at its ends are left out
 
 
 class Model:
@@ -82,21 +83,39 @@ class Run:
     channels: dict[str, np.ndarray]
     model: Model
     noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
+    responses: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Noise is that of the readings; what a sensor effect restores is as noisy as what was read.
         self.n = samples_per_window(self.dt)
+        faults = self.model.with_hook("measure")
+        remembering = any(effect.n_states for effect in self.model.effects)
+        rows = round(_SETTLING / self.dt)
+        self.margins = (rows if remembering else 0, rows if any(f.n_states for f in faults) else 0)
+        start = np.zeros(1, dtype=int)
         for name in ("q", *self.channels):
             series = self.q[:, None] if name == "q" else self.channels[name]
             self.noises[name] = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
-        start = np.zeros(1, dtype=int)
-        for effect in self.model.with_hook("measure"):
-            if effect.channel == "q":
-                self.q = np.asarray(effect.restore(self.q, self.dt, start), dtype=float)
-            elif effect.channel in self.channels:
-                self.channels[effect.channel] = np.asarray(
-                    effect.restore(self.channels[effect.channel], self.dt, start), dtype=float
-                )
+            self.responses[name] = np.ones(1)
+            for effect in faults:
+                if effect.channel != name:
+                    continue
+                series = np.asarray(effect.restore(series, self.dt, start), dtype=float)
+                self.responses[name] = np.convolve(self.responses[name], _response(effect, self.dt))
+            if name == "q":
+                self.q = series[:, 0]
+            else:
+                self.channels[name] = series
+
+    def starts(self, n_rows: int, order: int, shift: int = 0) -> np.ndarray:
+        """Return the first rows of the windows, less those at the ends where effects' memory is not yet known."""
+        first = starts(n_rows, self.n, order, shift)
+        head, tail = self.margins
+        return first[(first >= head) & (first + span(self.n, order) <= n_rows - tail)]
+
+    def weights(self, channel: str, weights: np.ndarray) -> np.ndarray:
+        """Return the weights on a channel's readings of weights on its restored values."""
+        response = self.responses[channel]
+        return weights if len(response) == 1 and response[0] == 1.0 else np.convolve(weights, response)
 
     def noise(self, channel: str) -> list[ChannelNoise]:
         """Return the noise of a channel, one entry a muscle (one in all for ``"q"``)."""
@@ -126,14 +145,14 @@ class Run:
         return np.asarray(self.model.plant.volume_slope(self.eps))
 
     # --- effects --------------------------------------------------------------------------------------------
-    def _rate(self, x: np.ndarray) -> np.ndarray:
-        """Differentiate by a local quadratic fit; only effects that read a rate see it."""
+    def _smooth(self, x: np.ndarray, deriv: int) -> np.ndarray:
+        """Smooth or differentiate by a local fit of fourth degree; the signals that effects read."""
         from scipy.signal import savgol_filter
 
         width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
-        if width < 3:
-            return np.zeros_like(x)
-        return savgol_filter(x, width, 2, deriv=1, delta=self.dt, axis=0)
+        if width < 7:
+            return np.gradient(x, self.dt, axis=0) if deriv else x
+        return savgol_filter(x, width, 4, deriv=deriv, delta=self.dt, axis=0)
 
     def _signals(self, effect: Effect) -> Signals:
         from ..effects import Signals
@@ -145,9 +164,12 @@ class Run:
         s = Signals(time=self.time[:, None], position=position, pressure=P, command=self.channels.get("u"))
         s.flow, s.force = self.channels.get("mdot"), self.channels.get("F")
         if "velocity" in roles:
-            s.velocity = self._rate(position)
+            s.velocity = self._smooth(position, 1)
         if "pressure_rate" in roles and P is not None:
-            s.pressure_rate = self._rate(P)
+            s.pressure_rate = self._smooth(P, 1)
+        if effect.n_states and "position" in roles:
+            # An encoder's noise is motion to and fro, in which friction and hysteresis would lose what they remember.
+            s.position = self._smooth(position, 0)
         return s
 
     @cached_property
@@ -168,14 +190,19 @@ class Run:
         """Return what effects add to the tensions, N."""
         return sum((e.force(s, x, self.model.plant) for e, s, x in self._having("force")), start=0.0)
 
-    def added_flow(self) -> np.ndarray | float:
-        """Return what effects add to the flow into the muscles, kg/s, their Ṗ terms included."""
-        total: Any = 0.0
+    def added_flow(self) -> np.ndarray | None:
+        """Return what effects add to the flow into the muscles between samples, kg/s, shape (n_samples - 1, 2).
+
+        The terms in Ṗ take the change of pressure from sample to sample: averaged over a window, its noise cancels
+        but for the ends.
+        """
+        total = None
         for e, s, x in self._having("flow"):
             part: Step = e.flow(s, x, self.model.plant)
-            total = total + part.a
-            if np.any(np.asarray(part.b)):
-                total = total + part.b * (self._rate(self.P) if s.pressure_rate is None else s.pressure_rate)
+            a, b = (np.broadcast_to(np.asarray(v, dtype=float), self.P.shape) for v in part)
+            rate = np.diff(self.P, axis=0) / self.dt
+            added = (a[1:] + a[:-1]) / 2 + (b[1:] + b[:-1]) / 2 * rate
+            total = added if total is None else total + added
         return total
 
     def followed_command(self) -> np.ndarray:
@@ -203,6 +230,17 @@ class Run:
             part = np.asarray(e.torque(s, x, self.model.plant))
             total = total + (part[:, 0] if part.ndim == 2 else part)
         return total
+
+
+def _response(effect: Effect, dt: float) -> np.ndarray:
+    """Return the weights that a sensor fault's `restore` puts on readings, from its answer to an impulse."""
+    n = 201
+    impulse = np.zeros(n)
+    impulse[n // 2] = 1.0
+    start = np.zeros(1, dtype=int)
+    answer = np.asarray(effect.restore(impulse, dt, start)) - np.asarray(effect.restore(0 * impulse, dt, start))
+    used = np.flatnonzero(np.abs(answer) > 1e-9 * np.max(np.abs(answer)))
+    return answer[used[0] : used[-1] + 1] if len(used) else np.ones(1)
 
 
 def columns_of(channel: str) -> list[str]:

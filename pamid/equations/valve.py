@@ -9,7 +9,7 @@ import numpy as np
 from ..laws.valve import valve_flow
 from .base import Equation, Residual, spread
 from .run import Run
-from .windows import average, centre, kernel, starts
+from .windows import average, centre, kernel
 
 
 class ValveEquation(Equation):
@@ -43,13 +43,13 @@ class ValveEquation(Equation):
             )
 
         modelled = np.asarray(passed(run.P, u, supply) + run.added_valve_flow())
-        n, first = run.n, starts(len(run.q), run.n, 1)
+        n, first = run.n, run.starts(len(run.q), 1)
         weights = kernel(n, 1)
         h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
         slope = (passed(run.P + h, u, supply) - passed(run.P - h, u, supply)) / (2 * h)
         noise = spread(
-            (1.0, run.noise("mdot"), weights),
-            (centre(slope, n, 1, first), run.noise("P"), weights),
+            (1.0, run.noise("mdot"), run.weights("mdot", weights)),
+            (centre(slope, n, 1, first), run.noise("P"), run.weights("P", weights)),
             n_windows=len(first),
         )
         measured = average(run.mdot, n, 1, first)
