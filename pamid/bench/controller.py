@@ -32,11 +32,11 @@ class Controller:
     ----------
     pressure : float, default=2e5
         Nominal pressure p₀ of both muscles, Pa gauge.
-    bandwidth : float, default=45
+    bandwidth : float, default=42
         Natural frequency of the controlled joint, rad/s.
-    damping : float, default=1
+    damping : float, default=0.8
         Damping ratio of the controlled joint.
-    pressure_time : float, default=4e-3
+    pressure_time : float, default=8e-3
         Time constant of the pressure loops, s.
     lowest : float, default=3e4
         Least wanted pressure, Pa gauge: the muscles stay taut.
@@ -45,9 +45,9 @@ class Controller:
     """
 
     pressure: float = 2e5
-    bandwidth: float = 45.0
-    damping: float = 1.0
-    pressure_time: float = 4e-3
+    bandwidth: float = 42.0
+    damping: float = 0.8
+    pressure_time: float = 8e-3
     lowest: float = 3e4
     margin: float = 5e4
 
@@ -75,7 +75,10 @@ class RunningController:
             return plant.volume_slope(contraction(q_ref, muscle, params)) / plant.rest_length
 
         f1, f2 = per_pressure(1), per_pressure(2)
-        self.feedforward = p0 * (f2 - f1) / (f1 + f2)  # holds the joint at the wanted angle by the nominal equations
+        offsets = [np.zeros(len(q_ref)) if run.pressure_offset is None else run.pressure_offset for run in runs]
+        gauge = p0 + np.stack(offsets, axis=1)
+        # Holds the joint at the wanted angle, by the nominal equations.
+        self.feedforward = gauge * (f2 - f1) / (f1 + f2)
         eps0, r = params.muscle.initial_contraction, params.joint.pulley_radius
         h = 1e-5
         torque_per_pressure = 2.0 * r * plant.volume_slope(eps0) / plant.rest_length
@@ -86,9 +89,8 @@ class RunningController:
         kd = max(2.0 * controller.damping * w * J - params.joint.viscous_damping, 0.0) / torque_per_pressure
         self._now, self._last = kp + kd / PERIOD, kd / PERIOD
         self._wanted = self.feedforward + kp * q_ref
-        offsets = [np.zeros(len(q_ref)) if run.pressure_offset is None else run.pressure_offset for run in runs]
         ambient = params.gas.atmospheric_pressure
-        self._base = ambient + p0 + np.stack(offsets, axis=1)
+        self._base = ambient + gauge
         self._constant_base = not np.ptp(self._base)
         self._share = np.array([run.share for run in runs]).T * np.array([[1.0], [-1.0]])
         self._low, self._high = ambient + controller.lowest, params.gas.supply_pressure - controller.margin

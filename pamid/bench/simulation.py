@@ -70,7 +70,8 @@ class Record:
     """What a batch of runs of one length did, time along the first axis and runs along the last.
 
     ``q``, ``P``, ``F``, ``mdot`` are what faulty but noise-free sensors read; ``y`` and ``dy`` are the true state
-    (q, q̇, P₁, P₂) and its rate, None unless asked for.
+    (q, q̇, P₁, P₂) and its rate, None unless asked for; ``params`` is the bench with those effects carried out that only
+    change a parameter.
     """
 
     q: np.ndarray
@@ -82,6 +83,7 @@ class Record:
     dy: np.ndarray | None
     F_true: np.ndarray | None
     mdot_true: np.ndarray | None
+    params: BenchParameters
 
 
 def run_batch(
@@ -179,7 +181,7 @@ def run_batch(
             "a bench that stays within its range",
             "Check the effects' parameters, or raise substeps.",
         )
-    return Record(q, P, F, mdot, U, Y, dY, F_true, mdot_true)
+    return Record(q, P, F, mdot, U, Y, dY, F_true, mdot_true, actual)
 
 
 def simulate(
@@ -265,7 +267,7 @@ def simulate(
         for j, i in enumerate(members):
             logs[i] = _log_of(record, j, trajectories[i], generators[i], fitted)
             if truth:
-                truths[i] = _truth_of(record, j, trajectories[i], params)
+                truths[i] = _truth_of(record, j, trajectories[i])
     log = pd.concat([pd.DataFrame(part) for part in logs], ignore_index=True)
     if not truth:
         return log
@@ -325,12 +327,12 @@ def _log_of(
     return columns
 
 
-def _truth_of(record: Record, j: int, run: Trajectory, params: BenchParameters) -> dict[str, Any]:
+def _truth_of(record: Record, j: int, run: Trajectory) -> dict[str, Any]:
     assert record.y is not None and record.dy is not None
     assert record.F_true is not None and record.mdot_true is not None
     rows = slice(run.lead, len(run.q_ref))
     y, dy = record.y[rows, :, j], record.dy[rows, :, j]
-    plant = params.adjusted().plant()
+    params, plant = record.params, record.params.plant()
     gain = params.joint.pulley_radius / params.muscle.rest_length
     columns: dict[str, Any] = {
         "trajectory": np.full(run.n_samples, run.name, dtype=object),
