@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from pamid.errors import ParameterError, UnknownOptionError
+from pamid.errors import ExcitationWarning, ParameterError, UnknownOptionError
 
 
 def check_counts(estimator: Any, *names: str) -> None:
@@ -30,3 +32,18 @@ def check_option(estimator: Any, name: str, offered: tuple[str, ...]) -> None:
     value = getattr(estimator, name)
     if value not in offered:
         raise UnknownOptionError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Choose one of them.")
+
+
+def warn_of_still_columns(columns: np.ndarray, names: Sequence[str], who: str) -> None:
+    """Warn, before a fit, of signals that do not vary: nothing about them can be learnt."""
+    if len(columns) < 3:
+        return
+    span, size = np.ptp(columns, axis=0), np.abs(columns).max(axis=0)
+    for name, s, m in zip(names, span, size, strict=True):
+        if s <= 1e-9 * m:
+            warnings.warn(
+                f"The signal {name} does not vary (it stays at {m:.6g}). Expected an experiment that moves it. {who} "
+                f"learns nothing about {name}; leave it out of the inputs, or record a run that excites it.",
+                ExcitationWarning,
+                stacklevel=3,
+            )

@@ -13,7 +13,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, colu
 from pamid.errors import ParameterError
 
 from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_option, check_sizes
+from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._progress import FitProgress, ProgressMixin, fit_progress
 from ._torch_loop import (
     AdamSteps,
@@ -206,6 +206,7 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
         self._check_parameters()
         rng = local_generator(self.random_state)
         columns, target, weights = self._table(X, y, sample_weight, reset=True)
+        warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
             codes = trajectory_codes(X, groups)

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from pamid.errors import MissingColumnError, ParameterError
 
 from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_option, check_sizes
+from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._progress import ProgressMixin, fit_progress
 from ._recurrent_network import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
 from ._torch_loop import (
@@ -238,6 +238,7 @@ class Recurrent(ProgressMixin, RegressorMixin, SignalEstimator):
         self._check_parameters()
         rng = local_generator(self.random_state)
         columns, target, codes = self._table(X, y, groups, reset=True)
+        warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
             held_out = held_out_rows(codes, self.validation_fraction, rng, type(self).__name__)

@@ -10,6 +10,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
 
 from ._base import SignalEstimator, Signals
+from ._checks import warn_of_still_columns
 from ._sparse_polynomial import PolynomialLibraryMixin
 
 
@@ -160,7 +161,9 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         y = column_or_1d(y, warn=True).astype(float)
         self._check_library(self.inputs)
         weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        self._fit_library(self._columns(X), self.inputs, y[:, None], weights)
+        columns = self._columns(X)
+        warn_of_still_columns(columns, self.inputs, type(self).__name__)
+        self._fit_library(columns, self.inputs, y[:, None], weights)
         self.coef_ = self._physical_coefficients()[0]
         self.coefficients_ = {t: float(c) for t, c in zip(self.terms_, self.coef_, strict=True) if c != 0}
         self.equations_ = self._equations([self.target])

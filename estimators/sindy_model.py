@@ -22,6 +22,7 @@ from pamid.errors import (
 )
 
 from ._base import SignalEstimator, Signals
+from ._checks import warn_of_still_columns
 from ._pysindy import differentiate
 from ._sparse_polynomial import PolynomialLibraryMixin
 from ._trajectories import trajectory_codes, trajectory_slices
@@ -195,6 +196,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         """
         columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
         self._check_library(self._needs)
+        warn_of_still_columns(self._columns(columns), self._needs, type(self).__name__)
         rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
         self._fit_library(self._columns(columns), self._needs, rates, np.ones(len(columns)))
         self.coef_ = self._physical_coefficients()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import enum
 import importlib
 import inspect
 import pkgutil
@@ -91,8 +92,8 @@ def exported() -> set[str]:
 
 def complete_codes(path: str) -> set[str]:
     value = load(path)
-    if inspect.isclass(value) and (issubclass(value, Exception) or getattr(value, "_is_protocol", False)):
-        return set()  # errors take what PamidError documents; a protocol is not constructed
+    if inspect.isclass(value) and (issubclass(value, Exception | enum.Enum) or getattr(value, "_is_protocol", False)):
+        return set()  # errors take what PamidError documents; enumerations and protocols are not constructed
     return COMPLETE if is_estimator(path) or path in exported() else set()
 
 

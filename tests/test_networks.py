@@ -6,13 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from pamid.estimators import MLP, Recurrent
+from pamid.estimators import MLP, Recurrent, SINDyModel, SINDyRegressor
 from pamid.estimators._recurrent_network import Network, Piece, index_table, initial_weights, pieces_of
 from pamid.estimators._torch_loop import Best, held_out_rows
 from sklearn.base import clone
 
 from pamid.errors import (
     DivergedError,
+    ExcitationWarning,
     InterleavedTrajectoryError,
     MissingColumnError,
     MissingTrajectoryError,
@@ -163,6 +164,22 @@ def test_bad_parameters_of_mlp(case, static):
     X, y, groups = static
     with pytest.raises(error):
         clone(SMALL).set_params(**changes).fit(X, y, groups=groups)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        MLP(("eps", "P"), max_iter=1),
+        Recurrent(("eps", "P"), max_iter=1, one_trajectory=True),
+        SINDyRegressor(("eps", "P")),
+        SINDyModel(("P",), ("eps",), one_trajectory=True, sampling_period=0.01),
+    ],
+    ids=lambda m: type(m).__name__,
+)
+def test_still_signal_is_told_before_the_fit(model, static):
+    X, y, _ = static
+    with pytest.warns(ExcitationWarning, match="eps does not vary"):
+        clone(model).fit(X.assign(eps=0.1), y)
 
 
 def test_early_stopping_needs_trajectories(static):
