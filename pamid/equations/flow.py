@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..laws.gas import entropic_content, entropic_supply
+from ..laws.valve import flow_function
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
 from .windows import average, centre, kernel
@@ -22,9 +23,10 @@ class FlowEquation(Equation):
 
     divided by the window's :math:`P^{1/\gamma-1} R T`, so that the residual is a flow in kg/s.
 
-    Between two samples the flow of a quick valve keeps the value of the first, because its command is held, while that
-    of a slow valve goes straight to the second. Which of the two, or what in between, is a timing within one sample
-    that a log does not tell; the share that fits the run best is taken, so that it does not pose as a gap.
+    Between two samples the flow of a quick valve goes on from the first, because its command is held, and changes with
+    the pressure alone; that of a slow valve goes straight to the second. Which of the two, or what in between, is a
+    timing within one sample that a log does not tell; the share that fits the run best is taken, so that it does not
+    pose as a gap.
     """
 
     name: ClassVar[str] = "flow"
@@ -51,8 +53,9 @@ class FlowEquation(Equation):
             gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
         n, first = run.n, run.starts(len(gain), 2)
         scale = average(per_flow[:-1], n, 2, first)
-        held = average(supplied[:-1] - gain, n, 2, first) / scale
-        ramp = average(np.diff(supplied, axis=0) / 2, n, 2, first) / scale
+        drift = supplied[:-1] * (self._opening(run, run.P[1:]) / self._opening(run, run.P[:-1]) - 1.0) / 2
+        held = average(supplied[:-1] + drift - gain, n, 2, first) / scale
+        ramp = average(np.diff(supplied, axis=0) / 2 - drift, n, 2, first) / scale
         value = held + _share(held, ramp) * ramp
         weights = kernel(n, 2)
         change = np.convolve(weights, [1.0, -1.0]) / run.dt
@@ -70,6 +73,15 @@ class FlowEquation(Equation):
             average(run.mdot[:-1], n, 2, first),
             noise,
         )
+
+    @staticmethod
+    def _opening(run: Run, P: np.ndarray) -> np.ndarray:
+        """Return what the flow at a held command is proportional to, as the signs of the measured flow say."""
+        gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
+        filling = gas.supply_pressure * flow_function(P / gas.supply_pressure, b)
+        venting = P * flow_function(gas.atmospheric_pressure / P, b)
+        opening = np.where(run.mdot[:-1] > 0, filling, venting)
+        return np.maximum(opening, 0.05 * gas.supply_pressure)  # near balance the flow is too small to matter
 
 
 def _share(held: np.ndarray, ramp: np.ndarray) -> float:
