@@ -1,6 +1,7 @@
 """Signals: reading logs into tidy frames in SI, rates, resampling, windows and splits by trajectory.
 
-Everything is imported when it is first used, so that ``import pamid.signals`` stays light.
+Everything is imported when it is first used, so that ``import pamid.signals`` stays light. No public name is also the
+name of a module here: the module, once imported, would hide it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,16 @@ _HOME = {
     "tune_cutoff": "rates",
     "noise_level": "noise",
     "quantisation_step": "noise",
+    "resample": "resampling",
+    "merge_rates": "resampling",
+    "thin": "thinning",
+    "thinned_rows": "thinning",
+    "windows": "windowing",
+    "TrajectoryKFold": "splits",
+    "LeaveOneKindOut": "splits",
+    "LeaveOneMuscleOut": "splits",
+    "kind_of": "splits",
+    "split_trajectories": "splits",
     "State": "state",
     "STATE_SIGNALS": "state",
 }

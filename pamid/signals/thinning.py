@@ -1,0 +1,109 @@
+"""Thinning logs: every k-th row, or up to so many rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pamid.errors import ParameterError
+
+from ._rows import blocks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def thinned_rows(
+    groups: np.ndarray, every: int | None = None, *, n_rows: int | None = None, across: bool = False
+) -> np.ndarray:
+    """Choose rows at equal distances.
+
+    Parameters
+    ----------
+    groups : array_like, shape (n_samples,)
+        Trajectory of each row; the rows of each are contiguous.
+    every : int, optional
+        Distance between kept rows.
+    n_rows : int, optional
+        Instead: at most so many rows in all.
+    across : bool, default=False
+        Whether to count through the borders of trajectories; otherwise the first row of each is kept.
+
+    Returns
+    -------
+    ndarray of int
+        Positions of the kept rows, increasing.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one of `every` and `n_rows` is a positive number.
+
+    Examples
+    --------
+    >>> from pamid.signals import thinned_rows
+    >>> thinned_rows(["a"] * 5 + ["b"] * 4, 3).tolist()
+    [0, 3, 5, 8]
+    """
+    groups = np.asarray(groups, dtype=object)
+    if (every is None) == (n_rows is None):
+        raise ParameterError(f"every is {every} and n_rows is {n_rows}.", "exactly one of the two", "Give one of them.")
+    given = every if every is not None else n_rows
+    if not isinstance(given, int | np.integer) or given < 1:
+        raise ParameterError(f"{'every' if n_rows is None else 'n_rows'} is {given!r}.", "a number >= 1", "Correct it.")
+    lengths = [rows.stop - rows.start for _, rows in blocks(groups)]
+    if every is None:
+        if n_rows < (1 if across else len(lengths)):  # type: ignore[operator]
+            raise ParameterError(
+                f"n_rows is {n_rows} for {len(lengths)} trajectories.",
+                "at least one row a trajectory",
+                "Allow more rows, or set across=True.",
+            )
+        total = [len(groups)] if across else lengths
+        every = max(1, -(-len(groups) // n_rows))  # type: ignore[operator]
+        while sum(-(-n // every) for n in total) > n_rows:  # type: ignore[operator]
+            every += 1
+    if across:
+        return np.arange(0, len(groups), every)
+    if not lengths:
+        return np.arange(0)
+    return np.concatenate([np.arange(rows.start, rows.stop, every) for _, rows in blocks(groups)])
+
+
+def thin(
+    log: pd.DataFrame, every: int | None = None, *, n_rows: int | None = None, across: bool = False
+) -> pd.DataFrame:
+    """Keep every k-th row of each trajectory of a log.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy frame; take rates first, since they need the neighbours that thinning removes.
+    every : int, optional
+        Distance between kept rows.
+    n_rows : int, optional
+        Instead: at most so many rows in all.
+    across : bool, default=False
+        Whether to count through the borders of trajectories.
+
+    Returns
+    -------
+    DataFrame
+        The kept rows, numbered anew.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one of `every` and `n_rows` is a positive number.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pamid.signals import thin
+    >>> log = pd.DataFrame({"trajectory": ["a"] * 300, "time": range(300)})
+    >>> len(thin(log, 100)), len(thin(log, n_rows=7))
+    (3, 7)
+    """
+    groups = log["trajectory"].to_numpy(dtype=object) if "trajectory" in log.columns else np.zeros(len(log))
+    return log.iloc[thinned_rows(groups, every, n_rows=n_rows, across=across)].reset_index(drop=True)
