@@ -67,6 +67,9 @@ def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
     moved = sizes[sizes > 1e-12 * np.max(np.abs(x))] if np.any(x) else sizes[:0]
     resolution = float(moved.min()) if len(moved) else 0.0
     rounding = resolution / np.sqrt(12.0)
+    if sigma < 2.0 * resolution:  # a median of a few steps says little; the mean square of all but the jumps does
+        limit = 4.0 * _DIFFERENCE * max(sigma, resolution / 2.0)
+        sigma = float(np.sqrt(np.mean(np.square(jerk[np.abs(jerk) <= limit])))) / _DIFFERENCE
     dither = np.sqrt(max(sigma**2 - rounding**2, 0.0))
     if resolution == 0.0:
         return ChannelNoise(sigma, 0.0, 0.0)
