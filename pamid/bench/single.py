@@ -1,0 +1,208 @@
+"""One muscle that lifts a load under PID pressure control: the bench of the inverse model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..constants import GRAVITY
+from ..errors import DivergedError, ParameterError
+from .integrate import RungeKutta4
+from .muscles import Muscles
+from .parameters import BenchParameters, GasParameters, JointParameters, MuscleParameters, ValveParameters
+from .references import PERIOD
+from .sensors import Sensor
+from .simulation import EffectLike, as_effects
+
+LOADS = (15.0, 30.0, 45.0, 60.0, 80.0, 100.0)
+"""Loads of the study, kg."""
+
+SENSORS: Mapping[str, Sensor] = {
+    "P": Sensor(60.0, 1e6 / 2**16),
+    "L": Sensor(2e-5, 1e-5),
+    "F": Sensor(0.3, 2000.0 / 2**16),
+}
+"""Sensors of the single muscle: pressure (Pa), length by a draw wire (m), load cell (N)."""
+
+
+@dataclass(frozen=True)
+class LiftSettings:
+    """What is around the muscle.
+
+    Parameters
+    ----------
+    frequency : float, default=0.05
+        Of the wanted pressure, Hz.
+    peak : float, default=7e5
+        Largest wanted pressure, Pa gauge; the least is 0.
+    proportional, integral, derivative : float
+        Gains of the pressure controller, 1/Pa, 1/(Pa s), s/Pa.
+    stand_stiffness : float, default=5e6
+        Of the stand on which the load rests until it is lifted, N/m.
+    damping : float, default=60
+        Of the guide of the load, N s/m.
+    """
+
+    frequency: float = 0.05
+    peak: float = 7e5
+    proportional: float = 2e-5
+    integral: float = 2e-4
+    derivative: float = 0.0
+    stand_stiffness: float = 5e6
+    damping: float = 60.0
+
+
+def festo_like() -> BenchParameters:
+    """Return a muscle of 20 mm like those on the market: about 1.5 kN at 6 bar, shortening by 25 % at most.
+
+    The conical ends (effect ``end_cap``) limit the contraction, hysteresis of the braid parts up from down.
+    """
+    return BenchParameters(
+        MuscleParameters("20mm", 0.2, 0.02, math.radians(25.0), 0.0),
+        GasParameters(supply_pressure=901_325.0),
+        ValveParameters(6e-9),
+        JointParameters(0.04, 0.02, 0.08),
+        effects=(
+            ("end_cap", {"factor": 1.35}),
+            ("hysteresis", {"amplitude": 20.0, "displacement": 0.02, "shape": 0.6}),
+        ),
+    )
+
+
+def simulate_lift(
+    params: BenchParameters | None = None,
+    loads: Sequence[float] = LOADS,
+    *,
+    periods: float = 1.0,
+    every: int = 10,
+    seed: int | None = 0,
+    effects: Sequence[EffectLike] = (),
+    settings: LiftSettings | None = None,
+    sensors: Mapping[str, Sensor] | None = None,
+    substeps: int = 1,
+) -> Any:
+    r"""Simulate one muscle lifting loads, all side by side.
+
+    .. math:: m\,\ddot L = m g - F - d\,\dot L - N
+
+    with the force N of the stand that carries the load until the muscle does.
+
+    Parameters
+    ----------
+    params : BenchParameters, optional
+        Muscle, gas and valve, with effects; `festo_like` by default. The joint is not looked at.
+    loads : sequence of float, default=(15, 30, 45, 60, 80, 100)
+        kg, each once.
+    periods : float, default=1
+        Periods of the wanted pressure.
+    every : int, default=10
+        Milliseconds between rows.
+    seed : int, default=0
+        Seed of the sensors' noise.
+    effects : sequence, default=()
+        More effects of the muscle.
+    settings : LiftSettings, optional
+        What is around the muscle.
+    sensors : mapping of str to Sensor, optional
+        Noise and resolution of ``P``, ``L``, ``F``.
+    substeps : int, default=1
+        Integration steps a control period of 1 ms.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``trajectory`` (``lift-<load>``), ``time`` (s), ``P_ref``, ``P`` (Pa, absolute), ``L`` (m), ``eps``,
+        ``F`` (N), ``u``, ``load`` (kg).
+
+    Examples
+    --------
+    >>> from pamid.bench.single import simulate_lift
+    >>> log = simulate_lift(loads=[30.0], periods=0.05)
+    >>> list(log.columns)
+    ['trajectory', 'time', 'P_ref', 'P', 'L', 'eps', 'F', 'u', 'load']
+    """
+    import pandas as pd
+
+    mass = np.asarray(loads, dtype=float)
+    if mass.ndim != 1 or not mass.size or not np.all((mass > 0) & (mass < 1e4)) or len(set(loads)) < mass.size:
+        raise ParameterError(f"loads is {loads!r}.", "different masses in kg, above 0", "List each load once.")
+    if every < 1 or periods <= 0:
+        raise ParameterError(f"every is {every!r} and periods {periods!r}.", "both above 0", "Correct them.")
+    params, settings = params or festo_like(), settings or LiftSettings()
+    everything = [*params.make_effects(), *as_effects(effects)]
+    if wrong := [e.name for e in everything if e.channel or e.site == "joint"]:
+        raise ParameterError(
+            f"{', '.join(wrong)} cannot enter the bench of one muscle.",
+            "effects of muscle, gas or valve",
+            "Leave it out.",
+        )
+    specs = tuple((e.name, e.values) for e in everything if "adjust" in e.hooks())
+    actual = params.replace(effects=specs).adjusted()
+    n, L0, ambient = mass.size, actual.muscle.rest_length, actual.gas.atmospheric_pressure
+    muscles = Muscles(actual, (1, n), [e for e in everything if "adjust" not in e.hooks()])
+    stand_damping = np.sqrt(settings.stand_stiffness * mass)  # half of critical
+
+    def rates(y: np.ndarray, out: np.ndarray, ahead: float) -> None:
+        muscles.evaluate(y[:1], y[1:2], y[2:], out[2:], ahead)
+        sunk = y[0] - L0
+        stand = np.maximum(settings.stand_stiffness * sunk + stand_damping * y[1], 0.0) * (sunk > 0.0)
+        out[0] = y[1]
+        out[1] = GRAVITY - (muscles.F[0] + settings.damping * y[1] + stand) / mass
+
+    steps = round(periods / settings.frequency / PERIOD)
+    t = np.arange(steps) * PERIOD
+    wanted = ambient + 0.5 * settings.peak * (1.0 - np.cos(2.0 * math.pi * settings.frequency * t))
+    y = np.empty((3, n))
+    y[0] = L0 + mass * GRAVITY / settings.stand_stiffness
+    y[1], y[2] = 0.0, ambient + 1.0
+    solver = RungeKutta4(rates, y.shape)
+    rows = np.arange(0, steps, every)
+    P, L, F, U = (np.empty((len(rows), n)) for _ in range(4))
+    total, last, held = np.zeros(n), np.zeros(n), np.zeros((1, n))
+    for k in range(steps):
+        error = wanted[k] - y[2]
+        rate = (error - last) / PERIOD if k else np.zeros(n)
+        last = error
+        raw = settings.proportional * error + settings.integral * total + settings.derivative * rate
+        u = np.clip(raw, -1.0, 1.0)[None]
+        total += PERIOD * error * (raw == u[0])  # the integral rests while the valve is saturated
+        muscles.hold(u)
+        if k == 0:
+            muscles.start_memory(y[:1], y[1:2].copy(), y[2:].copy(), PERIOD)
+        else:
+            muscles.sample_memory(held, PERIOD)
+        held = u
+        for i in range(substeps):
+            solver.first(y)
+            if i == 0 and k % every == 0:
+                P[k // every], L[k // every], F[k // every], U[k // every] = y[2], y[0], muscles.F[0], u[0]
+            solver.advance(y, PERIOD / substeps)
+            muscles.carry_memory(y[:1].copy(), y[1:2].copy(), y[2:].copy(), PERIOD / substeps)
+    if not np.all(np.isfinite(y)):
+        raise DivergedError(
+            "The simulation of the lift left the finite numbers.", "a bench within its range", "Raise substeps."
+        )
+    reading = {**SENSORS, **(sensors or {})}
+    parts = []
+    for j, rng in enumerate(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(n)):
+        length = reading["L"].read(L[:, j], rng)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "trajectory": np.full(len(rows), f"lift-{mass[j]:g}", dtype=object),
+                    "time": np.round(rows * PERIOD, 9),
+                    "P_ref": wanted[rows],
+                    "P": reading["P"].read(P[:, j], rng),
+                    "L": length,
+                    "eps": 1.0 - length / params.muscle.rest_length,
+                    "F": reading["F"].read(F[:, j], rng),
+                    "u": U[:, j],
+                    "load": mass[j],
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
