@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
 import time
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the figures are for one core
@@ -77,19 +76,18 @@ def conservation(samples: int) -> None:
             left = balances(params, mixed(samples), s)
             energy = f"{left['gas_energy']:.1e}" if "gas_energy" in left else "       "
             print(
-                f"gamma {gamma:3.1f}, h = 1/{s} ms        {left['gas']:8.1e}        {energy}             {left['joint_energy']:8.1e}"
+                f"gamma {gamma:3.1f}, h = 1/{s} ms        {left['gas']:8.1e}        {energy}             "
+                f"{left['joint_energy']:8.1e}"
             )
     print(
-        "Gas: change of P^(1/gamma) V against the integral of P^(1/gamma - 1) R T mdot, exact for the flow equation as it\n"
-        "stands; at gamma = 1 that is the mass balance itself, change of PV/(RT) against the integral of mdot. At\n"
+        "Gas: change of P^(1/gamma) V against the integral of P^(1/gamma - 1) R T mdot, exact for the flow equation\n"
+        "as it stands; at gamma = 1 that is the mass balance itself, change of PV/(RT) against the integral of mdot. At\n"
         "gamma = 1.4 the equation keeps T fixed, so PV/(RT) is not a conserved mass.\n"
     )
 
 
 def agreement() -> None:
-    print(
-        "Nominal log D_B against the nominal equations: residual (standard deviation) and what the sensors' noise makes."
-    )
+    print("Nominal log D_B against the nominal equations: standard deviation of the residual, and that of the noise.")
     params = BenchParameters.for_muscle("B")
     plant = params.plant()
     log, true = dataset("D_B", seed=0, truth=True)
@@ -117,9 +115,7 @@ def agreement() -> None:
 
 
 def speed(repeats: int) -> None:
-    print(
-        f"Speed on one core ({platform.machine()}, {os.cpu_count()} cores): best of {repeats}, h = 1 ms, log and noise included."
-    )
+    print(f"Speed on one core of {os.cpu_count()}: best of {repeats}, h = 1 ms, noise and log included.")
     print("set                             runs  recorded s  simulated s     wall s  recorded/wall  recorded/cpu")
 
     def row(label: str, runs: list, params: BenchParameters, effects: tuple = ()) -> None:

@@ -35,33 +35,38 @@ class Antagonist:
         self.muscles = Muscles(params, (2, n_runs), effects)
         self.plant = self.muscles.plant
         r = params.joint.pulley_radius
-        self._turn = np.array([[-r], [r]])
-        self._middle = params.muscle.rest_length * (1.0 - params.muscle.initial_contraction)
-        self._torque = r / params.joint.inertia
-        self._damping = params.joint.viscous_damping / params.joint.inertia
+        self._radius = np.array(r)
+        self._middle = np.array(params.muscle.rest_length * (1.0 - params.muscle.initial_contraction))
+        self._torque = np.array(r / params.joint.inertia)
+        self._damping = np.array(params.joint.viscous_damping / params.joint.inertia)
         self._inertia = params.joint.inertia
         self._L, self._L_rate = np.empty((2, n_runs)), np.empty((2, n_runs))
+        self._L1, self._L2 = self._L
+        self._L1_rate, self._L2_rate = self._L_rate
         self._drag = np.empty(n_runs)
         self._torques = [e for e in effects if "torque" in e.hooks()]
         self._memory: dict[Effect, np.ndarray] = {}
         self._base = Signals()
 
     def _lengths(self, y: np.ndarray) -> None:
-        np.multiply(self._turn, y[0], out=self._L)
-        self._L += self._middle
-        np.multiply(self._turn, y[1], out=self._L_rate)
+        drag = self._drag
+        np.multiply(y[0], self._radius, drag)
+        np.subtract(self._middle, drag, self._L1)
+        np.add(self._middle, drag, self._L2)
+        np.multiply(y[1], self._radius, self._L2_rate)
+        np.negative(self._L2_rate, self._L1_rate)
 
     def rates(self, y: np.ndarray, out: np.ndarray, ahead: float) -> None:
         """Write ẏ into ``out``; ``ahead`` is the time since the start of the integration step, s."""
         self._lengths(y)
         m = self.muscles
         m.evaluate(self._L, self._L_rate, y[2:], out[2:], ahead)
-        out[0] = y[1]
-        acceleration = out[1]
-        np.subtract(m.F[0], m.F[1], out=acceleration)
-        acceleration *= self._torque
-        np.multiply(y[1], self._damping, out=self._drag)
-        acceleration -= self._drag
+        drag, speed, acceleration = self._drag, y[1], out[1]
+        out[0] = speed
+        np.subtract(m.F[0], m.F[1], acceleration)
+        np.multiply(acceleration, self._torque, acceleration)
+        np.multiply(speed, self._damping, drag)
+        np.subtract(acceleration, drag, acceleration)
         if self._torques:
             s = Signals(position=y[0], velocity=y[1])
             for e in self._torques:

@@ -87,20 +87,22 @@ class RunningController:
         J, w = params.joint.inertia, controller.bandwidth
         kp = max(J * w * w - stiffness, 0.0) / torque_per_pressure
         kd = max(2.0 * controller.damping * w * J - params.joint.viscous_damping, 0.0) / torque_per_pressure
-        self._now, self._last = kp + kd / PERIOD, kd / PERIOD
+        self._now, self._last = np.array(kp + kd / PERIOD), np.array(kd / PERIOD)
         self._wanted = self.feedforward + kp * q_ref
         ambient = params.gas.atmospheric_pressure
         self._base = ambient + gauge
         self._constant_base = not np.ptp(self._base)
         self._share = np.array([run.share for run in runs]).T * np.array([[1.0], [-1.0]])
-        self._low, self._high = ambient + controller.lowest, params.gas.supply_pressure - controller.margin
+        self._low = np.array(ambient + controller.lowest)
+        self._high = np.array(params.gas.supply_pressure - controller.margin)
         # Flow that the fully open valve passes at the nominal pressure, choked both ways.
         C = params.valve.sonic_conductance * params.valve.reference_density
         needed = plant.volume(eps0) / (params.gas.heat_capacity_ratio * plant.RT) / controller.pressure_time
-        self._fill = needed / (C * params.gas.supply_pressure)
-        self._vent = needed / (C * (ambient + p0))
+        self._fill = np.array(needed / (C * params.gas.supply_pressure))
+        self._vent = np.array(needed / (C * (ambient + p0)))
         sealed = [np.zeros(len(q_ref), dtype=bool) if run.sealed is None else run.sealed for run in runs]
         self._sealed = np.stack(sealed, axis=1)
+        self._zero, self._one, self._base_0 = np.array(0.0), np.array(1.0), np.array(self._base[0, 0])
         self._any_sealed = bool(self._sealed.any())
         self._q_before: np.ndarray | None = None
 
@@ -115,17 +117,17 @@ class RunningController:
         drive = self._wanted[k] - self._now * q
         drive += self._last * before
         u = self._share * drive
-        u += self._base[0, 0] if self._constant_base else self._base[k]
+        u += self._base_0 if self._constant_base else self._base[k]
         np.maximum(u, self._low, out=u)
         np.minimum(u, self._high, out=u)
         u -= P
-        vent = np.minimum(u, 0.0)
-        np.maximum(u, 0.0, out=u)
+        vent = np.minimum(u, self._zero)
+        np.maximum(u, self._zero, out=u)
         u *= self._fill
         vent *= self._vent
         u += vent
-        np.maximum(u, -1.0, out=u)
-        np.minimum(u, 1.0, out=u)
+        np.maximum(u, -self._one, out=u)
+        np.minimum(u, self._one, out=u)
         if self._any_sealed:
             u[:, self._sealed[k]] = 0.0
         return u

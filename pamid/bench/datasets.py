@@ -52,7 +52,7 @@ def triangle_trajectories(samples: int = TRIANGLE_SAMPLES) -> list[Trajectory]:
 
 def step_trajectories(samples: int = STEP_SAMPLES) -> list[Trajectory]:
     """Return the 10 validation steps, from 0 to each amplitude in both directions."""
-    return [step(0.0, sign * amplitude, samples) for amplitude in AMPLITUDES for sign in (1.0, -1.0)]
+    return [step(0.0, sign * amplitude, samples, lead=0.2) for amplitude in AMPLITUDES for sign in (1.0, -1.0)]
 
 
 _SETS: dict[str, tuple[str, Callable[[], list[Trajectory]]]] = {

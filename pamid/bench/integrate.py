@@ -33,20 +33,21 @@ class RungeKutta4:
 
     def advance(self, y: np.ndarray, h: float) -> None:
         """Advance ``y`` in place by ``h`` seconds; `first` has been called at ``y``."""
-        k, total, stage = self._k, self._sum, self._y
-        np.multiply(self.k1, 0.5 * h, out=stage)
-        stage += y
+        k, total, stage, multiply, add = self._k, self._sum, self._y, np.multiply, np.add
+        half, whole, sixth = np.array(0.5 * h), np.array(h), np.array(h / 6.0)
+        multiply(self.k1, half, stage)
+        add(stage, y, stage)
         self.rates(stage, k, 0.5 * h)
-        np.multiply(k, 2.0, out=total)
-        total += self.k1
-        k *= 0.5 * h
-        np.add(y, k, out=stage)
+        add(k, k, total)
+        add(total, self.k1, total)
+        multiply(k, half, k)
+        add(y, k, stage)
         self.rates(stage, k, 0.5 * h)
-        total += k
-        total += k
-        k *= h
-        np.add(y, k, out=stage)
+        add(total, k, total)
+        add(total, k, total)
+        multiply(k, whole, k)
+        add(y, k, stage)
         self.rates(stage, k, h)
-        total += k
-        total *= h / 6.0
-        y += total
+        add(total, k, total)
+        multiply(total, sixth, total)
+        add(y, total, y)
