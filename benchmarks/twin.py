@@ -81,8 +81,8 @@ def conservation(samples: int) -> None:
             )
     print(
         "Gas: change of P^(1/gamma) V against the integral of P^(1/gamma - 1) R T mdot, exact for the flow equation\n"
-        "as it stands; at gamma = 1 that is the mass balance itself, change of PV/(RT) against the integral of mdot. At\n"
-        "gamma = 1.4 the equation keeps T fixed, so PV/(RT) is not a conserved mass.\n"
+        "as it stands; at gamma = 1 that is the mass balance itself, change of PV/(RT) against the integral of mdot.\n"
+        "At gamma = 1.4 the equation keeps T fixed, so PV/(RT) is not a conserved mass.\n"
     )
 
 

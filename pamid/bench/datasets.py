@@ -26,10 +26,20 @@ STEP_SAMPLES = 2_000
 
 
 def training_trajectories(rows: int = ROWS["D_B"]) -> list[Trajectory]:
-    """Return the 20 training sines, together ``rows`` samples long.
+    """Return the 20 training sines.
 
     The recorded window of amplitude number k starts at the phase 2πk/5, so that the runs of a slow sine, shorter than
     its period, cover the cycle together.
+
+    Parameters
+    ----------
+    rows : int, default=31464
+        Recorded samples of all runs together.
+
+    Returns
+    -------
+    list of Trajectory
+        Frequency by frequency, amplitudes rising.
     """
     runs = []
     n = len(TRAINING_FREQUENCIES) * len(AMPLITUDES)
@@ -42,7 +52,18 @@ def training_trajectories(rows: int = ROWS["D_B"]) -> list[Trajectory]:
 
 
 def triangle_trajectories(samples: int = TRIANGLE_SAMPLES) -> list[Trajectory]:
-    """Return the 25 validation triangles, their windows spread over the cycle like those of the training."""
+    """Return the 25 validation triangles, their windows spread over the cycle like those of the training.
+
+    Parameters
+    ----------
+    samples : int, default=1573
+        Recorded samples of each run.
+
+    Returns
+    -------
+    list of Trajectory
+        Frequency by frequency, amplitudes rising.
+    """
     return [
         triangle(frequency, amplitude, samples, phase=2.0 * math.pi * k / len(AMPLITUDES))
         for frequency in TRIANGLE_FREQUENCIES
@@ -51,7 +72,18 @@ def triangle_trajectories(samples: int = TRIANGLE_SAMPLES) -> list[Trajectory]:
 
 
 def step_trajectories(samples: int = STEP_SAMPLES) -> list[Trajectory]:
-    """Return the 10 validation steps, from 0 to each amplitude in both directions."""
+    """Return the 10 validation steps, from 0 to each amplitude in both directions.
+
+    Parameters
+    ----------
+    samples : int, default=2000
+        Recorded samples of each run.
+
+    Returns
+    -------
+    list of Trajectory
+        Amplitudes rising, the positive step first.
+    """
     return [step(0.0, sign * amplitude, samples, lead=0.2) for amplitude in AMPLITUDES for sign in (1.0, -1.0)]
 
 

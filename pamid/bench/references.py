@@ -104,14 +104,50 @@ def sine(frequency: float, amplitude: float, samples: int, phase: float = 0.0, l
 
 
 def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.0, lead: float = LEAD) -> Trajectory:
-    """Return a triangle wave, parameters as for `sine`; named ``triangle-<frequency>-<amplitude>``."""
+    """Return a triangle wave.
+
+    Parameters
+    ----------
+    frequency : float
+        rad/s.
+    amplitude : float
+        Degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    phase : float, default=0
+        Phase at the first recorded sample, rad.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``triangle-<frequency>-<amplitude>``.
+    """
     t, n_lead = _times(samples, lead)
     q = math.radians(amplitude) * 2.0 / math.pi * np.arcsin(np.sin(frequency * t + phase))
     return Trajectory(f"triangle-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
 
 
 def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = LEAD) -> Trajectory:
-    """Return a step from ``start`` to ``end`` (degrees) at ``at`` seconds; named ``step-<start>-<end>``."""
+    """Return a step.
+
+    Parameters
+    ----------
+    start, end : float
+        Angles before and after, degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    at : float, default=0.5
+        When the step comes, s from the first recorded sample.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``step-<start>-<end>``.
+    """
     t, n_lead = _times(samples, lead)
     q = np.where(t < at - 0.5 * PERIOD, math.radians(start), math.radians(end))
     return Trajectory(f"step-{_number(start)}-{_number(end)}", q, n_lead)
@@ -120,7 +156,28 @@ def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = 
 def multisine(
     frequency: float, amplitude: float, samples: int, seed: int = 0, tones: int = 6, lead: float = LEAD
 ) -> Trajectory:
-    """Return a sum of sines of random phase up to ``frequency`` (rad/s) with a peak of ``amplitude`` degrees."""
+    """Return a sum of sines of random phase.
+
+    Parameters
+    ----------
+    frequency : float
+        Highest of the frequencies, of which the others are fractions, rad/s.
+    amplitude : float
+        Peak, degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    seed : int, default=0
+        Seed of the phases.
+    tones : int, default=6
+        Number of sines.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``multisine-<frequency>-<amplitude>``.
+    """
     t, n_lead = _times(samples, lead)
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, tones)
     w = frequency * np.arange(1, tones + 1) / tones
@@ -130,23 +187,71 @@ def multisine(
 
 
 def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
-    """Return a run that holds ``angle`` (degrees) after a step from 0 in the lead-in; named ``hold-<angle>``."""
+    """Return a run that holds an angle after a step from 0 in the middle of the lead-in.
+
+    Parameters
+    ----------
+    angle : float
+        Degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``hold-<angle>``.
+    """
     t, n_lead = _times(samples, lead)
     q = np.where(t < -0.5 * lead, 0.0, math.radians(angle))
     return Trajectory(f"hold-{_number(angle)}", q, n_lead)
 
 
 def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LEAD) -> Trajectory:
-    """Return a hold whose valves shut ``after`` seconds of recording; named ``sealed-<angle>``."""
+    """Return a hold during which both valves shut.
+
+    Parameters
+    ----------
+    angle : float
+        Degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    after : float, default=0.5
+        When the valves shut, s from the first recorded sample.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``sealed-<angle>``.
+    """
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)
     return Trajectory(f"sealed-{_number(angle)}", held.q_ref, n_lead, sealed=t >= after - 0.5 * PERIOD)
 
 
 def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, lead: float = LEAD) -> Trajectory:
-    """Return a sine during which ``muscle`` stays at constant pressure and the other one moves the joint.
+    """Return a sine during which one muscle stays at constant pressure and the other one moves the joint.
 
-    Named ``isobaric<muscle>-<frequency>-<amplitude>``.
+    Parameters
+    ----------
+    frequency : float
+        rad/s.
+    amplitude : float
+        Degrees.
+    samples : int
+        Recorded samples at 1 kHz.
+    muscle : int, default=1
+        The one at constant pressure, 1 or 2.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``isobaric<muscle>-<frequency>-<amplitude>``.
     """
     if muscle not in (1, 2):
         raise ParameterError(f"There is no muscle {muscle!r}.", "1 or 2", "Name one of the two muscles.")
@@ -156,9 +261,25 @@ def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, 
 
 
 def isometric(angle: float, rise: float, samples: int, frequency: float = 1.0, lead: float = LEAD) -> Trajectory:
-    """Return a run that holds ``angle`` (degrees) while both pressures go up and down by ``rise`` (Pa).
+    """Return a run that holds an angle while both pressures go up and down.
 
-    Named ``isometric-<angle>-<rise in kPa>``; ``frequency`` in rad/s.
+    Parameters
+    ----------
+    angle : float
+        Degrees.
+    rise : float
+        How far the pressures rise, Pa.
+    samples : int
+        Recorded samples at 1 kHz.
+    frequency : float, default=1
+        Of the rise and fall, rad/s.
+    lead : float, default=0.6
+        Lead-in, s.
+
+    Returns
+    -------
+    Trajectory
+        Named ``isometric-<angle>-<rise in kPa>``.
     """
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)

@@ -113,7 +113,15 @@ class Signals:
 
 
 class Step(NamedTuple):
-    """Contribution to the flow equation, linear in the pressure rate: Δṁ = a + b Ṗ."""
+    """Contribution to the flow equation, linear in the pressure rate: Δṁ = a + b Ṗ.
+
+    Parameters
+    ----------
+    a : array
+        Part without the pressure rate, kg/s.
+    b : array
+        Factor of the pressure rate, kg/Pa.
+    """
 
     a: Array
     b: Array
