@@ -1,9 +1,9 @@
 """Error of rates on noisy signals of known derivative: ``python benchmarks/rates.py``.
 
-Signals are those of the bench at 1 kHz: sines, triangles, steps (second-order response) and a multisine, once as joint
-angle of an encoder, once as pressure of a sensor. The error is RMSE over the standard deviation of the true rate, median
-over seeds. "best" is the same method at the cut-off that knows the truth: how much automatic tuning gives away.
-With --pynumdiff, and pynumdiff 0.3 installed, its RTS smoother joins the table; it has to be told the signal's band.
+Signals are those of the bench at 1 kHz: sines, triangles, steps (second-order response) and a multisine, once as
+joint angle of an encoder, once as pressure of a sensor. The error is RMSE over the standard deviation of the true
+rate, median over seeds. "best" is the same method at the cut-off that knows the truth: how much automatic tuning gives
+away. With --pynumdiff, and pynumdiff 0.3 installed, its RTS smoother joins the table; it is told the signal's band.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import time
 import warnings
 
 import numpy as np
+
 from pamid.signals import differentiate, tune_cutoff
+from pamid.signals.rates import METHODS
 
 PERIOD = 1e-3
 DURATION = 8.0
@@ -98,12 +100,11 @@ def table(seeds: int, oracle: bool, rival: bool) -> None:
             for seed in range(seeds):
                 z = measure(value, noise, step, np.random.default_rng(seed))
                 row = [nrmse(np.gradient(z, PERIOD), rate)]
-                for method in ("savgol", "spline", "kalman"):
-                    row.append(nrmse(differentiate(z, sampling_period=PERIOD, method=method)[1], rate))
+                row += [nrmse(differentiate(z, sampling_period=PERIOD, method=m)[1], rate) for m in METHODS]
                 if rival:
                     row.append(nrmse(pynumdiff_rate(z, omega), rate))
                 if oracle:
-                    for method in ("savgol", "spline", "kalman"):
+                    for method in METHODS:
                         cutoffs = np.geomspace(0.3, 300.0, 31)
                         errors = [
                             nrmse(differentiate(z, sampling_period=PERIOD, method=method, tuning=float(c))[1], rate)
@@ -118,20 +119,19 @@ def table(seeds: int, oracle: bool, rival: bool) -> None:
     if oracle:
         ratio = np.exp(np.mean(np.log(lost), axis=0))
         print("automatic tuning against the best cut-off, geometric mean of the error's ratio: ", end="")
-        print(", ".join(f"{m} {r:.2f}" for m, r in zip(("savgol", "spline", "kalman"), ratio, strict=True)))
+        print(", ".join(f"{m} {r:.2f}" for m, r in zip(METHODS, ratio, strict=True)))
 
 
 def speed(rows: int) -> None:
     t = np.arange(rows) * PERIOD
     z = np.sin(t) + 1e-3 * np.random.default_rng(0).standard_normal(rows)
-    for method in ("savgol", "spline", "kalman"):
+    for method in METHODS:
         start = time.perf_counter()
         cutoff = tune_cutoff(z, t, method=method)
         middle = time.perf_counter()
         differentiate(z, t, method=method, tuning=cutoff)
-        print(
-            f"{method}: {rows:.0e} rows tuned in {middle - start:.2f} s, smoothed in {time.perf_counter() - middle:.2f} s"
-        )
+        end = time.perf_counter()
+        print(f"{method}: {rows:.0e} rows tuned in {middle - start:.2f} s, smoothed in {end - middle:.2f} s")
 
 
 def main() -> None:

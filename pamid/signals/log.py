@@ -305,7 +305,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
             import h5py
 
             with h5py.File(path, "w") as file:
-                group = file.create_group("log")
+                group = file.create_group("log", track_order=True)
                 for column in log.columns:
                     values = log[column].to_numpy()
                     data = values if values.dtype.kind in "biuf" else values.astype(object)

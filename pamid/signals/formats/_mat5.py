@@ -1,21 +1,28 @@
-"""The table of contents of a MATLAB 5 file, read from its headers alone.
+"""MATLAB 5 files: their table of contents and their plain numbers, and nothing else.
 
-`scipy.io.whosmat` fails on files that hold MATLAB objects, and reading a variable to learn its size is too late.
+`scipy.io` reads these files too, but it fails to list those that hold MATLAB objects, and a damaged or hostile file can
+end the whole process there (a segmentation fault in ``read_var_array`` of scipy 1.17). Every length is checked here.
 """
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
-from pamid.errors import TruncatedLogError
+import numpy as np
+
+from pamid.errors import HostileLogError, LogFormatError, TruncatedLogError
 
 _COMPRESSED, _MATRIX = 15, 14
 _CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function", 17: "opaque"}
+_STRUCT, _OPAQUE = 2, 17
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_HEAD = 4096
 
 
 class Variable(NamedTuple):
@@ -29,14 +36,28 @@ class Variable(NamedTuple):
         ``"number"``, or the MATLAB class of what is no plain real array (``"struct"``, ``"cell"``, ``"opaque"``, ...).
     shape : tuple of int
         Declared shape; empty where the class has none.
+    start : int
+        Where its data element begins in the file, bytes.
     stored : int
         Bytes that it takes in the file.
+    packed : bool
+        Whether it is compressed.
     """
 
     name: str
     kind: str
     shape: tuple[int, ...]
+    start: int
     stored: int
+    packed: bool
+
+
+class _Head(NamedTuple):
+    mx_class: int
+    is_complex: bool
+    shape: tuple[int, ...]
+    name: str
+    end: int
 
 
 def contents(path: Path) -> list[Variable]:
@@ -60,10 +81,7 @@ def contents(path: Path) -> list[Variable]:
     size = path.stat().st_size
     found = []
     with path.open("rb") as stream:
-        header = stream.read(128)
-        if len(header) < 128:
-            raise _damaged(path, "its header is cut off")
-        order = "<" if header[126:128] == b"IM" else ">"
+        order = _byte_order(stream, path)
         while (start := stream.tell()) < size:
             tag = stream.read(8)
             if len(tag) < 8:
@@ -71,43 +89,143 @@ def contents(path: Path) -> list[Variable]:
             kind, length = struct.unpack(order + "II", tag)
             if kind not in (_COMPRESSED, _MATRIX) or start + 8 + length > size:
                 raise _damaged(path, f"the variable at byte {start} reaches beyond its end")
-            found.append(_variable(stream, kind, length, order, path))
+            body = stream.read(min(length, _HEAD))
+            if kind == _COMPRESSED:
+                body = _unpack(body, _HEAD, path)[8:]
+            head = _head(body, order, path)
+            numeric = head.mx_class in _NUMERIC and not head.is_complex
+            label = "number" if numeric else _CLASSES.get(head.mx_class, "complex")
+            found.append(Variable(head.name, label, head.shape, start, length, kind == _COMPRESSED))
             stream.seek(start + 8 + length)
     return found
 
 
-def _variable(stream: BinaryIO, kind: int, length: int, order: str, path: Path) -> Variable:
-    head = stream.read(min(length, 4096))
-    if kind == _COMPRESSED:
-        try:
-            head = zlib.decompressobj().decompress(head, 4096)[8:]
-        except zlib.error as error:
-            raise _damaged(path, str(error)) from None
+def load(path: Path, variable: Variable, max_bytes: int) -> Any:
+    """Read one variable.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    variable : Variable
+        One of its `contents`, a plain array or a struct of plain arrays.
+    max_bytes : int
+        Largest number of bytes to unfold.
+
+    Returns
+    -------
+    ndarray, or dict of ndarrays
+        The array in its MATLAB shape; for a struct its numeric fields.
+
+    Raises
+    ------
+    TruncatedLogError
+        If its lengths do not fit together.
+    HostileLogError
+        If it unfolds to more than `max_bytes`.
+    LogFormatError
+        If it is an array of structs.
+    """
+    with path.open("rb") as stream:
+        order = _byte_order(stream, path)
+        stream.seek(variable.start + 8)
+        body = stream.read(variable.stored)
+    if variable.packed:
+        body = _unpack(body, max_bytes + 1, path)[8:]
+        if len(body) > max_bytes:
+            raise HostileLogError(
+                f"The variable '{variable.name}' of {path.name} unfolds to more than {max_bytes / 2**30:.3g} GiB.",
+                "less",
+                "Split the log, or raise max_bytes if the file can be trusted.",
+            )
+    if variable.kind == "struct":
+        return _struct(body, order, path, variable.name)
+    return _array(body, order, path)
+
+
+def _byte_order(stream: BinaryIO, path: Path) -> str:
+    header = stream.read(128)
+    if len(header) < 128:
+        raise _damaged(path, "its header is cut off")
+    return "<" if header[126:128] == b"IM" else ">"
+
+
+def _unpack(data: bytes, limit: int, path: Path) -> bytes:
     try:
-        flags = struct.unpack_from(order + "I", head, 8)[0]
-        mx_class = flags & 0xFF
+        return zlib.decompressobj().decompress(data, limit)
+    except zlib.error as error:
+        raise _damaged(path, str(error)) from None
+
+
+def _head(body: bytes, order: str, path: Path) -> _Head:
+    try:
+        flags = struct.unpack_from(order + "I", body, 8)[0]
         at = 16
         shape: tuple[int, ...] = ()
-        if mx_class != 17:
-            body, at = _element(head, at, order)
-            shape = struct.unpack(f"{order}{len(body) // 4}i", body)
-        body, at = _element(head, at, order)
+        if flags & 0xFF != _OPAQUE:
+            _, data, at = _element(body, at, order)
+            shape = struct.unpack(f"{order}{len(data) // 4}i", data)
+        _, data, at = _element(body, at, order)
     except (struct.error, IndexError):
         raise _damaged(path, "a variable's header makes no sense") from None
-    name = body.decode("latin-1")
-    numeric = mx_class in _NUMERIC and not flags & _COMPLEX
-    return Variable(name, "number" if numeric else _CLASSES.get(mx_class, "complex"), shape, length)
+    if any(n < 0 for n in shape):
+        raise _damaged(path, "a variable has a negative length")
+    return _Head(flags & 0xFF, bool(flags & _COMPLEX), shape, data.decode("latin-1"), at)
 
 
-def _element(head: bytes, at: int, order: str) -> tuple[bytes, int]:
-    """Return the content of the data element at a position, and where the next one begins."""
-    first, second = struct.unpack_from(order + "II", head, at)
+def _element(body: bytes, at: int, order: str) -> tuple[int, bytes, int]:
+    """Return type and content of the data element at a position, and where the next one begins."""
+    first, second = struct.unpack_from(order + "II", body, at)
     if first >> 16:  # small element: type and length in one word, up to four bytes of data in the next
-        return head[at + 4 : at + 4 + (first >> 16)], at + 8
-    body = head[at + 8 : at + 8 + second]
-    if len(body) < second:
+        if first >> 16 > 4:
+            raise IndexError(at)
+        return first & 0xFFFF, body[at + 4 : at + 4 + (first >> 16)], at + 8
+    data = body[at + 8 : at + 8 + second]
+    if len(data) < second:
         raise IndexError(second)
-    return body, at + 8 + (second + 7) // 8 * 8
+    return first, data, at + 8 + (second if first == _COMPRESSED else (second + 7) // 8 * 8)
+
+
+def _array(body: bytes, order: str, path: Path) -> np.ndarray:
+    head = _head(body, order, path)
+    count = math.prod(head.shape)
+    if count == 0:
+        return np.zeros(head.shape)
+    try:
+        kind, data, _ = _element(body, head.end, order)
+        values = np.frombuffer(data, dtype=order + _TYPES[kind])
+    except (struct.error, IndexError, KeyError, ValueError):
+        raise _damaged(path, f"the numbers of '{head.name}' are not whole") from None
+    if len(values) != count:
+        raise _damaged(path, f"'{head.name}' declares {count} numbers and holds {len(values)}")
+    return values.astype(values.dtype.newbyteorder("=")).reshape(head.shape, order="F")
+
+
+def _struct(body: bytes, order: str, path: Path, name: str) -> dict[str, np.ndarray]:
+    head = _head(body, order, path)
+    if math.prod(head.shape) != 1:
+        raise LogFormatError(
+            f"The variable '{name}' of {path.name} is a struct array of {'x'.join(map(str, head.shape))}.",
+            "one struct of numeric vectors",
+            "Save one struct a trajectory.",
+        )
+    fields: dict[str, np.ndarray] = {}
+    try:
+        _, data, at = _element(body, head.end, order)
+        width = struct.unpack(order + "i", data)[0]
+        _, data, at = _element(body, at, order)
+        if width <= 0:
+            raise IndexError(width)
+        for start in range(0, len(data), width):
+            key = data[start : start + width].split(b"\0", 1)[0].decode("latin-1")
+            kind, inner, at = _element(body, at, order)
+            if kind == _MATRIX and inner:
+                own = _head(inner, order, path)
+                if own.mx_class in _NUMERIC and not own.is_complex:
+                    fields[key] = _array(inner, order, path)
+    except (struct.error, IndexError):
+        raise _damaged(path, f"the struct '{name}' is not whole") from None
+    return fields
 
 
 def _damaged(path: Path, what: str) -> TruncatedLogError:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pamid.errors import HostileLogError, LogFormatError, TruncatedLogError
+from pamid.errors import HostileLogError
 
 from . import Format, RawTable
-from ._mat5 import contents
+from ._mat5 import contents, load
 from ._variables import as_frame, require_size, select, tables
 
 if TYPE_CHECKING:
@@ -38,44 +35,9 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     wanted = [*chosen, *([mapping.zero_run] if mapping.zero_run else [])]
     for name in wanted:
         require_size(path, name, listing[name].shape, listing[name].stored, max_bytes)
-    content = _load(path, wanted)
-    values = {name: _plain(content[name], name, path) for name in wanted if name in content}
+    values = {name: load(path, listing[name], max_bytes) for name in wanted}
     zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
     return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
-
-
-def _load(path: Path, names: list[str]) -> dict[str, Any]:
-    import scipy.io
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return scipy.io.loadmat(path, variable_names=names, struct_as_record=True)
-    except Exception as error:  # scipy raises whatever the damaged bytes lead it to
-        detail = f"{type(error).__name__}: {str(error).splitlines()[0][:120] if str(error) else 'no detail'}"
-        raise TruncatedLogError(
-            f"{path.name} is damaged or cut off ({detail}).", "a whole MATLAB file", "Save or copy the log again."
-        ) from None
-
-
-def _plain(value: Any, name: str, path: Path) -> Any:
-    """Open a struct into a dict of its numeric fields; refuse whatever else is no number."""
-    array = np.asarray(value)
-    if array.dtype.names is not None:
-        if array.size != 1:
-            raise LogFormatError(
-                f"The variable '{name}' of {path.name} is a struct array of {array.size}.",
-                "one struct of numeric vectors",
-                "Save one struct a trajectory.",
-            )
-        cell = array.ravel()[0]
-        numeric = {k: np.asarray(cell[k]) for k in array.dtype.names}
-        return {k: v for k, v in numeric.items() if v.dtype.kind in "biuf"}
-    if array.dtype.kind not in "biuf":
-        raise HostileLogError(
-            f"The variable '{name}' of {path.name} holds {array.dtype}.", "real numbers", "Save plain arrays."
-        )
-    return array
 
 
 FORMAT = Format("MATLAB", (".mat",), lambda head: head[:10] == b"MATLAB 5.0", read)

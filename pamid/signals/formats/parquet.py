@@ -32,15 +32,15 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
                 )
             flat = [f.name for f in schema if not pa.types.is_nested(f.type) and not pa.types.is_binary(f.type)]
             table = file.read(columns=list(dict.fromkeys(flat)))
+            frame = table.replace_schema_metadata(None).to_pandas()
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, HostileLogError):
             raise
         raise TruncatedLogError(
-            f"{path.name} is damaged or cut off: {str(error).splitlines()[0][:160]}.",
+            f"{path.name} is damaged or cut off: {(str(error).splitlines() or ['no detail'])[0][:160]}.",
             "a whole parquet file",
             "Export or copy the log again.",
         ) from None
-    frame = table.to_pandas(ignore_metadata=True)
     return [RawTable(frame)], None
 
 
