@@ -212,6 +212,16 @@ def test_groups_with_routing(estimator, data, groups_seen):
 
 
 @each_grouped_instance
+def test_groups_are_requested_by_default(estimator):
+    """Every method that takes groups asks for them without a word of the user."""
+    with sklearn.config_context(enable_metadata_routing=True):
+        requests = estimator.get_metadata_routing()
+    for method in ("fit", "partial_fit", "predict", "transform", "score"):
+        if takes(estimator, method, "groups"):
+            assert getattr(requests, method).requests["groups"] is True, method
+
+
+@each_grouped_instance
 def test_trajectory_column_without_routing(estimator, data):
     """With routing off the splitter alone reads groups; a trajectory column reaches the estimator all the same."""
     X, y, groups = data

@@ -201,6 +201,16 @@ def test_diverging_loss_is_told():
     assert best.score == 1.0
 
 
+def test_small_improvements_do_not_count():
+    """Steps below tol of the reference are waited through, even if each is the best so far."""
+    best = Best(patience=3, tol=0.1)
+    scores = [1.0, 0.95, 0.94, 0.93]
+    assert [best.offer(score, dict) for score in scores] == [False, False, False, True]
+    assert best.score == 0.93
+    best = Best(patience=3, tol=0.1)
+    assert not any(best.offer(0.8**k, dict) for k in range(20))
+
+
 # --- the recurrent network ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("cell", ["gru", "lstm", "elman"])
 def test_recurrent_learns_a_lag(cell, lagging):
@@ -251,6 +261,16 @@ def test_carried_state(cell):
         first, state = network.run(x[:, :17])
         second, _ = network.run(x[:, 17:], state)
     np.testing.assert_allclose(torch.cat([first, second], 1), whole, rtol=1e-12)
+
+
+@pytest.mark.parametrize("window", [7, 40, 1000])
+def test_windows_carry_their_state_in_the_fit(window, lagging):
+    """While nothing is learnt, the loss met window by window is the error of a prediction along the trajectories."""
+    X, y = lagging[["P", "trajectory"]], lagging["F"]
+    model = Recurrent(("P",), hidden=4, window=window, segment_length=None, learning_rate=0.0, max_iter=1)
+    model.fit(X, y)
+    error = np.mean(((model.predict(X) - y) / model.target_scale_) ** 2)
+    assert model.loss_curve_[0] == pytest.approx(error, rel=1e-9)
 
 
 def test_burn_in_settles_the_start(lagging):

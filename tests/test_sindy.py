@@ -62,6 +62,17 @@ def test_optimizers_agree_on_a_clear_case(optimizer, force_table):
     assert large["P"] == pytest.approx(3e-3, rel=1e-3)
 
 
+@pytest.mark.parametrize("optimizer", ["stlsq", "sr3"])
+@pytest.mark.parametrize(("threshold", "kept"), [(0.05, ["eps", "P"]), (0.2, ["P"])])
+def test_threshold_is_a_share_of_the_target(optimizer, threshold, kept):
+    """A term of a tenth of the target's root mean square stays at a threshold of 0.05 and goes at one of 0.2."""
+    rng = np.random.default_rng(4)
+    X = pd.DataFrame({"eps": rng.normal(0, 0.1, 2000), "P": rng.normal(0, 1e5, 2000)})
+    y = 0.995e-3 * X["P"] + 100.0 * X["eps"]  # root mean squares 99.5, 10 and 100
+    model = SINDyRegressor(("eps", "P"), degree=1, bias=False, optimizer=optimizer, threshold=threshold, max_iter=200)
+    assert list(model.fit(X, y).coefficients_) == kept
+
+
 def test_instance_of_pysindy_serves_as_optimizer(force_table):
     """An optimizer object gives what its name gives, is left unfitted, and is not kept."""
     X, y = force_table
