@@ -29,7 +29,8 @@ from pamid.bench.datasets import step_trajectories, training_trajectories, trian
 from pamid.bench.muscles import Muscles
 from pamid.bench.references import Trajectory
 from pamid.bench.simulation import run_batch
-from pamid.effects import Signals, all_effects, make_effect
+from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect
+from pamid.effects._memory import relax
 from pamid.errors import DivergedError, ParameterError, TrajectoryError, UnknownOptionError
 from pamid.laws.gas import mass_flow, pressure_rate
 from pamid.laws.joint import AntagonisticJoint
@@ -285,6 +286,47 @@ def test_effects_with_memory_converge_with_the_step(names):
     ]
     assert np.all(errors[1] < 0.75 * errors[0])  # a reversal inside a step costs friction an order
     assert errors[0][0] < 0.1 * SENSORS["q"].noise and errors[0][2:].max() < 0.1 * SENSORS["P"].noise
+
+
+def test_two_alike_lags_in_one_chain_remember_each_its_own():
+    lag = ("valve_lag", {"time_constant": 0.004})
+    runs = [step(0, 15, 300, at=0.05, lead=0)]
+    once, twice = (simulate(B, runs, sensors=IDEAL, effects=effects, truth=True)[1] for effects in ([lag], [lag, lag]))
+    opened = [np.argmax(t["mdot1"].to_numpy() > 1e-3) for t in (once, twice)]
+    assert opened[1] > opened[0]
+
+
+def test_memory_at_the_joint_is_carried():
+    class Twist(Effect):
+        name = "twist"
+        family = "viscoelasticity"
+        equations = ("joint",)
+        site = "joint"
+        roles = ("position",)
+        source = "none"
+        n_states = 1
+        parameters = (Parameter("stiffness", "N m/rad", 0.0, 100.0, 2.0, "relaxing spring", linear=True),)
+
+        def start(self, s, plant, dt):
+            return s.position[None].copy()
+
+        def step(self, x, s0, s1, dt, plant):
+            return relax(x, s0.position, s1.position, dt, 0.1)
+
+        def torque(self, s, x, plant):
+            return -self.stiffness * (s.position - x[0])
+
+    try:
+        runs = [sine(10, 20, 400, lead=0)]
+        _, true = simulate(B, runs, sensors=IDEAL, effects=["twist"], truth=True)
+        effect = make_effect("twist")
+        s = Signals(position=true["q"].to_numpy())
+        torque = effect.torque(s, effect.trace(s, None, 1e-3, np.array([0])), None)
+        joint = AntagonisticJoint(0.04, 0.2, 0.12, 0.02, 0.08)
+        left = joint.residual(true["F1"], true["F2"], true["dq"], true["ddq"]) + torque
+        assert np.abs(torque).max() > 0.3 and np.abs(left).max() < 1e-4
+    finally:
+        del Effect.registry["twist"]
 
 
 def test_effects_of_a_simulator_file_are_simulated(tmp_path):

@@ -45,7 +45,7 @@ class Antagonist:
         self._L1_rate, self._L2_rate = self._L_rate
         self._drag = np.empty(n_runs)
         self._torques = [e for e in effects if "torque" in e.hooks()]
-        self._memory: dict[Effect, np.ndarray] = {}
+        self._memory: dict[int, np.ndarray] = {}
         self._base = Signals()
 
     def _lengths(self, y: np.ndarray) -> None:
@@ -70,7 +70,7 @@ class Antagonist:
         if self._torques:
             s = Signals(position=y[0], velocity=y[1])
             for e in self._torques:
-                x = self._memory.get(e)
+                x = self._memory.get(id(e))
                 if x is not None and ahead > 0.0:
                     x = e.step(x, self._base, s, ahead, self.plant)
                 acceleration += e.torque(s, x, self.plant) / self._inertia
@@ -86,7 +86,7 @@ class Antagonist:
         self._lengths(y)
         self.muscles.start_memory(self._L, self._L_rate, y[2:].copy(), dt)
         self._base = Signals(position=y[0].copy(), velocity=y[1].copy())
-        self._memory = {e: e.start(self._base, self.plant, dt) for e in self._torques if e.n_states}
+        self._memory = {id(e): e.start(self._base, self.plant, dt) for e in self._torques if e.n_states}
 
     def carry_memory(self, y: np.ndarray, h: float) -> None:
         """Carry memory over the integration step of ``h`` seconds that ended at ``y``."""
@@ -95,5 +95,7 @@ class Antagonist:
             self.muscles.carry_memory(self._L, self._L_rate, y[2:].copy(), h)
         if self._memory:
             s = Signals(position=y[0].copy(), velocity=y[1].copy())
-            self._memory = {e: e.step(x, self._base, s, h, self.plant) for e, x in self._memory.items()}
+            self._memory = {
+                id(e): e.step(self._memory[id(e)], self._base, s, h, self.plant) for e in self._torques if e.n_states
+            }
             self._base = s

@@ -62,9 +62,9 @@ class Muscles:
         self.by_hook = {hook: [e for e in used if hook in e.hooks()] for hook in MUSCLE_HOOKS}
         self.has_effects = bool(used)
         self.remembering = [e for e in used if e.n_states]
-        self.memory: dict[Effect, np.ndarray] = {}
-        self._base_memory: dict[Effect, np.ndarray] = {}
-        self._inputs: dict[Effect, np.ndarray] = {}
+        # By identity: two alike effects in one chain of commands remember different things.
+        self._base_memory: dict[int, np.ndarray] = {}
+        self._inputs: dict[int, np.ndarray] = {}
         self._base = Signals()
         self.F, self.mdot = np.empty(shape), np.empty(shape)
         self._f, self._t, self._w = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -156,19 +156,19 @@ class Muscles:
             position=1.0 - L / self.rest_length, velocity=L_rate / -self.rest_length, pressure=P, command=self.u
         )
 
-    def _memory_at(self, s: Signals, ahead: float) -> dict[Effect, np.ndarray]:
+    def _memory_at(self, s: Signals, ahead: float) -> dict[int, np.ndarray]:
         if ahead == 0.0:
             return self._base_memory
         carried = {}
         for e in self.remembering:
-            x = self._base_memory[e]
+            x = self._base_memory[id(e)]
             if e.sampled:
-                carried[e] = x
+                carried[id(e)] = x
             elif "command" in e.hooks():
-                held = self._base.with_(command=self._inputs[e])
-                carried[e] = e.step(x, held, s.with_(command=self._inputs[e]), ahead, self.plant)
+                held = self._base.with_(command=self._inputs[id(e)])
+                carried[id(e)] = e.step(x, held, s.with_(command=self._inputs[id(e)]), ahead, self.plant)
             else:
-                carried[e] = e.step(x, self._base, s, ahead, self.plant)
+                carried[id(e)] = e.step(x, self._base, s, ahead, self.plant)
         return carried
 
     def _evaluate_with_effects(
@@ -180,39 +180,39 @@ class Muscles:
         u, supply = self.u, self.supply_pressure
         for e in self.by_hook["command"]:
             if ahead == 0.0:
-                self._inputs[e] = u
-            u = e.command(u, s, memory.get(e), plant)
+                self._inputs[id(e)] = u
+            u = e.command(u, s, memory.get(id(e)), plant)
         s.command = u
         for e in self.by_hook["supply"]:
-            supply = e.supply(supply, s, memory.get(e), plant)
+            supply = e.supply(supply, s, memory.get(id(e)), plant)
         s.command = self.u
         if self.by_hook["command"] or self.by_hook["supply"]:
             self._open(u, supply)
         self._valve(P)
         for e in self.by_hook["valve"]:
-            self.mdot += e.valve(s, memory.get(e), plant)
+            self.mdot += e.valve(s, memory.get(id(e)), plant)
         s.flow = self.mdot
         squared = L * L
         f = self.shape_factor * (3.0 * squared - self.thread_squared)
         V = self.shape_factor * (self.thread_squared - squared) * L
         into, per_rate = self.mdot + P * f * L_rate / self.RT, V / (self.gamma * self.RT)
         for e in self.by_hook["flow"]:
-            a, b = e.flow(s, memory.get(e), plant)
+            a, b = e.flow(s, memory.get(id(e)), plant)
             into = into - a
             per_rate = per_rate + b
         np.divide(into, per_rate, out=P_rate)
         s.pressure_rate = P_rate
         np.multiply(P - self.atmosphere, f, out=self.F)
         for e in self.by_hook["force"]:
-            self.F += e.force(s, memory.get(e), plant)
+            self.F += e.force(s, memory.get(id(e)), plant)
 
     # --- memory ---------------------------------------------------------------------------------------------
     def start_memory(self, L: np.ndarray, L_rate: np.ndarray, P: np.ndarray, dt: float) -> None:
         """Put all memory at rest at the state given; ``dt`` is the control period, s."""
         s = self.signals(L, L_rate, P)
         self._base = s
-        self._base_memory = {e: e.start(s, self.plant, dt) for e in self.remembering}
-        self._inputs = {e: self.u for e in self.by_hook["command"]}
+        self._base_memory = {id(e): e.start(s, self.plant, dt) for e in self.remembering}
+        self._inputs = {id(e): self.u for e in self.by_hook["command"]}
 
     def carry_memory(self, L: np.ndarray, L_rate: np.ndarray, P: np.ndarray, h: float) -> None:
         """Carry continuous memory over a whole integration step of ``h`` seconds to the state given."""
@@ -228,4 +228,4 @@ class Muscles:
             if e.sampled:
                 held = self._base.with_(command=before)
                 now = self._base.with_(command=self.u)
-                self._base_memory[e] = e.step(self._base_memory[e], held, now, dt, self.plant)
+                self._base_memory[id(e)] = e.step(self._base_memory[id(e)], held, now, dt, self.plant)

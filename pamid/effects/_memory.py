@@ -20,21 +20,18 @@ def bouc_wen(z: Array, displacement: Array, length: float, shape: float) -> Arra
     .. math:: \frac{\mathrm{d}z}{\mathrm{d}\xi} = \frac{1}{\delta}\left(1 - |z|\,(\beta\,\mathrm{sgn}(z\,
         \mathrm{d}\xi) + 1 - \beta)\right)
 
-    With the variable oriented along the motion, w = z sgn dξ, the law is linear on either side of w = 0, so the
-    solution after any distance is known; the distance is counted from the passage through 0.
+    With the variable oriented along the motion, w = z sgn dξ, the law is linear on either side of w = 0. Each w then
+    lies at a known distance from the passage through 0, counted along the motion; the displacement is added to it.
     """
     d = np.asarray(displacement) / length
     sign = np.copysign(1.0, d)
     w = z * sign
     a = 1.0 - 2.0 * shape  # ≤ 0: rate of the exponential before the passage through 0
-    before = np.minimum(w, 0.0)
-    to_zero = -before if a > -1e-9 else -np.log1p(a * before) / a
-    passed = np.log1p(-np.clip(w, 0.0, 1.0 - 1e-12))  # ≤ 0: where on the way out of 0 it is already
-    left = np.abs(d) - to_zero
-    beyond = -np.expm1(-np.maximum(left, 0.0) + np.where(w > 0.0, passed, 0.0))
-    growth = np.minimum(np.abs(d), to_zero)
-    short = before + growth if a > -1e-9 else before * np.exp(a * growth) + np.expm1(a * growth) / a
-    return sign * np.where(left > 0.0, beyond, np.where(w > 0.0, w, short))
+    straight = a > -1e-9
+    before, beyond = np.minimum(w, 0.0), np.clip(w, 0.0, 1.0 - 1e-15)
+    distance = (before if straight else np.log1p(a * before) / a) - np.log1p(-beyond) + np.abs(d)
+    before, beyond = np.minimum(distance, 0.0), np.maximum(distance, 0.0)
+    return sign * ((before if straight else np.expm1(a * before) / a) - np.expm1(-beyond))
 
 
 def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
