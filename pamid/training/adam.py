@@ -59,9 +59,14 @@ class Adam(Trainer):
         self.patience = patience
 
     def steps(
-        self, problem: Problem, parameters: Parameters, activation: str, random_state: np.random.RandomState
+        self,
+        problem: Problem,
+        parameters: Parameters,
+        activation: str,
+        random_state: np.random.RandomState,
+        prior: Parameters | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
-        """Yield the parameters and the mean loss of the epoch."""
+        """Yield the parameters and the mean loss of the epoch; the published decay knows no prior but zero."""
         # One flat vector holds all parameters: the optimiser is then five operations, however many layers there are.
         flat = torch.cat([p.reshape(-1) for p in parameters])
         shapes = [p.shape for p in parameters]

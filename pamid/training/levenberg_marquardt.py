@@ -27,13 +27,13 @@ class LevenbergMarquardt(Trainer):
     ----------
     max_iter : int, default=150
         Steps.
-    batch_size : int, default=1000
+    batch_size : int, default=512
         Samples a step; all of them if there are fewer. Memory grows with its square, time with its cube at the end.
     weight_decay : float, default=1e-7
         λ: the strength of the pull toward the start of the parameters' prior (zero from scratch, the source's
         parameters in an adaptation), relative to the mean squared residual in units of the target's variance.
-    damping : float, default=0.1
-        First damping μ, relative to the mean diagonal of the Gram matrix.
+    damping : float, default=1e-3
+        First damping μ, relative to the trace of the Gram matrix of the weighted mean.
     tolerance : float, default=1e-9
         Relative fall of the penalised loss below which full-batch training counts as converged.
     patience : int, default=40
@@ -49,9 +49,9 @@ class LevenbergMarquardt(Trainer):
         self,
         max_iter: int = 150,
         *,
-        batch_size: int = 1000,
+        batch_size: int = 512,
         weight_decay: float = 1e-7,
-        damping: float = 0.1,
+        damping: float = 1e-3,
         tolerance: float = 1e-9,
         patience: int = 40,
     ) -> None:
@@ -89,7 +89,7 @@ class LevenbergMarquardt(Trainer):
                 return
             g, dg = _scale(adjoints(theta, tape), root)
             K = gram(g, dg, tape)
-            scale = float(K.diagonal().mean())
+            scale = float(K.trace())
             accepted = False
             while mu < 1e8 and not accepted:
                 step = self._step(theta, origin, tape, g, dg, K, r, root, mu * scale + self.weight_decay)
@@ -100,7 +100,7 @@ class LevenbergMarquardt(Trainer):
                 r_new = root * (forward(trial, batch.x, batch.direction, batch.a, activation).y - batch.y)
                 after = float(r_new @ r_new) + self._penalty(trial, origin)
                 accepted = after < before
-                mu = max(mu / 2.0, 1e-10) if accepted else mu * 4.0
+                mu = max(mu / 2.0, 1e-13) if accepted else mu * 4.0
             if not accepted:
                 if full:
                     return

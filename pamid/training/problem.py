@@ -13,7 +13,8 @@ from torch import Tensor
 class Problem:
     r"""Least squares of a law that reads a network linearly.
 
-    .. math:: \min_\theta \; \frac{\sum_i w_i r_i^2}{\sum_i w_i}, \qquad r_i = a_i N(x_i;\theta) + \partial_{d_i} N(x_i;\theta) - y_i
+    .. math:: \min_\theta \frac{\sum_i w_i r_i^2}{\sum_i w_i}, \quad
+        r_i = a_i N(x_i;\theta) + \partial_{d_i} N(x_i;\theta) - y_i
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ from enum import Enum
 
 from .network import Parameters
 
-Callback = Callable[[int, float], bool]
-"""Called with the iteration and the loss after every iteration; returns whether to stop."""
+Callback = Callable[[float, Parameters], bool]
+"""Called with the loss and the parameters after every iteration; returns whether to stop."""
 
 
 class Status(Enum):

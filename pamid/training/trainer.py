@@ -36,7 +36,12 @@ class Trainer(BaseEstimator):
 
     @abstractmethod
     def steps(
-        self, problem: Problem, parameters: Parameters, activation: str, random_state: np.random.RandomState
+        self,
+        problem: Problem,
+        parameters: Parameters,
+        activation: str,
+        random_state: np.random.RandomState,
+        prior: Parameters | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean squared residual after each iteration."""
 
@@ -60,6 +65,7 @@ class Trainer(BaseEstimator):
         activation: str,
         random_state: np.random.RandomState,
         *,
+        prior: Parameters | None = None,
         validation: Problem | None = None,
         callback: Callback | None = None,
     ) -> TrainingResult:
@@ -75,10 +81,12 @@ class Trainer(BaseEstimator):
             Name of the activation.
         random_state : numpy.random.RandomState
             The only source of randomness.
+        prior : list of Tensor, optional
+            Parameters toward which a trainer that has a pull draws; zero by default.
         validation : Problem, optional
             Held-out trajectories: the parameters that are best on them are returned, and training stops early.
         callback : callable, optional
-            Called with (iteration, loss); returns whether to stop.
+            Called with the loss and the parameters after every iteration; returns whether to stop.
 
         Returns
         -------
@@ -97,7 +105,7 @@ class Trainer(BaseEstimator):
         held_out: list[float] = []
         status = Status.FINISHED
         try:
-            for current, loss in self.steps(problem, parameters, activation, random_state):
+            for current, loss in self.steps(problem, parameters, activation, random_state, prior):
                 score = mean_squared_residual(current, judged, activation) if judged is not problem else loss
                 losses.append(loss)
                 if validation is not None:
@@ -106,7 +114,7 @@ class Trainer(BaseEstimator):
                     status = Status.DIVERGED
                     break
                 best.offer(score, current)
-                if callback is not None and callback(len(losses) - 1, loss):
+                if callback is not None and callback(loss, current):
                     status = Status.STOPPED_BY_CALLBACK
                     break
                 if validation is not None and best.stale:

@@ -19,7 +19,7 @@ class ContactVolume:
     r"""Quadratic volume slope with a contact pressure that grows with the contraction.
 
     .. math:: \frac{\partial V}{\partial\varepsilon} = L_0\, g(\varepsilon)\, \varphi(p, \varepsilon), \quad
-        g = A \left(1 - \frac{\varepsilon}{\varepsilon_m}\right) \left(1 + \kappa \frac{\varepsilon}{\varepsilon_m}\right)
+        g = A \left(1 - \varepsilon/\varepsilon_m\right) \left(1 + \kappa\, \varepsilon/\varepsilon_m\right)
 
     .. math:: \varphi = \frac{s}{p} \ln\frac{1 + e^{(p - p_c)/s}}{1 + e^{-p_c/s}}, \quad
         p_c = p_\infty \left(1 - e^{-\varepsilon/\varepsilon_c}\right), \quad p = P - P_\mathrm{atm}

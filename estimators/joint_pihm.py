@@ -1,0 +1,252 @@
+"""One volume for force and flow together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
+
+from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from pamid.errors import ShapeError
+from pamid.laws.base import Law
+from pamid.laws.quasi_static import QuasiStaticForce
+from pamid.laws.thermodynamic import ThermodynamicFlow
+
+from ._base import Signals
+from ._pihm import HybridModel
+
+
+class JointPIHM(HybridModel):
+    r"""Hybrid model of force and mass flow that share one gas volume.
+
+    Both laws read the same network V(ε, ε̇, P, Ṗ),
+
+    .. math:: F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
+        \dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T},
+
+    each counted in units of its own spread. Where no volume satisfies both, one of the laws lacks something: compare
+    `StaticPIHM` and `ThermodynamicPIHM` with this model to see by how much.
+
+    Parameters
+    ----------
+    rest_length : float, default=0.2
+        Rest length L₀ of the muscle, m.
+    rest_diameter : float, default=0.02
+        Rest diameter D₀, m.
+    atmospheric_pressure : float, default=101325
+        Ambient pressure, Pa, absolute.
+    heat_capacity_ratio : float, default=1.4
+        γ, dimensionless.
+    gas_constant : float, default=287
+        R, J/(kg K).
+    temperature : float, default=293
+        T, K.
+    volume_model : {"anchored", "neural"}, default="anchored"
+        As in `StaticPIHM`.
+    hidden_layer_sizes : tuple of int, default=(128, 128)
+        Widths of the hidden layers.
+    activation : {"softplus", "tanh", "silu"}, default="softplus"
+        Smooth activation of the hidden layers.
+    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
+        How to train.
+    max_iter, batch_size, weight_decay : optional
+        Override those of the trainer.
+    validation_fraction : float, default=0
+        Share of whole trajectories held out for early stopping; needs ``groups`` or a ``trajectory`` column.
+    signals : dict, optional
+        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of the training.
+    device : str, default="cpu"
+        Where to train.
+    random_state : int, RandomState or None, default=None
+        Seed.
+
+    Attributes
+    ----------
+    weights_ : list of ndarray
+        Weights and biases of the network in turn.
+    volume_ : VolumeModel
+        The identified volume.
+    n_targets_ : int
+        2 after a fit on force and flow, 1 after a fit on force alone.
+    n_iter_, loss_curve_, validation_curve_, status_
+        As in `StaticPIHM`.
+
+    Notes
+    -----
+    The target has two columns, force (N) and flow (kg/s); NaN marks what was not measured in a row. A target of one
+    column is force alone.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import JointPIHM
+    >>> t = np.linspace(0, 6, 200)
+    >>> X = pd.DataFrame({"eps": 0.1 + 0.05 * np.sin(t), "deps": 0.05 * np.cos(t),
+    ...                   "P": 3e5 + 1e5 * np.cos(3 * t), "dP": -3e5 * np.sin(3 * t)})
+    >>> V, V_eps = 7e-5 * (1 + 2 * X["eps"]), 1.4e-4  # m³
+    >>> F = (X["P"] - 101325) / 0.2 * V_eps  # N
+    >>> mdot = X["dP"] * V / (1.4 * 287 * 293) + X["P"] * V_eps * X["deps"] / (287 * 293)  # kg/s
+    >>> model = JointPIHM(hidden_layer_sizes=(8,), max_iter=20, random_state=0).fit(X, np.column_stack([F, mdot]))
+    >>> model.predict(X).shape
+    (200, 2)
+    """
+
+    def __init__(
+        self,
+        rest_length: float = 0.2,
+        rest_diameter: float = 0.02,
+        *,
+        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
+        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
+        gas_constant: float = GAS_CONSTANT,
+        temperature: float = TEMPERATURE,
+        volume_model: str = "anchored",
+        hidden_layer_sizes: Sequence[int] = (128, 128),
+        activation: str = "softplus",
+        trainer: Any = "levenberg_marquardt",
+        max_iter: int | None = None,
+        batch_size: int | None = None,
+        weight_decay: float | None = None,
+        validation_fraction: float = 0.0,
+        signals: Signals | None = None,
+        dtype: str = "float64",
+        device: str = "cpu",
+        random_state: Any = None,
+    ) -> None:
+        self.rest_length = rest_length
+        self.rest_diameter = rest_diameter
+        self.atmospheric_pressure = atmospheric_pressure
+        self.heat_capacity_ratio = heat_capacity_ratio
+        self.gas_constant = gas_constant
+        self.temperature = temperature
+        self.volume_model = volume_model
+        self.hidden_layer_sizes = hidden_layer_sizes
+        self.activation = activation
+        self.trainer = trainer
+        self.max_iter = max_iter
+        self.batch_size = batch_size
+        self.weight_decay = weight_decay
+        self.validation_fraction = validation_fraction
+        self.signals = signals
+        self.dtype = dtype
+        self.device = device
+        self.random_state = random_state
+
+    def _laws(self) -> tuple[Law, ...]:
+        force = QuasiStaticForce(self.rest_length, self.atmospheric_pressure)
+        flow = ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature)
+        return (force, flow)[: getattr(self, "n_targets_", 2)]
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> JointPIHM:
+        """Train the volume network on measured force and flow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples, 2)
+            Measured force (N) and mass flow (kg/s); NaN where one was not measured.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row.
+
+        Returns
+        -------
+        JointPIHM
+        """
+        table, target = self._targets(X, y, reset=True)
+        self.n_targets_ = target.shape[1]
+        return self._fit(table, target, sample_weight, groups, (X, y))  # type: ignore[return-value]
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> JointPIHM:
+        """Go on from where the model stands with a batch of new samples.
+
+        The scaling and the anchor stay; the network takes a few steps on the batch, held near its present weights.
+
+        Parameters
+        ----------
+        X, y, sample_weight, groups
+            As for `fit`.
+
+        Returns
+        -------
+        JointPIHM
+        """
+        if not hasattr(self, "weights_"):
+            return self.fit(X, y, sample_weight, groups)
+        table, target = self._targets(X, y, reset=False)
+        if target.shape[1] != self.n_targets_:
+            raise ShapeError(
+                f"y has {target.shape[1]} columns.", f"{self.n_targets_}, as in the first fit", "Pass the same targets."
+            )
+        return self._partial_fit(table, target, sample_weight, (X, y))  # type: ignore[return-value]
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict force and mass flow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+
+        Returns
+        -------
+        ndarray, shape (n_samples, 2), or (n_samples,) after a fit on force alone
+            Force, N, and mass flow, kg/s.
+        """
+        check_is_fitted(self, "weights_")
+        table, _ = self._read(X, reset=False)
+        out = self._predict(table)
+        return out if self.n_targets_ == 2 else out[:, 0]
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
+        """Return R², averaged over force and flow; rows where one was not measured are left out of its share.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples, 2) or (n_samples,)
+            Measured force (N) and mass flow (kg/s).
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+
+        Returns
+        -------
+        float
+        """
+        Y, Z = np.asarray(y, dtype=float), self.predict(X)
+        Y, Z = Y.reshape(len(Z), -1), Z.reshape(len(Z), -1)
+        w = None if sample_weight is None else np.asarray(sample_weight)
+        scores = []
+        for k in range(Y.shape[1]):
+            keep = np.isfinite(Y[:, k])
+            scores.append(r2_score(Y[keep, k], Z[keep, k], sample_weight=None if w is None else w[keep]))
+        return float(np.mean(scores))
+
+    def _targets(self, X: Any, y: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Validate X and y; a target of two columns may hold NaN."""
+        columns = np.shape(np.asarray(y)) if y is not None else ()
+        if len(columns) != 2 or columns[1] == 1:
+            table, target = self._read(X, y, reset=reset)
+            return table, column_or_1d(target, warn=True)[:, None]
+        table, _ = self._read(X, reset=reset)
+        target = check_array(y, dtype=np.float64, ensure_all_finite="allow-nan", input_name="y")
+        if target.shape != (len(table), 2):
+            raise ShapeError(
+                f"y has shape {target.shape} for {len(table)} rows.",
+                "two columns, force (N) and flow (kg/s), one row a sample",
+                "Pass np.column_stack([F, mdot]).",
+            )
+        return table, target
+
+    @classmethod
+    def _checked_instances(cls) -> list[JointPIHM]:
+        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
+        return [cls(volume_model="neural", hidden_layer_sizes=(6,), signals=one, max_iter=8)]

@@ -1,0 +1,212 @@
+"""Hybrid model of the gas flow into a muscle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted, column_or_1d
+
+from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from pamid.laws.thermodynamic import ThermodynamicFlow
+
+from ._base import Signals
+from ._pihm import HybridModel
+
+
+class ThermodynamicPIHM(HybridModel):
+    r"""Physics-informed hybrid model of the mass flow into a muscle.
+
+    A network learns the gas volume V(ε, ε̇, P, Ṗ); the first law of thermodynamics turns it and its rate into flow,
+
+    .. math:: \dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T}, \qquad
+        \dot V = \frac{\partial V}{\partial\varepsilon}\dot\varepsilon + \frac{\partial V}{\partial P}\dot P,
+
+    and the network is trained from this law alone: the volume itself is never measured.
+
+    Parameters
+    ----------
+    rest_length : float, default=0.2
+        Rest length L₀ of the muscle, m.
+    rest_diameter : float, default=0.02
+        Rest diameter D₀, m; with the length, where the search for the geometric volume starts.
+    heat_capacity_ratio : float, default=1.4
+        γ, dimensionless.
+    gas_constant : float, default=287
+        R, J/(kg K).
+    temperature : float, default=293
+        T, K.
+    volume_model : {"anchored", "neural"}, default="anchored"
+        ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
+        (`pamid.volume.ContactVolume`) and lets it fade outside the data, which holds far better where no data were.
+    hidden_layer_sizes : tuple of int, default=(128, 128)
+        Widths of the hidden layers.
+    activation : {"softplus", "tanh", "silu"}, default="softplus"
+        Smooth activation of the hidden layers.
+    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
+        ``"adam"`` is the published Algorithm 1 with its hyperparameters. A `pamid.training.Trainer` can be given to
+        set or search all of its parameters.
+    max_iter, batch_size, weight_decay : optional
+        Override those of the trainer.
+    validation_fraction : float, default=0
+        Share of whole trajectories held out for early stopping; needs ``groups`` or a ``trajectory`` column.
+    signals : dict, optional
+        Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
+        and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of the training.
+    device : str, default="cpu"
+        Where to train, for instance ``"cuda"``.
+    random_state : int, RandomState or None, default=None
+        Seed of the initial weights and of the draws of samples.
+
+    Attributes
+    ----------
+    weights_ : list of ndarray
+        Weights and biases of the network in turn.
+    anchor_ : ContactVolume or None
+        The fitted geometric anchor.
+    volume_ : VolumeModel
+        The identified volume.
+    n_iter_ : int
+        Iterations of the trainer.
+    loss_curve_, validation_curve_ : list of float
+        Mean squared residual after each iteration, in units of the target's variance.
+    status_ : str
+        Why the training ended.
+
+    See Also
+    --------
+    StaticPIHM : The same for force.
+    JointPIHM : One volume for both.
+
+    References
+    ----------
+    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
+    artificial muscles", 2025: Equation 5, Algorithm 1, Table 1.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import ThermodynamicPIHM
+    >>> t = np.linspace(0, 6, 200)
+    >>> X = pd.DataFrame({"eps": 0.1 + 0.05 * np.sin(t), "deps": 0.05 * np.cos(t),
+    ...                   "P": 3e5 + 1e5 * np.cos(3 * t), "dP": -3e5 * np.sin(3 * t)})
+    >>> V, dV = 7e-5 * (1 + 2 * X["eps"]), 1.4e-4 * X["deps"]  # m³, m³/s
+    >>> mdot = X["dP"] * V / (1.4 * 287 * 293) + X["P"] * dV / (287 * 293)  # kg/s
+    >>> model = ThermodynamicPIHM(hidden_layer_sizes=(8,), max_iter=20, random_state=0).fit(X, mdot)
+    >>> bool(model.score(X, mdot) > 0.99)
+    True
+    """
+
+    def __init__(
+        self,
+        rest_length: float = 0.2,
+        rest_diameter: float = 0.02,
+        *,
+        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
+        gas_constant: float = GAS_CONSTANT,
+        temperature: float = TEMPERATURE,
+        volume_model: str = "anchored",
+        hidden_layer_sizes: Sequence[int] = (128, 128),
+        activation: str = "softplus",
+        trainer: Any = "levenberg_marquardt",
+        max_iter: int | None = None,
+        batch_size: int | None = None,
+        weight_decay: float | None = None,
+        validation_fraction: float = 0.0,
+        signals: Signals | None = None,
+        dtype: str = "float64",
+        device: str = "cpu",
+        random_state: Any = None,
+    ) -> None:
+        self.rest_length = rest_length
+        self.rest_diameter = rest_diameter
+        self.heat_capacity_ratio = heat_capacity_ratio
+        self.gas_constant = gas_constant
+        self.temperature = temperature
+        self.volume_model = volume_model
+        self.hidden_layer_sizes = hidden_layer_sizes
+        self.activation = activation
+        self.trainer = trainer
+        self.max_iter = max_iter
+        self.batch_size = batch_size
+        self.weight_decay = weight_decay
+        self.validation_fraction = validation_fraction
+        self.signals = signals
+        self.dtype = dtype
+        self.device = device
+        self.random_state = random_state
+
+    def _laws(self) -> tuple[ThermodynamicFlow]:
+        return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
+        """Train the volume network on measured mass flow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples,)
+            Measured mass flow into the muscle, kg/s.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
+
+        Returns
+        -------
+        ThermodynamicPIHM
+        """
+        table, target = self._read(X, y, reset=True)
+        target = column_or_1d(target, warn=True)
+        return self._fit(table, target[:, None], sample_weight, groups, (X, y))  # type: ignore[return-value]
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
+        """Go on from where the model stands with a batch of new samples.
+
+        The scaling and the anchor stay as the first fit (or the first call) left them; the network takes a few steps
+        on the batch, held near its present weights. Memory does not grow.
+
+        Parameters
+        ----------
+        X, y, sample_weight, groups
+            As for `fit`.
+
+        Returns
+        -------
+        ThermodynamicPIHM
+        """
+        if not hasattr(self, "weights_"):
+            return self.fit(X, y, sample_weight, groups)
+        table, target = self._read(X, y, reset=False)
+        target = column_or_1d(target, warn=True)
+        return self._partial_fit(table, target[:, None], sample_weight, (X, y))  # type: ignore[return-value]
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict the mass flow into the muscle.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Mass flow, kg/s.
+        """
+        check_is_fitted(self, "weights_")
+        table, _ = self._read(X, reset=False)
+        return self._predict(table)[:, 0]
+
+    @classmethod
+    def _checked_instances(cls) -> list[ThermodynamicPIHM]:
+        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
+        common: dict[str, Any] = {"hidden_layer_sizes": (6,), "signals": one}
+        return [
+            cls(volume_model="neural", max_iter=8, **common),
+            cls(volume_model="neural", trainer="adam", max_iter=20, batch_size=4096, **common),
+        ]
