@@ -5,7 +5,8 @@ from __future__ import annotations
 import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from numbers import Real
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
@@ -73,7 +74,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
 
     # --- fitting ------------------------------------------------------------------------------------------------
 
-    def _fit(self, X: Any, Y: np.ndarray, sample_weight: Any, groups: Any, original: tuple[Any, Any]) -> HybridModel:
+    def _fit(self, X: Any, Y: np.ndarray, sample_weight: Any, groups: Any, original: tuple[Any, Any]) -> Self:
         """Fit on a validated table X and targets Y of shape (n_samples, n_laws)."""
         import torch
 
@@ -139,7 +140,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         if result.status is Status.DIVERGED:
             raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
 
-    def _partial_fit(self, X: np.ndarray, Y: np.ndarray, sample_weight: Any, original: tuple[Any, Any]) -> HybridModel:
+    def _partial_fit(self, X: np.ndarray, Y: np.ndarray, sample_weight: Any, original: tuple[Any, Any]) -> Self:
         """Take a few proximal steps on a batch, from where the model stands."""
         import torch
 
@@ -226,8 +227,8 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
                 "Choose one of them.",
             )
         for name in ("rest_length", "rest_diameter"):
-            value = getattr(self, name)
-            if not (np.isscalar(value) and np.isfinite(value) and value > 0):
+            value: Any = getattr(self, name)
+            if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
                 raise ParameterError(f"{name}={value!r}.", "a positive length in m", "Correct it.")
             if value > 10:
                 raise ParameterError(

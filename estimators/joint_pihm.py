@@ -162,7 +162,7 @@ class JointPIHM(HybridModel):
         """
         table, target = self._targets(X, y, reset=True)
         self.n_targets_ = target.shape[1]
-        return self._fit(table, target, sample_weight, groups, (X, y))  # type: ignore[return-value]
+        return self._fit(table, target, sample_weight, groups, (X, y))
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> JointPIHM:
         """Go on from where the model stands with a batch of new samples.
@@ -185,7 +185,7 @@ class JointPIHM(HybridModel):
             raise ShapeError(
                 f"y has {target.shape[1]} columns.", f"{self.n_targets_}, as in the first fit", "Pass the same targets."
             )
-        return self._partial_fit(table, target, sample_weight, (X, y))  # type: ignore[return-value]
+        return self._partial_fit(table, target, sample_weight, (X, y))
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict force and mass flow.

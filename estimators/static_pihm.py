@@ -152,7 +152,7 @@ class StaticPIHM(HybridModel):
         """
         table, target = self._read(X, y, reset=True)
         target = column_or_1d(target, warn=True)
-        return self._fit(table, target[:, None], sample_weight, groups, (X, y))  # type: ignore[return-value]
+        return self._fit(table, target[:, None], sample_weight, groups, (X, y))
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> StaticPIHM:
         """Go on from where the model stands with a batch of new samples.
@@ -173,7 +173,7 @@ class StaticPIHM(HybridModel):
             return self.fit(X, y, sample_weight, groups)
         table, target = self._read(X, y, reset=False)
         target = column_or_1d(target, warn=True)
-        return self._partial_fit(table, target[:, None], sample_weight, (X, y))  # type: ignore[return-value]
+        return self._partial_fit(table, target[:, None], sample_weight, (X, y))
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict the force.

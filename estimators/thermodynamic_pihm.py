@@ -162,7 +162,7 @@ class ThermodynamicPIHM(HybridModel):
         """
         table, target = self._read(X, y, reset=True)
         target = column_or_1d(target, warn=True)
-        return self._fit(table, target[:, None], sample_weight, groups, (X, y))  # type: ignore[return-value]
+        return self._fit(table, target[:, None], sample_weight, groups, (X, y))
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
         """Go on from where the model stands with a batch of new samples.
@@ -183,7 +183,7 @@ class ThermodynamicPIHM(HybridModel):
             return self.fit(X, y, sample_weight, groups)
         table, target = self._read(X, y, reset=False)
         target = column_or_1d(target, warn=True)
-        return self._partial_fit(table, target[:, None], sample_weight, (X, y))  # type: ignore[return-value]
+        return self._partial_fit(table, target[:, None], sample_weight, (X, y))
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict the mass flow into the muscle.
