@@ -369,7 +369,10 @@ def _construct(packed: bytes, name: str, types: set[str]) -> Any:
             raise hostile(
                 f"{name} holds {', '.join(sorted(untrusted - types))[:200]}.", "types that the audit has seen"
             )
-        return skops.io.loads(packed, trusted=sorted(untrusted))
+        model = skops.io.loads(packed, trusted=sorted(untrusted))
+        if hasattr(model, "get_params"):
+            model.get_params()  # an estimator that lacks its own parameters is none
+        return model
     except ModelFileError:
         raise
     except Exception as error:  # a well-formed file whose contents do not fit its types

@@ -5,7 +5,14 @@ from __future__ import annotations
 import inspect
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..errors import IncompatibleError, MissingColumnError, ParameterError, UnknownOptionError
+from ..errors import (
+    IncompatibleError,
+    MissingColumnError,
+    ModelFileError,
+    PamidError,
+    ParameterError,
+    UnknownOptionError,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -100,8 +107,8 @@ def make_estimator(name: str, settings: dict[str, Any], params: BenchParameters 
 
     from pamid.estimators import all_estimators
 
-    known = dict(all_estimators())
-    known = {n: c for n, c in known.items() if hasattr(c, "predict")}
+    # What simulates predicts rates of states, and not a force or a flow.
+    known = {n: c for n, c in all_estimators() if hasattr(c, "predict") and not hasattr(c, "simulate")}
     if name not in known:
         close = difflib.get_close_matches(name, known, n=3)
         raise UnknownOptionError(
@@ -131,6 +138,7 @@ def needed_signals(estimator: Any) -> list[str]:
 def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
     """Predict a table, with what the model was fitted on as columns."""
     import numpy as np
+    from sklearn.exceptions import NotFittedError
 
     names = list(getattr(model, "feature_names_in_", []))
     if missing := [n for n in names if n not in table.columns]:
@@ -139,7 +147,25 @@ def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
             f"the columns of the fit: {', '.join(names)}",
             "Map the log's columns with --columns, or fit the model on columns that this log has.",
         )
-    return np.asarray(model.predict(table[names] if names else table), dtype=float)
+    try:
+        predicted = np.asarray(model.predict(table[names] if names else table), dtype=float)
+    except PamidError:
+        raise
+    except NotFittedError:
+        raise ModelFileError("The model is not fitted.", "a fitted model", "Fit it before saving it.") from None
+    except Exception as error:  # a file may describe a model whose parts do not belong together
+        raise ModelFileError(
+            f"The model cannot predict this table: {type(error).__name__}: {' '.join(str(error).split())[:160]}.",
+            "a model that fits together, and columns as in its fit",
+            "Check the model with pamid.persistence.inspect, or fit it again.",
+        ) from error
+    if predicted.shape != (len(table),):
+        raise IncompatibleError(
+            f"The model predicts the shape {predicted.shape} for {len(table)} rows.",
+            "one number a row",
+            "Use a model of one target.",
+        )
+    return predicted
 
 
 def score_by_trajectory(table: pd.DataFrame, predicted: np.ndarray, target: Target) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ShortTrajectoryError, UnknownOptionError
+from ..errors import MissingColumnError, ShortTrajectoryError, UnknownOptionError
 from .base import Equation, Residual, all_equations
 from .run import Model, columns_of, runs, trajectory_rows
 from .windows import WINDOW
@@ -152,6 +152,12 @@ class _Sums:
 
 def _chosen(names: Sequence[str] | None, log: pd.DataFrame) -> tuple[dict[str, Equation], dict[str, str]]:
     known = all_equations()
+    if lacking := [column for column in ("time", "q") if column not in log.columns]:
+        raise MissingColumnError(
+            f"The log lacks {' and '.join(lacking)}; it has {', '.join(map(str, log.columns[:20]))}.",
+            "time in s and the joint angle q in rad, which every equation needs",
+            "Map your columns to these names.",
+        )
     for name in names or ():
         if name not in known:
             raise UnknownOptionError(

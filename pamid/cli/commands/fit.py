@@ -69,9 +69,16 @@ def run(args: argparse.Namespace) -> int:
     params = load_simulator(args.sim) if args.sim else None
     estimator = make_estimator(args.estimator, parse_settings(args.set), params, args.seed)
     target = equation_of(estimator, args.equation)
+    if args.thin > 1 and "one_trajectory" in estimator.get_params():
+        raise ParameterError(
+            f"--thin is {args.thin}, and {args.estimator} learns from the sequence of samples.",
+            "every sample, as it will get them when it predicts",
+            "Leave --thin out, or resample the log first.",
+        )
     signals = signal_table(load_log(args, nan="drop"), params, target)
     steps, features = _with_rates(signals, estimator)
-    columns = [*(c for c in ("trajectory",) if c in features), *_inputs(features, estimator)]
+    # After a step of rates the estimator sees all that this step gives, as it will when the saved pipeline predicts.
+    columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]
     scores = None
     if args.folds:
         predicted = _held_out(args, estimator, features[columns], signals, target)
@@ -124,10 +131,10 @@ def _with_rates(signals: Any, estimator: Any) -> tuple[list[tuple[str, Any]], An
         return [], signals
     from pamid.estimators import RateTransformer
 
-    base = signals[["trajectory", "time", *[RATES[r] for r in RATES]]]
-    rates = RateTransformer().fit(base)
+    base = signals[["trajectory", "time", *RATES.values()]]
+    rates = RateTransformer(columns=tuple(RATES.values())).fit(base)
     found = rates.transform(base)
-    return [("rates", rates)], found.assign(trajectory=signals["trajectory"].to_numpy())
+    return [("rates", rates)], found
 
 
 def _fit(estimator: Any, X: Any, y: Any) -> Any:
