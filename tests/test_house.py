@@ -1,0 +1,206 @@
+"""The rules of the house: rooms and what they import, sizes of files, what the package ships."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import pamid
+
+ROOT = Path(__file__).resolve().parents[1]
+if not (ROOT / "pyproject.toml").is_file():
+    pytest.skip("needs the repository", allow_module_level=True)
+
+FOLDERS = ("pamid", "estimators", "tests", "benchmarks", "docs")
+CODE = sorted(p for f in FOLDERS for p in (ROOT / f).rglob("*.py") if "__pycache__" not in p.parts)
+LIBRARY = [p for p in CODE if p.relative_to(ROOT).parts[0] in ("pamid", "estimators")]
+PAPERS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.toml")])
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+MAY_ASK_FOR_ESTIMATORS = {"__init__.py", "_model_types.py", "persistence.py", "cli", "compare", "plots", "demo"}
+HEAVY = {
+    "numpy", "scipy", "pandas", "sklearn", "torch", "matplotlib", "pysindy", "skops", "h5py", "pyarrow", "filterpy",
+}  # fmt: skip
+
+
+def name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+# --- imports ------------------------------------------------------------------------------------------------
+def test_layers_hold() -> None:
+    command = shutil.which("lint-imports", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    if command is None:
+        pytest.skip("import-linter is not installed")
+    done = subprocess.run(
+        [command, "--no-cache"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def imports(path: Path) -> Iterator[tuple[str, bool]]:
+    """Every module that a file imports, and whether it does so as soon as it is loaded itself."""
+
+    def visit(node: ast.AST, loaded: bool) -> Iterator[tuple[str, bool]]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                yield from ((alias.name, loaded) for alias in child.names)
+            elif isinstance(child, ast.ImportFrom):
+                yield from ((target, loaded) for target in _targets(path, child))
+            elif isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+                yield from visit(child, False)
+            elif isinstance(child, ast.If) and ast.unparse(child.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+                yield from visit(ast.Module(child.orelse, []), loaded)
+            else:
+                yield from visit(child, loaded)
+
+    yield from visit(ast.parse(path.read_text(encoding="utf-8")), True)
+
+
+def _targets(path: Path, node: ast.ImportFrom) -> list[str]:
+    base = node.module or ""
+    if node.level:
+        parts = list(path.relative_to(ROOT).with_suffix("").parts)
+        parts = ["pamid", *parts] if parts[0] == "estimators" else parts
+        base = ".".join([*parts[: len(parts) - node.level], *([base] if base else [])])
+    return [f"{base}.{alias.name}" for alias in node.names]
+
+
+def test_the_reader_of_imports_tells_lazy_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    (tmp_path / "pamid").mkdir()
+    file = tmp_path / "pamid" / "room.py"
+    file.write_text(
+        "import numpy\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\n"
+        "def f():\n    from .estimators import MLP\nclass A:\n    from . import estimators\n"
+    )
+    assert list(imports(file)) == [
+        ("numpy", True),
+        ("typing.TYPE_CHECKING", True),
+        ("pamid.estimators.MLP", False),
+        ("pamid.estimators", True),
+    ]
+
+
+@pytest.mark.parametrize("path", [p for p in LIBRARY if name(p).startswith("pamid/")], ids=name)
+def test_the_package_asks_for_estimators_only_when_it_needs_them(path: Path) -> None:
+    asked = [
+        loaded for module, loaded in imports(path) if (module + ".").startswith(("pamid.estimators.", "estimators."))
+    ]
+    assert not any(asked), "imports estimators as soon as it is loaded"
+    if asked:
+        assert path.relative_to(ROOT).parts[1] in MAY_ASK_FOR_ESTIMATORS
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, pamid, pamid.cli; print(*{m.partition('.')[0] for m in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not HEAVY & set(done.stdout.split())
+
+
+def test_finding_estimators_loads_no_torch() -> None:
+    code = "import sys; from pamid.estimators import GeometricForce; print(*{m.partition('.')[0] for m in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not {"torch", "pysindy", "matplotlib"} & set(done.stdout.split())
+
+
+def test_the_face_of_the_package() -> None:
+    assert {*pamid.__all__, "estimators"} <= set(dir(pamid))
+    assert all(callable(getattr(pamid, n)) for n in pamid.__all__ if n != "__version__")
+    with pytest.raises(AttributeError, match="no attribute 'sofa'"):
+        pamid.sofa  # noqa: B018
+    typed = (ROOT / "pamid" / "__init__.py").read_text(encoding="utf-8").partition("if TYPE_CHECKING:")[2]
+    for public in set(pamid.__all__) - {"__version__"}:
+        assert re.search(rf"import .*\b{public}\b", typed), f"{public} is not known to type checkers"
+
+
+# --- sizes and words ----------------------------------------------------------------------------------------
+def lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("path", LIBRARY, ids=name)
+def test_a_file_says_one_thing(path: Path) -> None:
+    assert len(lines(path)) <= 500
+
+
+def test_files_are_short_in_the_middle() -> None:
+    assert statistics.median(len(lines(p)) for p in LIBRARY) <= 200
+
+
+@pytest.mark.parametrize("path", [*CODE, *PAPERS, ROOT / "pyproject.toml"], ids=name)
+def test_nothing_is_left_for_later_and_nothing_names_a_machine(path: Path) -> None:
+    # The words are put together here so that this file does not hold them itself.
+    later = r"\b(TO" + r"DO|FIX" + r"ME|XX" + r"X)\b"
+    machine = r"(?<![\w.])/(wo" + r"rk|ho" + r"me|ro" + r"ot|Us" + r"ers)/|\.\./sha" + r"red"
+    for number, line in enumerate(lines(path), 1):
+        assert not re.search(later, line), f"line {number}: {line.strip()}"
+        assert not re.search(machine, line), f"line {number}: {line.strip()}"
+
+
+# --- what is shipped ----------------------------------------------------------------------------------------
+def test_every_package_on_disk_is_shipped_and_nothing_else() -> None:
+    where = PROJECT["tool"]["setuptools"]["package-dir"]
+    found = {
+        ".".join([package, *p.parent.relative_to(ROOT / folder).parts])
+        for package, folder in where.items()
+        for p in (ROOT / folder).rglob("__init__.py")
+    }
+    assert found == set(PROJECT["tool"]["setuptools"]["packages"])
+
+
+def test_data_files_are_shipped() -> None:
+    data = PROJECT["tool"]["setuptools"]["package-data"]
+    folders = PROJECT["tool"]["setuptools"]["package-dir"]
+    shipped = {p for package, patterns in data.items() for g in patterns for p in (ROOT / folders[package]).glob(g)}
+    for folder in ("pamid", "estimators"):
+        others = {p for p in (ROOT / folder).rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc", ".so")}
+        assert others <= shipped, f"not shipped: {[name(p) for p in others - shipped]}"
+        assert (ROOT / folder / "py.typed").is_file()
+
+
+def test_metadata() -> None:
+    installed = importlib.metadata.metadata("pamid")
+    project = PROJECT["project"]
+    assert project["version"] == pamid.__version__ == installed["Version"]
+    assert project["requires-python"] == installed["Requires-Python"] == ">=3.11"
+    assert installed["License-Expression"] == "BSD-3-Clause"
+    assert "Redistribution and use" in (ROOT / "LICENSE").read_text(encoding="utf-8")
+    classifiers = project["classifiers"]
+    assert [f"Programming Language :: Python :: 3.{minor}" in classifiers for minor in range(11, 15)] == [True] * 4
+    (script,) = importlib.metadata.entry_points(group="console_scripts", name="pamid")
+    assert script.load() is pamid.cli.main
+
+
+def test_every_import_is_declared() -> None:
+    declared = {re.split(r"[<>=!\[ ]", d)[0].lower() for d in PROJECT["project"]["dependencies"]}
+    declared = {{"scikit-learn": "sklearn"}.get(d, d) for d in declared}
+    used = {m.partition(".")[0] for p in LIBRARY for m, _ in imports(p)}
+    foreign = used - set(sys.stdlib_module_names) - {"pamid", "estimators"}
+    brought_along = {"joblib"}  # by scikit-learn
+    assert foreign - brought_along <= declared, "not declared"
+    assert declared - foreign <= {"pyarrow"}, "declared and not used"  # pandas reads and writes parquet by it
+
+
+def test_papers_agree_on_name_and_version() -> None:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"version: {pamid.__version__}" in citation
+    assert "license: BSD-3-Clause" in citation
+    assert "## Unreleased" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert (ROOT / PROJECT["project"]["readme"]).stat().st_size > 2000
