@@ -113,13 +113,9 @@ def test_matlab_5_with_objects_beside_arrays(tmp_path):
     zero = np.column_stack([np.full(5, -9.0), np.full(5, 8.0), np.arange(5) * 0.002, np.ones(5)])
     run = np.column_stack([np.arange(5.0), 100 + np.arange(5.0), np.arange(5) * 0.002, [1, 1, 7, 2, 2]])
     file = tmp_path / "10mm_20cm_kinked25.mat"
-    content = {
-        "Test9Data": run,
-        "Test10Data": run + np.array([1, 0, 0, 0]),
-        "Offset": zero,
-        "note": np.array(["a", 3], object),
-    }
-    scipy.io.savemat(file, content)
+    note = np.array(["a", 3], object)
+    runs = {"Test9Data": run, "Test10Data": run + np.array([1, 0, 0, 0])}
+    scipy.io.savemat(file, {**runs, "Offset": zero, "note": note})
     log = read_log(file, MAPPINGS / "festo.toml")
     assert list(dict.fromkeys(log["trajectory"])) == [f"10mm_20cm_kinked25-Test{n}Data" for n in (9, 10)]
     assert len(log) == 8, "one corrupt row is left out of each run"

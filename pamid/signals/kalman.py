@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 SOURCE = "Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation"
+CURVED_ENDS = False
 _HALF_POWER = np.sqrt(2.0) - 1.0
 _LOWEST = 2e-4
 _LONGEST_START = 1500
@@ -212,7 +213,7 @@ def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _smooth_one(y: np.ndarray, m: Model, gains: Steady, start: int) -> np.ndarray:
     n = len(y)
-    x0, P0 = _initial(y)
+    x0, P0 = _initial(y, m)
     kf = filterpy_filter(m, P0)
     kf.x = x0[:, None]
     # filterpy predicts before its first update; updating first keeps the prior at the first sample.
@@ -251,9 +252,11 @@ def _smooth_start(
     return result
 
 
-def _initial(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A prior at the first sample so wide, for signals of unit spread, that the data alone speak."""
-    return np.array([y[0], 0.0, 0.0]), np.eye(3) * _WIDE
+def _initial(y: np.ndarray, m: Model) -> tuple[np.ndarray, np.ndarray]:
+    """A parabola through the first samples, as a prior so wide that it only keeps digits: the data alone speak."""
+    k = np.arange(min(len(y), _LONGEST_START, int(np.ceil(2.0 / m.omega)) + 4)) * m.omega
+    value, rate, half = np.linalg.lstsq(np.vander(k, 3, increasing=True), y[: len(k)], rcond=None)[0]
+    return np.array([value, rate, 2.0 * half]), np.eye(3) * _WIDE
 
 
 def _recursion(A: np.ndarray, drive: np.ndarray, first: np.ndarray) -> np.ndarray:

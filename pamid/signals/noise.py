@@ -51,13 +51,15 @@ def quantisation_step(y: np.ndarray) -> float:
     return step if np.mean(np.abs(multiples - np.round(multiples)) < 0.05) >= 0.9 else 0.0
 
 
-def noise_level(y: np.ndarray) -> float:
+def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     """Estimate the standard deviation of white noise on a signal.
 
     Parameters
     ----------
     y : ndarray, shape (n_samples,)
-        A signal sampled at equal steps, in any unit.
+        A signal, in any unit.
+    t : ndarray, shape (n_samples,), optional
+        Increasing times, if the steps are not equal.
 
     Returns
     -------
@@ -66,7 +68,9 @@ def noise_level(y: np.ndarray) -> float:
 
     Notes
     -----
-    σ̂ = median(|Δ³y|) / (0.6745 √20): third differences remove what is locally quadratic, the median what jumps.
+    σ̂ = median(|Δ³y|) / (0.6745 √20): third differences remove what is locally quadratic, the median what jumps. With
+    unequal steps the residuals from the line through both neighbours, over their own spread √(1 + a² + b²), take their
+    place (Gasser, Sroka and Jennen-Steinmetz 1986, DOI 10.1093/biomet/73.3.625).
 
     Examples
     --------
@@ -80,6 +84,10 @@ def noise_level(y: np.ndarray) -> float:
     y = np.asarray(y, dtype=float).ravel()
     if len(y) < 5:
         return 0.0
-    third = np.abs(np.diff(y, 3))
-    sigma = float(np.median(third)) / (_MAD * _WHITE**0.5)
+    if t is None:
+        residual = np.diff(y, 3) / _WHITE**0.5
+    else:
+        a = (t[2:] - t[1:-1]) / (t[2:] - t[:-2])
+        residual = (a * y[:-2] + (1 - a) * y[2:] - y[1:-1]) / np.sqrt(1 + a * a + (1 - a) ** 2)
+    sigma = float(np.median(np.abs(residual))) / _MAD
     return max(sigma, quantisation_step(y) / 12.0**0.5)

@@ -21,8 +21,10 @@ from pamid.errors import (
     UnknownOptionError,
 )
 
+from .noise import noise_level
+
 METHODS = ("savgol", "spline", "kalman")
-"""Names of the methods; each is a module of this package with `gain` and `smooth`."""
+"""Names of the methods; each is a module of this package with `gain`, `smooth` and `CURVED_ENDS`."""
 
 _JITTER = 1e-3
 _WARN_JITTER = 0.25
@@ -209,7 +211,7 @@ def differentiate(
         results = _few(y, grid)
     else:
         equal, back = _on_equal_steps(y, grid, method)
-        cutoffs = _cutoffs(tuning, equal, grid.period, method)
+        cutoffs = _cutoffs(tuning, y, grid, method)
         results = _smooth_channels(module, equal, cutoffs * grid.period, grid if back is None else None)
         if back is not None:
             results = _read_back(results, back)
@@ -256,13 +258,14 @@ def tune_cutoff(
     single = not isinstance(signals, list | tuple) or not np.ndim(signals[0])
     runs = [signals] if single else list(signals)
     clocks = ([times] if single else list(times)) if times is not None else [None] * len(runs)
-    equal, periods = [], []
+    equal, periods, noises = [], [], []
     for y, t in zip(runs, clocks, strict=True):
         channel, _ = _as_channels(y)
         grid = sampling_grid(t, sampling_period, warn=False)
         equal.append(_on_equal_steps(channel[:, :1], grid, "savgol")[0][:, 0])
         periods.append(grid.period)
-    return tune(equal, periods, module.gain)
+        noises.append(_noise(channel[:, 0], grid))
+    return tune(equal, periods, module.gain, noises, curved_ends=module.CURVED_ENDS)
 
 
 def _as_channels(y: Any) -> tuple[np.ndarray, bool]:
@@ -315,15 +318,27 @@ def _on_equal_steps(y: np.ndarray, grid: Grid, method: str) -> tuple[np.ndarray,
     return equal, grid.t * ((len(steps) - 1) / last)
 
 
-def _cutoffs(tuning: Any, y: np.ndarray, period: float, method: str) -> np.ndarray:
+def _noise(y: np.ndarray, grid: Grid) -> float:
+    """Noise level of one channel as it is on equal steps, where samples that lie close together count for less."""
+    if grid.t is None:
+        return noise_level(y)
+    weight = np.gradient(grid.t)
+    return noise_level(y, grid.t) * float(np.sqrt(np.mean(weight**2)) / np.mean(weight))
+
+
+def _cutoffs(tuning: Any, y: np.ndarray, grid: Grid, method: str) -> np.ndarray:
     channels = y.shape[1]
     if isinstance(tuning, str):
         if tuning != "auto":
             raise UnknownOptionError(f"tuning is {tuning!r}.", "'auto' or a cut-off frequency in Hz", "Correct it.")
         from .tuning import tune
 
-        module = _method(method)
-        return np.array([tune([y[:, i]], [period], module.gain) for i in range(channels)])
+        module, equal = _method(method), _on_equal_steps(y, grid, "savgol")[0]
+        chosen = [
+            tune([equal[:, i]], [grid.period], module.gain, [_noise(y[:, i], grid)], curved_ends=module.CURVED_ENDS)
+            for i in range(channels)
+        ]
+        return np.array(chosen)
     cutoffs = np.atleast_1d(np.asarray(tuning, dtype=float))
     if cutoffs.shape not in ((1,), (channels,)) or not np.isfinite(cutoffs).all() or (cutoffs <= 0).any():
         raise ParameterError(

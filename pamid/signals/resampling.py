@@ -76,7 +76,7 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
     time = log["time"].to_numpy(dtype=float)
     runs = list(blocks(log["trajectory"].to_numpy(dtype=object)))
     if period is None:
-        period = max(float(np.median(np.diff(time[rows]))) for _, rows in runs)
+        period = max(sampling_grid(time[rows], warn=False).period for _, rows in runs)
     if not np.isfinite(period) or period <= 0:
         raise ParameterError(f"period is {period}.", "a positive time in s", "Correct it.")
     signals = [c for c in log.columns if c not in ("trajectory", "time")]
@@ -193,7 +193,7 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
             )
     if period is None:
         period = max(
-            float(np.median(np.diff(log["time"].to_numpy(float)[rows])))
+            sampling_grid(log["time"].to_numpy(float)[rows], warn=False).period
             for log in logs
             for _, rows in blocks(log["trajectory"].to_numpy(dtype=object))
         )

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 DEGREE = 3
+CURVED_ENDS = True
 SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097"
 
 

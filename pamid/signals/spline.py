@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 SOURCE = "Reinsch (1967), DOI 10.1007/BF02162161; relaxed ends as a partial spline"
+CURVED_ENDS = False
 _HALF_POWER = np.sqrt(2.0) - 1.0
 _LOWEST = 3e-4
 

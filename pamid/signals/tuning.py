@@ -34,13 +34,17 @@ class Spectrum(NamedTuple):
     variance: float
 
 
-def spectrum(y: np.ndarray) -> Spectrum:
-    """Take the sine spectrum of a signal less the line through its ends.
+def spectrum(y: np.ndarray, sigma: float | None = None, ends: int = 5) -> Spectrum:
+    """Take the sine spectrum of a signal less the cubic that meets its value and curvature at both ends.
 
     Parameters
     ----------
     y : ndarray, shape (n_samples,)
         Signal sampled at equal steps.
+    sigma : float, optional
+        Standard deviation of the noise; told from the signal if not given.
+    ends : int, default=5
+        Number of samples from which value and curvature at an end are told; below 8 the value alone.
 
     Returns
     -------
@@ -49,8 +53,9 @@ def spectrum(y: np.ndarray) -> Spectrum:
 
     Notes
     -----
-    Without the line the odd continuation of the signal is smooth at both ends, so its spectrum holds no power that
-    only the ends make. The ends are short means, or their noise would tilt the line.
+    The odd continuation of what is left is smooth at both ends, so its spectrum holds no power that only the ends
+    make: the coefficients of a sine series fall as ω⁻³ where the values vanish at the ends, and as ω⁻⁵ where the
+    curvature does too.
 
     Examples
     --------
@@ -64,14 +69,10 @@ def spectrum(y: np.ndarray) -> Spectrum:
 
     y = np.asarray(y, dtype=float)
     n = len(y)
-    sigma = noise_level(y)
-    k = min(5, max(1, n // 8))
-    fit = [np.polyfit(np.arange(k), part, min(1, k - 1)) for part in (y[:k], y[::-1][:k])]
-    first, last = (f[-1] for f in fit)
-    inner = (y - first - (last - first) * np.arange(n) / (n - 1))[1:-1]
-    coefficients = dst(inner, type=1, norm="ortho")
+    sigma = noise_level(y) if sigma is None else sigma
+    coefficients = dst((y - _end_cubic(y, ends))[1:-1], type=1, norm="ortho")
     m = len(coefficients)
-    omega = np.pi * np.arange(1, m + 1) / (m + 1)
+    omega = np.pi * np.arange(1, m + 1) / (n - 1)
     if m > _BINS:
         edges = np.unique(np.concatenate([np.arange(400), np.geomspace(400, m, _BINS - 399).astype(int)]))[:-1]
     else:
@@ -80,6 +81,22 @@ def spectrum(y: np.ndarray) -> Spectrum:
     power = np.add.reduceat(coefficients**2, edges)
     power = _without_chance(power, count, sigma**2)
     return Spectrum(np.add.reduceat(omega, edges) / count, power, count, sigma**2)
+
+
+def _end_cubic(y: np.ndarray, ends: int) -> np.ndarray:
+    """The cubic with the value and curvature that the signal has at both ends."""
+    n = len(y)
+    k = max(2, min(ends, n // 4))
+    degree = 3 if k >= 8 else 1
+    x = np.arange(k) / (k - 1)
+    (y0, c0), (y1, c1) = (
+        (fit[-1], 2 * fit[-3] / (k - 1) ** 2 if degree == 3 else 0.0)
+        for fit in (np.polyfit(x, part, degree) for part in (y[:k], y[::-1][:k]))
+    )
+    s = np.arange(n) / (n - 1)
+    span = float(n - 1) ** 2
+    curved = c0 * ((1 - s) ** 3 - (1 - s)) + c1 * (s**3 - s)
+    return y0 + (y1 - y0) * s + span / 6.0 * curved
 
 
 def _without_chance(power: np.ndarray, count: np.ndarray, variance: float) -> np.ndarray:
@@ -159,7 +176,14 @@ def candidate_cutoffs(n: int, count: int = 48) -> np.ndarray:
     return np.geomspace(min(0.2, max(1.0 / n, 2e-4)), 0.4, count)
 
 
-def tune(signals: Sequence[np.ndarray], periods: Sequence[float], gain: Gain) -> float:
+def tune(
+    signals: Sequence[np.ndarray],
+    periods: Sequence[float],
+    gain: Gain,
+    noises: Sequence[float] | None = None,
+    *,
+    curved_ends: bool = False,
+) -> float:
     """Choose the cut-off frequency with the least estimated error of the rate over all trajectories.
 
     Parameters
@@ -170,6 +194,12 @@ def tune(signals: Sequence[np.ndarray], periods: Sequence[float], gain: Gain) ->
         Sampling period of each, s.
     gain : callable
         Gain of the method, see `derivative_risk`.
+    noises : sequence of float, optional
+        Standard deviation of the noise on each; told from the signals if not given.
+    curved_ends : bool, default=False
+        Whether the method follows curvature up to the ends, as a polynomial in the last window does. A smoothing spline
+        and a Kalman smoother lean towards straight ends: their error there is much like that of the continued signal,
+        and counts.
 
     Returns
     -------
@@ -188,14 +218,21 @@ def tune(signals: Sequence[np.ndarray], periods: Sequence[float], gain: Gain) ->
     True
     """
     longest = max(len(y) for y in signals)
-    finest = min(periods)
-    cutoffs = candidate_cutoffs(longest) / finest
+    cutoffs = candidate_cutoffs(longest) / min(periods)
+    if noises is None:
+        noises = [noise_level(y) for y in signals]
+    runs = [(y, h, s) for y, h, s in zip(signals, periods, noises, strict=True) if len(y) >= 8]
+    chosen = _least_risk([spectrum(y, s) for y, _, s in runs], [h for _, h, _ in runs], gain, cutoffs)
+    if not curved_ends:
+        return chosen
+    # Over about a period of that cut-off the signal is close to a cubic, which tells its curvature at the ends.
+    refined = [spectrum(y, s, round(1.0 / (chosen * h))) for y, h, s in runs]
+    # The ends count too much with the line and too little with the cubic: the middle of the two is taken.
+    return float(np.sqrt(chosen * _least_risk(refined, [h for _, h, _ in runs], gain, cutoffs)))
+
+
+def _least_risk(spectra: list[Spectrum], periods: list[float], gain: Gain, cutoffs: np.ndarray) -> float:
     risks = np.zeros(len(cutoffs))
-    for y, period in zip(signals, periods, strict=True):
-        if len(y) < 8:
-            continue
-        s = spectrum(y)
+    for s, period in zip(spectra, periods, strict=True):
         risks += [derivative_risk(s, gain, min(float(c) * period, 0.45)) / period**2 for c in cutoffs]
-    if not risks.any():
-        return float(cutoffs[-1])
-    return float(cutoffs[int(np.argmin(risks))])
+    return float(cutoffs[int(np.argmin(risks))] if risks.any() else cutoffs[-1])
