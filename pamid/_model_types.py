@@ -1,8 +1,8 @@
 """Which types a model file may bring to life: an allow-list by kind of node, and the audit of a schema against it.
 
 The list is closed: scikit-learn's own types that skops trusts, what a search holds after its fit, numpy and Python
-containers, the estimators of `pamid.estimators` and the dataclasses of pamid. Whatever else a file names is refused
-before anything is built, and no module outside these packages is imported to look.
+containers, the estimators of `pamid.estimators`, the trainers, splitters and dataclasses of pamid. Whatever else a file
+names is refused before anything is built, and no module outside these packages is imported to look.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def own_estimators() -> frozenset[str]:
 
 @cache
 def own_type(module: str, name: str) -> bool:
-    """Say whether a type is a public estimator, a dataclass or a named tuple of pamid."""
+    """Say whether a type is a public estimator, a trainer, splitter, dataclass or named tuple of pamid."""
     if module.startswith("pamid.estimators."):
         return f"{module}.{name}" in own_estimators()
     if module not in _own_modules() or not name.isidentifier():
@@ -117,8 +117,11 @@ def own_type(module: str, name: str) -> bool:
     found = getattr(importlib.import_module(module), name, None)
     if not inspect.isclass(found) or found.__module__ != module:
         return False
+    from sklearn.base import BaseEstimator  # what has parameters to search over, such as a trainer, derives from it
+    from sklearn.model_selection import BaseCrossValidator
+
     named_tuple = issubclass(found, tuple) and hasattr(found, "_fields") and found.__bases__ == (tuple,)
-    return dataclasses.is_dataclass(found) or named_tuple
+    return dataclasses.is_dataclass(found) or named_tuple or issubclass(found, (BaseEstimator, BaseCrossValidator))
 
 
 def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> bool:

@@ -212,13 +212,25 @@ def test_unknown_format_version(version, tmp_path):
         inspect(file)
 
 
-def test_file_of_format_1_loads():
-    file = DATA / "model_format1.pamid"
+@pytest.mark.parametrize("name", ["model_format1", "geometric_force_format1"])
+def test_file_of_format_1_loads(name):
+    file = DATA / f"{name}.pamid"
     assert inspect(file)["format"] == 1
     model = load(file)
-    expected = json.loads((DATA / "model_format1.json").read_text())
+    expected = json.loads((DATA / f"{name}.json").read_text())
     got = model.predict(pd.DataFrame(expected["X"]))
     np.testing.assert_allclose(got, expected["prediction"], rtol=1e-12)
+
+
+def test_trainers_of_pamid_are_kept(tmp_path):
+    from pamid.estimators import StaticPIHM
+
+    from pamid.training import Adam
+
+    model = StaticPIHM(trainer=Adam(max_iter=7, learning_rate=0.02), hidden_layer_sizes=(4,))
+    back = load(save(model, tmp_path / "m.pamid")).trainer
+    assert type(back) is Adam
+    assert back.get_params() == model.trainer.get_params()
 
 
 def test_file_of_format_1_loads_through_migrations_of_later_versions(monkeypatch):

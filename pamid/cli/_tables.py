@@ -46,6 +46,12 @@ def equation_of(estimator: Any, wanted: str | None) -> Target:
     """
     last = estimator.steps[-1][1] if hasattr(estimator, "steps") else estimator
     own = _own_equations(last)
+    if len(own) > 1:
+        raise IncompatibleError(
+            f"{type(last).__name__} predicts {' and '.join(own)} together.",
+            "an estimator of one equation",
+            "Fit it in Python, or choose another estimator here.",
+        )
     if wanted is not None and own and wanted not in own:
         raise IncompatibleError(
             f"{type(last).__name__} predicts {' and '.join(own)}.",
@@ -56,12 +62,6 @@ def equation_of(estimator: Any, wanted: str | None) -> Target:
     if name is None:
         raise ParameterError(
             f"{type(last).__name__} can predict either equation.", "force or flow", "Add --equation force or flow."
-        )
-    if len(own) > 1:
-        raise IncompatibleError(
-            f"{type(last).__name__} predicts {' and '.join(own)} together.",
-            "an estimator of one equation",
-            "Fit it in Python, or choose another estimator here.",
         )
     return TARGETS[name]
 

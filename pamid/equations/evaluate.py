@@ -25,10 +25,12 @@ class TrajectoryEvaluation:
 
     Parameters
     ----------
-    rmse, noise_floor : float
-        Root mean square of residual and of its noise, in the equation's unit.
+    rmse : float
+        Root mean square of the residual, in the equation's unit.
     nrmse : float
         `rmse` over the standard deviation of the measured side.
+    noise_floor : float
+        Root mean square of what the channels' noise leaves in the residual, in the equation's unit.
     n_windows : int
         Number of windows, those of both muscles counted.
     """
@@ -45,6 +47,10 @@ class Evaluation(TrajectoryEvaluation):
 
     Parameters
     ----------
+    rmse, nrmse, noise_floor : float
+        As for one trajectory, over all of them.
+    n_windows : int
+        Number of windows.
     unit : str
         Unit of `rmse` and `noise_floor`.
     trajectories : dict of str to TrajectoryEvaluation
