@@ -83,6 +83,7 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
     parts = []
     for name, rows in runs:
         t = time[rows]
+        sampling_grid(t, warn=False)  # words the errors of times that do not increase
         count = int(np.floor((t[-1] - t[0]) / period * (1 + 1e-9))) + 1
         if len(t) < 2 or count < 2:
             raise ShortTrajectoryError(

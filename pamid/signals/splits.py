@@ -223,7 +223,7 @@ def kind_of(trajectory: Any) -> str:
 
 
 class LeaveOneKindOut(_TrajectorySplitter):
-    """One fold for each kind of trajectory: how well does what was learnt on sines hold on steps?
+    """One fold for each kind of trajectory, to see how well what was learnt on sines holds on steps.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class LeaveOneKindOut(_TrajectorySplitter):
 
 
 class LeaveOneMuscleOut(_TrajectorySplitter):
-    """One fold for each muscle: how well does what was learnt on one muscle hold on another?
+    """One fold for each muscle, to see how well what was learnt on one muscle holds on another.
 
     Parameters
     ----------
@@ -364,8 +364,10 @@ def split_trajectories(
 
     Returns
     -------
-    train, test : ndarray of int
-        Rows to train on and rows to test on.
+    train : ndarray of int
+        Rows to train on.
+    test : ndarray of int
+        Rows to test on.
 
     Raises
     ------
