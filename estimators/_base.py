@@ -27,7 +27,16 @@ class SignalEstimator(BaseEstimator):
     """
 
     _needs: ClassVar[tuple[str, ...]] = ()
+    equations: ClassVar[tuple[str, ...]] = ()
+    """Equations of the bench whose measured side this estimator can learn: ``"force"`` (N), ``"flow"`` (kg/s)."""
+    joint: ClassVar[bool] = False
+    """Whether it learns all of its `equations` at once, from a target with one column each."""
     signals: Signals | None
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        """Return the settings in which a comparison fits this estimator, by a short name ("" for the defaults)."""
+        return {"": {}}
 
     def _read(self, X: Any, y: Any = None, *, reset: bool, **checks: Any) -> tuple[np.ndarray, Any]:
         """Validate X (and y) as scikit-learn does and note, on `reset`, which column is which signal.

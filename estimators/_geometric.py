@@ -34,6 +34,10 @@ class GeometricRegressor(ClassicalRegressor):
     bounds: Mapping[str, tuple[float, float]] | None
     max_iter: int
 
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {name: {"model": name} for name, volume in all_volumes().items() if volume.parameters}
+
     def _nominal(self) -> ClassicalVolume:
         """Return the model at the starting values."""
         offered = {name: cls for name, cls in all_volumes().items() if cls.parameters}

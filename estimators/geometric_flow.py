@@ -99,6 +99,7 @@ class GeometricFlow(GeometricRegressor):
     """
 
     _needs = STATE_SIGNALS
+    equations = ("flow",)
     _moving: ClassVar[tuple[str, ...]] = STATE_SIGNALS
 
     def __init__(

@@ -103,6 +103,11 @@ class GeometricForce(GeometricRegressor):
     """
 
     _silent = ("rest_length",)
+    equations = ("force",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return super()._compared(equation) | {"tondu_lopez, friction": {"model": "tondu_lopez", "friction": True}}
 
     def __init__(
         self,

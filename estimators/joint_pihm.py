@@ -96,6 +96,9 @@ class JointPIHM(HybridModel):
     (200, 2)
     """
 
+    equations = ("force", "flow")
+    joint = True
+
     def __init__(
         self,
         rest_length: float = 0.2,

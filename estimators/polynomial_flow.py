@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.laws.thermodynamic import ThermodynamicFlow
 from pamid.signals.state import STATE_SIGNALS, State
@@ -88,6 +90,11 @@ class PolynomialFlow(PolynomialRegressor):
     """
 
     _needs = STATE_SIGNALS
+    equations = ("flow",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"contraction": {}, "contraction, pressure": {"pressure_degree": 1}}
 
     def __init__(
         self,

@@ -91,6 +91,11 @@ class PolynomialForce(PolynomialRegressor):
 
     _needs = ("eps", "P")
     _level_known = False
+    equations = ("force",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"area": {}, "surface": {"form": "surface"}}
 
     def __init__(
         self,

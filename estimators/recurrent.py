@@ -157,6 +157,12 @@ class Recurrent(ProgressMixin, RegressorMixin, SignalEstimator):
     __metadata_request__predict: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
+    equations = ("force", "flow")
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # what the hybrid models see, too
+
     def __init__(
         self,
         inputs: Sequence[str] = ("eps", "P"),

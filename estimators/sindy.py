@@ -104,6 +104,12 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     ['F = -200 + 0.002 P - 0.03 eps^2 P']
     """
 
+    equations = ("force", "flow")
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "with signs": {"sign_of": ("deps", "dP")}}
+
     def __init__(
         self,
         inputs: Sequence[str] = ("eps", "deps", "P", "dP"),

@@ -94,6 +94,12 @@ class StaticPIHM(HybridModel):
     True
     """
 
+    equations = ("force",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "published network": {"volume_model": "neural"}}
+
     def __init__(
         self,
         rest_length: float = 0.2,

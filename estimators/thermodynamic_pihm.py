@@ -100,6 +100,12 @@ class ThermodynamicPIHM(HybridModel):
     True
     """
 
+    equations = ("flow",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "published network": {"volume_model": "neural"}}
+
     def __init__(
         self,
         rest_length: float = 0.2,

@@ -1,0 +1,28 @@
+"""Estimators of one equation held against each other on trajectories that they have not seen."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_HOME = {
+    "compare": "run",
+    "Comparison": "comparison",
+    "Candidate": "candidates",
+    "candidates": "candidates",
+    "Prepared": "protocol",
+    "prepare": "protocol",
+}
+"""In which module each public name lives."""
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

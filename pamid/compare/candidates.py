@@ -1,0 +1,195 @@
+"""What takes part in a comparison: every estimator that says it can learn the equation, in the settings it names."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import IncompatibleError, ParameterError, UnknownOptionError
+
+EQUATIONS = {"force": ("F", "N"), "flow": ("mdot", "kg/s")}
+"""Equations that can be compared: column and unit of their measured side."""
+
+SIGNALS = ("eps", "deps", "P", "dP")
+"""Columns that an estimator is offered which does not say what it reads."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One estimator in one setting.
+
+    Parameters
+    ----------
+    label : str
+        Name in tables, such as ``"GeometricForce(tondu_lopez)"``.
+    estimator : estimator
+        Unfitted instance.
+    columns : tuple of str
+        Columns of the table that it is given.
+    targets : tuple of str
+        Columns of its target.
+    sequential : bool
+        Whether it learns from the sequence of samples, and must see them evenly spaced.
+    """
+
+    label: str
+    estimator: Any
+    columns: tuple[str, ...]
+    targets: tuple[str, ...]
+    sequential: bool = False
+
+
+def candidates(
+    equation: str,
+    estimators: str | Sequence[str] | Mapping[str, Any] = "all",
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    targets: Sequence[str] | None = None,
+    random_state: int = 0,
+) -> list[Candidate]:
+    """Collect what can learn an equation.
+
+    An estimator of `pamid.estimators` takes part if its class attribute ``equations`` names the equation; a new one
+    takes part without an entry anywhere.
+
+    Parameters
+    ----------
+    equation : {"force", "flow"}
+        The equation.
+    estimators : "all", sequence of str, or mapping of str to estimator, default="all"
+        Names of classes (``"GeometricForce"``, with all its settings) or of one setting
+        (``"GeometricForce(tondu_lopez)"``); or estimators of your own by the name they shall have. Those read the
+        columns ``eps``, ``deps``, ``P``, ``dP``.
+    parameters : mapping of str to float, optional
+        Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
+        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ...
+    targets : sequence of str, optional
+        Measured columns at hand; an estimator that learns force and flow together takes part only if both are
+        measured. By default that of the equation alone.
+    random_state : int, default=0
+        Seed of every estimator that takes one.
+
+    Returns
+    -------
+    list of Candidate
+        In alphabetical order of the classes.
+
+    Raises
+    ------
+    UnknownOptionError
+        If a name is not known.
+    IncompatibleError
+        If a named estimator does not learn this equation.
+
+    Examples
+    --------
+    >>> from pamid.compare import candidates
+    >>> [c.label for c in candidates("flow", ["PolynomialFlow"])]
+    ['PolynomialFlow(contraction)', 'PolynomialFlow(contraction, pressure)']
+    """
+    column = target_of(equation)[0]
+    if isinstance(estimators, Mapping):
+        return [_own(label, model, column) for label, model in estimators.items()]
+    measured = tuple(targets or (column,))
+    values = {"random_state": random_state, **(parameters or {})}
+    found = _registered(equation, column, measured, values)
+    if isinstance(estimators, str):
+        if estimators != "all":
+            raise ParameterError(
+                f"estimators is {estimators!r}.", "'all' or a list of names", f"Pass [{estimators!r}]."
+            )
+        return [c for group in found.values() for c in group]
+    chosen: list[Candidate] = []
+    for name in estimators:
+        matches = [c for key, group in found.items() for c in group if name in (key, c.label)]
+        if not matches:
+            raise _not_offered(name, equation, found)
+        chosen += [c for c in matches if c not in chosen]
+    return chosen
+
+
+def target_of(equation: str) -> tuple[str, str]:
+    """Return column and unit of an equation's measured side."""
+    if equation not in EQUATIONS:
+        raise UnknownOptionError(f"equation is {equation!r}.", f"one of {', '.join(EQUATIONS)}", "Correct the name.")
+    return EQUATIONS[equation]
+
+
+def _registered(
+    equation: str, column: str, measured: Sequence[str], values: Mapping[str, Any]
+) -> dict[str, list[Candidate]]:
+    from pamid.estimators import all_estimators
+
+    found: dict[str, list[Candidate]] = {}
+    for name, cls in all_estimators():
+        offered: Any = cls
+        equations = getattr(offered, "equations", ())
+        if equation not in equations:
+            continue
+        wanted = tuple(EQUATIONS[e][0] for e in equations) if offered.joint else (column,)
+        if any(w not in measured for w in wanted):
+            continue
+        accepted = inspect.signature(offered).parameters
+        common = {k: v for k, v in values.items() if k in accepted}
+        group = []
+        for setting, own in offered._compared(equation).items():
+            model = offered(**(common | own))
+            group.append(_candidate(f"{name}({setting})" if setting else name, model, wanted))
+        found[name] = group
+    return found
+
+
+def _candidate(label: str, model: Any, targets: tuple[str, ...]) -> Candidate:
+    sequential = "one_trajectory" in model.get_params()
+    columns = tuple(model._needs)
+    return Candidate(label, model, ("trajectory", *columns) if sequential else columns, targets, sequential)
+
+
+def _own(label: str, model: Any, column: str) -> Candidate:
+    if not (hasattr(model, "fit") and hasattr(model, "predict")):
+        raise IncompatibleError(
+            f"{label} is a {type(model).__name__}.", "an estimator with fit and predict", "Pass an instance of one."
+        )
+    if hasattr(model, "_needs"):
+        return _candidate(label, model, (column,))
+    return Candidate(label, model, SIGNALS, (column,))
+
+
+def _not_offered(name: str, equation: str, found: Mapping[str, list[Candidate]]) -> Exception:
+    from pamid.estimators import all_estimators
+
+    labels = [*found, *(c.label for group in found.values() for c in group)]
+    if name in (others := {n: getattr(c, "equations", ()) for n, c in all_estimators()}):
+        learns = " and ".join(others[name]) or "neither force nor flow"
+        together = " together, and the log has not both" if equation in others[name] else ""
+        return IncompatibleError(
+            f"{name} learns {learns}{together}.", f"an estimator of {equation}", f"Choose among {', '.join(found)}."
+        )
+    close = difflib.get_close_matches(name, labels, n=2)
+    return UnknownOptionError(
+        f"There is no estimator {name!r}.",
+        f"one of {', '.join(found)}",
+        f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
+    )
+
+
+def parameter_count(model: Any) -> int | None:
+    """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell."""
+    if (own := getattr(model, "n_parameters_", None)) is not None:
+        return int(own)
+    if hasattr(model, "fitted_names_"):
+        return len(model.fitted_names_)
+    if hasattr(model, "coefficients_"):
+        return len(model.coefficients_)
+    weights = getattr(model, "weights_", getattr(model, "coefs_", getattr(model, "coef_", None)))
+    if weights is None:
+        return None
+    parts = weights.values() if isinstance(weights, Mapping) else weights
+    if isinstance(parts, np.ndarray):
+        return int(parts.size)
+    return int(sum(np.size(p) for p in parts)) + sum(np.size(p) for p in getattr(model, "intercepts_", ()))

@@ -1,0 +1,246 @@
+"""What a comparison found: one row an estimator, their held-out predictions, and the fitted estimators of one fold."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import OutputError, UnknownOptionError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BASELINE = "baseline (mean)"
+"""Row of the table that predicts the mean of the training runs."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One estimator in a comparison.
+
+    Parameters
+    ----------
+    estimator : str
+        Its label.
+    rmse, rmse_low, rmse_high : float
+        Root mean square error on runs that the fit had not seen, with its 90 % interval over runs, in the unit of the
+        target.
+    nrmse : float
+        `rmse` over the standard deviation of the target.
+    behind, behind_low, behind_high : float
+        By how much `rmse` exceeds that of the best estimator, with its interval on the same draws.
+    differs : bool
+        Whether that interval leaves out zero.
+    fit_seconds : float
+        Time of one fit, s, mean over the folds.
+    predict_ms_per_1000 : float
+        Time to predict 1000 rows, ms.
+    n_parameters : int or None
+        Numbers that the fit has set; of those that a sparse fit keeps, the mean over the folds.
+    n_fit_rows : int
+        Rows of the largest fit.
+    error : str
+        Why it failed; empty if it did not.
+    warnings : tuple of str
+        What it warned of.
+    """
+
+    estimator: str
+    rmse: float = math.nan
+    rmse_low: float = math.nan
+    rmse_high: float = math.nan
+    nrmse: float = math.nan
+    behind: float = math.nan
+    behind_low: float = math.nan
+    behind_high: float = math.nan
+    differs: bool = False
+    fit_seconds: float = math.nan
+    predict_ms_per_1000: float = math.nan
+    n_parameters: int | None = None
+    n_fit_rows: int = 0
+    error: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass
+class Comparison:
+    """Estimators of one equation, scored on runs that their fits had not seen; the best comes first.
+
+    Parameters
+    ----------
+    equation : str
+        ``"force"`` or ``"flow"``.
+    unit : str
+        Unit of the target.
+    scores : list of Score
+        One an estimator, by rising error; those that failed last.
+    rows : DataFrame
+        The scored rows: ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and ``measured``.
+    predictions : dict of str to ndarray, shape (n_scored_rows,)
+        Held-out prediction of each estimator on these rows.
+    fitted : dict of str to estimator
+        Each estimator as the first fold fitted it.
+    noise_floor : float
+        Root mean square error that the sensors' noise alone would leave of a perfect model; NaN if not known.
+    n_folds, n_runs : int
+        How many.
+    notes : list of str
+        What was done to the data.
+    """
+
+    equation: str
+    unit: str
+    scores: list[Score]
+    rows: pd.DataFrame
+    predictions: dict[str, np.ndarray]
+    fitted: dict[str, Any]
+    noise_floor: float
+    n_folds: int
+    n_runs: int
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def best(self) -> Score:
+        """The estimator with the least held-out error."""
+        return self.scores[0]
+
+    def __getitem__(self, label: str) -> Score:
+        """Return the score of one estimator by its label."""
+        for score in self.scores:
+            if score.estimator == label:
+                return score
+        raise UnknownOptionError(
+            f"{label!r} was not compared.", f"one of {', '.join(s.estimator for s in self.scores)}", "Correct the name."
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the table.
+
+        Returns
+        -------
+        DataFrame
+            One row an estimator, the columns of `Score` but its warnings.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the predictions as plain numbers and text.
+
+        Returns
+        -------
+        dict
+            ``equation``, ``unit``, ``n_folds``, ``n_runs``, ``n_scored_rows``, ``noise_floor``, ``notes``,
+            ``estimators``; numbers that are not known are None.
+        """
+        return {
+            "equation": self.equation,
+            "unit": self.unit,
+            "n_folds": self.n_folds,
+            "n_runs": self.n_runs,
+            "n_scored_rows": len(self.rows),
+            "noise_floor": _plain(self.noise_floor),
+            "notes": list(self.notes),
+            "estimators": [{k: _plain(v) for k, v in asdict(s).items()} for s in self.scores],
+        }
+
+    def __str__(self) -> str:
+        """Return the table as text."""
+        header = [
+            "estimator", f"rmse / {self.unit}", "90 % interval", "nrmse", "behind the best", "",
+            "fit / s", "predict / ms", "parameters",
+        ]  # fmt: skip
+        lines = [header, *(_cells(s) for s in self.scores if not s.error)]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+        left = {0, 2, 4, 5}
+        text = [
+            "  ".join(
+                c.ljust(w) if k in left else c.rjust(w) for k, (c, w) in enumerate(zip(line, widths, strict=True))
+            )
+            for line in lines
+        ]
+        text += [f"{s.estimator}: failed: {s.error}" for s in self.scores if s.error]
+        text.append("")
+        text.append(
+            f"{len(self.rows)} rows of {self.n_runs} runs, each predicted by a fit on the others "
+            f"({self.n_folds} folds); intervals over runs; * differs from the best; predict: per 1000 rows"
+        )
+        if math.isfinite(self.noise_floor):
+            text.append(f"noise floor: the sensors' noise alone leaves about {_number(self.noise_floor)} {self.unit}")
+        return "\n".join(line.rstrip() for line in [*text, *self.notes])
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write the table as ``comparison-<equation>.csv`` and ``.json``, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : path-like
+            Where to; created if it is not there.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        OutputError
+            If the folder or a file cannot be written.
+        """
+        target = Path(folder)
+        data = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        contents = {"csv": self.to_frame().to_csv(index=False), "json": data + "\n"}
+        written = []
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+            for kind, text in contents.items():
+                path = target / f"comparison-{self.equation}.{kind}"
+                draft = path.with_name(f".{path.name}.part")
+                draft.write_text(text, encoding="utf-8")
+                draft.replace(path)
+                written.append(path)
+        except OSError as error:
+            raise OutputError(
+                f"{target} cannot be written: {error.strerror or error}.",
+                "a folder that can be written",
+                "Choose another folder, or make room.",
+            ) from error
+        return written
+
+
+def _cells(s: Score) -> list[str]:
+    return [
+        s.estimator,
+        _number(s.rmse),
+        f"{_number(s.rmse_low)} to {_number(s.rmse_high)}",
+        f"{s.nrmse:.4f}",
+        "-" if s.behind == 0 else f"{_number(s.behind)} ({_number(s.behind_low)} to {_number(s.behind_high)})",
+        "*" if s.differs else "",
+        f"{s.fit_seconds:.2f}",
+        f"{s.predict_ms_per_1000:.2f}",
+        "" if s.n_parameters is None else str(s.n_parameters),
+    ]
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, tuple):
+        return list(value)
+    return value
+
+
+def ranked(scores: Mapping[str, Score]) -> list[Score]:
+    """Order scores by rising error, failures last."""
+    return sorted(scores.values(), key=lambda s: (bool(s.error), s.rmse if math.isfinite(s.rmse) else math.inf))

@@ -1,0 +1,94 @@
+"""What the sensors' own noise would leave of a perfect model's error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .protocol import Prepared
+
+
+def noise_floor(
+    prepared: Prepared,
+    predict: Callable[[np.ndarray], np.ndarray],
+    rows: np.ndarray,
+    target: np.ndarray,
+    method: str = "savgol",
+) -> float:
+    r"""Estimate the error that a perfect model would have, from the noise of the channels.
+
+    .. math:: \sigma^2 = \sigma_y^2 g_y + \sum_s \left(\frac{\partial f}{\partial s}\right)^2 \sigma_s^2 g_s
+
+    with the noise of each channel told from the log itself, its gain g through the filter that took the rates
+    (1 for a signal used as it is), and the sensitivities of a model that stands for the perfect one.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The table, with rates taken by `prepare`.
+    predict : callable
+        Takes columns eps, deps, P, dP, shape (n, 4), and predicts the target.
+    rows : ndarray of int
+        Rows at which to take sensitivities.
+    target : ndarray, shape (n_rows,)
+        The measured side before smoothing.
+    method : str, default="savgol"
+        Method of the rates.
+
+    Returns
+    -------
+    float
+        In the unit of the target; NaN if the filter is not known.
+    """
+    from ..signals.state import STATE_SIGNALS
+
+    if set(prepared.cutoffs) != {"eps", "P"}:
+        return float("nan")
+    table = prepared.table
+    noise = {s: _noise(prepared, table[s].to_numpy(dtype=float)) for s in ("eps", "P")}
+    period = _period(prepared)
+    value_gain, _ = _gains(prepared.cutoffs["P"], period, method)
+    sigma = {
+        "eps": noise["eps"],
+        "deps": noise["eps"] * np.sqrt(_gains(prepared.cutoffs["eps"], period, method)[1]),
+        "P": noise["P"],
+        "dP": noise["P"] * np.sqrt(_gains(prepared.cutoffs["P"], period, method)[1]),
+    }
+    own = _noise(prepared, target) ** 2 * (value_gain if prepared.smoothed else 1.0)
+    x = table[list(STATE_SIGNALS)].to_numpy(dtype=float)[rows]
+    variance = np.full(len(rows), own)
+    for k, name in enumerate(STATE_SIGNALS):
+        step = max(sigma[name], 1e-3 * float(np.std(x[:, k])))
+        if step <= 0:
+            continue
+        shift = np.zeros(4)
+        shift[k] = step
+        variance += ((predict(x + shift) - predict(x - shift)) / (2 * step) * sigma[name]) ** 2
+    return float(np.sqrt(np.mean(variance)))
+
+
+def _noise(prepared: Prepared, x: np.ndarray) -> float:
+    """Root mean square of a channel's noise over the trajectories."""
+    from ..equations import channel_noise
+
+    indices = prepared.table.groupby("trajectory", sort=False).indices.values()
+    found = [(channel_noise(x[rows], 20), len(rows)) for rows in indices]
+    total = sum((n.white**2 + n.fixed**2) * count for n, count in found)
+    return float(np.sqrt(total / sum(count for _, count in found)))
+
+
+def _period(prepared: Prepared) -> float:
+    steps = np.diff(prepared.table["time"].to_numpy(dtype=float))
+    return float(np.median(steps[steps > 0]))
+
+
+def _gains(cutoff: float, period: float, method: str) -> tuple[float, float]:
+    """Squared norms of the weights that a filter puts on samples for a value and, per s², for a rate."""
+    from ..signals import differentiate
+
+    n = 2 * max(200, min(20_000, int(4 / (cutoff * period)))) + 1
+    impulse = np.zeros(n)
+    impulse[n // 2] = 1.0
+    value, rate = differentiate(impulse, sampling_period=period, tuning=cutoff, method=method)
+    return float(value @ value), float(rate @ rate)

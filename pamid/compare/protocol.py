@@ -1,0 +1,300 @@
+"""The common ground of a comparison: rates by trajectory, the target, folds of whole runs, and the rows of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import (
+    EmptyLogError,
+    IncompatibleError,
+    MissingColumnError,
+    MissingTrajectoryError,
+    NonFiniteError,
+    ParameterError,
+    ShapeError,
+    ShortTrajectoryError,
+    TooFewTrajectoriesError,
+)
+from .candidates import EQUATIONS, target_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RATES = {"deps": "eps", "dP": "P"}
+
+
+@dataclass
+class Prepared:
+    """A table that every candidate can read, and which of its rows serve for what.
+
+    Parameters
+    ----------
+    table : DataFrame
+        ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and the measured sides, as they are learnt
+        and scored.
+    equation : str
+        The equation.
+    target : str
+        Column of its measured side.
+    runs : ndarray of object, shape (n_rows,)
+        Run of each row: what folds and intervals hold together.
+    usable : ndarray of bool, shape (n_rows,)
+        Rows that may be learnt from and scored.
+    even : ndarray of int
+        Every k-th row of each trajectory, the spacing at which everything is scored.
+    cutoffs : dict of str to float
+        Cut-off frequency of the rate of each signal, Hz, where rates were taken here.
+    smoothed : bool
+        Whether the target was smoothed like the pressure.
+    notes : list of str
+        What a reader of the result should know.
+    """
+
+    table: pd.DataFrame
+    equation: str
+    target: str
+    runs: np.ndarray
+    usable: np.ndarray
+    even: np.ndarray
+    cutoffs: dict[str, float]
+    smoothed: bool
+    notes: list[str]
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Measured sides that the table has."""
+        return tuple(column for column, _ in EQUATIONS.values() if column in self.table.columns)
+
+
+def prepare(
+    table: pd.DataFrame,
+    equation: str = "force",
+    *,
+    rows: Any = None,
+    score_rows: int = 50_000,
+    tuning: str | float | Sequence[float] = "auto",
+    method: str = "savgol",
+    smooth_target: bool | None = None,
+) -> Prepared:
+    """Take rates within trajectories, smooth the target where that is due, and choose the rows to score.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute) and ``F`` (N) or
+        ``mdot`` (kg/s); a column ``run`` where several trajectories belong to one run; ``deps`` (1/s) and ``dP``
+        (Pa/s) if they are known.
+    equation : {"force", "flow"}, default="force"
+        What is compared.
+    rows : array_like of bool, shape (n_rows,), optional
+        Rows that count; the others serve only to take rates from.
+    score_rows : int, default=50000
+        Most rows on which everything is scored.
+    tuning, method
+        Of the rates, see `pamid.estimators.RateTransformer`.
+    smooth_target : bool, optional
+        Whether the measured side is smoothed as the pressure is before its rate is taken. By default a flow is: it
+        is compared with a smoothed rate, and should have gone through the same filter. A force is not.
+
+    Returns
+    -------
+    Prepared
+        The table and its rows.
+
+    Raises
+    ------
+    MissingColumnError, MissingTrajectoryError, NonFiniteError, EmptyLogError
+        The table cannot be used as it is.
+    """
+    import pandas as pd
+
+    from ..signals import thinned_rows
+
+    column, _ = target_of(equation)
+    _require(table, column)
+    notes: list[str] = []
+    measured = [c for c, _ in EQUATIONS.values() if c in table.columns]
+    kept = ["trajectory", *(["run"] if "run" in table.columns else []), "time", "eps", "P"]
+    given = [r for r in RATES if r in table.columns]
+    out = table[[*kept, *given, *measured]].reset_index(drop=True)
+    if "run" not in out.columns:
+        out.insert(1, "run", out["trajectory"])
+    cutoffs: dict[str, float] = {}
+    if missing := [s for r, s in RATES.items() if r not in given]:
+        out, cutoffs = _with_rates(out, missing, tuning, method)
+    smooth = smooth_target if smooth_target is not None else equation == "flow"
+    if smooth and "P" not in cutoffs:
+        smooth = False
+        if smooth_target:
+            raise IncompatibleError(
+                "The table brings its own rates, so their filter is not known.",
+                "rates taken here, if the target shall be smoothed alike",
+                "Drop the columns deps and dP, or smooth the target yourself.",
+            )
+    if smooth:
+        out[column] = _smoothed(out, column, cutoffs["P"], method)
+        notes.append(
+            f"{column} was smoothed like P (cut-off {cutoffs['P']:.3g} Hz, {method}) before fitting and scoring."
+        )
+    usable = np.ones(len(out), dtype=bool)
+    if rows is not None:
+        usable = np.asarray(rows, dtype=bool)
+        if usable.shape != (len(out),):
+            raise ShapeError(f"rows has shape {usable.shape}.", f"({len(out)},)", "Pass one entry a row.")
+        if not usable.any():
+            raise EmptyLogError("No row counts.", "rows that meet the condition", "Loosen the condition.")
+        notes.append(f"{int(usable.sum())} of {len(out)} rows count.")
+    names = out["trajectory"].to_numpy(dtype=object)
+    n_trajectories = len(pd.unique(out["trajectory"]))
+    if score_rows < n_trajectories:
+        raise ParameterError(
+            f"score_rows is {score_rows} for {n_trajectories} trajectories.", "at least one a trajectory", "Raise it."
+        )
+    # rows that do not count are skipped, not paid for
+    share = usable.mean()
+    even = thinned_rows(names, n_rows=min(len(out), max(n_trajectories, int(score_rows / share))))
+    return Prepared(out, equation, column, out["run"].to_numpy(dtype=object), usable, even, cutoffs, smooth, notes)
+
+
+def _require(table: pd.DataFrame, column: str) -> None:
+    if "trajectory" not in table.columns:
+        raise MissingTrajectoryError(
+            "The table has no column 'trajectory'.", "the name of its run in each row", "Add the column."
+        )
+    if not len(table):
+        raise EmptyLogError("The table has no rows.", "at least two trajectories", "Check how it was read.")
+    if lacking := [c for c in ("time", "eps", "P", column) if c not in table.columns]:
+        raise MissingColumnError(
+            f"The table lacks {', '.join(lacking)}; it has {', '.join(map(str, table.columns[:20]))}.",
+            f"trajectory, time, eps, P and {column}",
+            "Rename your columns, or unfold a log of the bench with pamid.bench.unfold.",
+        )
+    for name in ("time", "eps", "P", column):
+        if not np.isfinite(table[name].to_numpy(dtype=float)).all():
+            raise NonFiniteError(
+                f"The column '{name}' holds NaN or infinite values.", "finite values", "Drop or fill those rows first."
+            )
+
+
+def _with_rates(
+    table: pd.DataFrame, signals: list[str], tuning: Any, method: str
+) -> tuple[pd.DataFrame, dict[str, float]]:
+    from pamid.estimators import RateTransformer
+
+    base = table[["trajectory", "time", *signals]]
+    rates = RateTransformer(columns=tuple(signals), tuning=tuning, method=method).fit(base)
+    found = rates.transform(base)
+    new = found[[f"d{s}" for s in signals]]
+    return table.assign(**{c: new[c] for c in new}), dict(zip(signals, rates.cutoffs_.tolist(), strict=True))
+
+
+def _smoothed(table: pd.DataFrame, column: str, cutoff: float, method: str) -> np.ndarray:
+    from ..signals import differentiate
+
+    out = np.empty(len(table))
+    for name, rows in table.groupby("trajectory", sort=False).indices.items():
+        if len(rows) < 2:
+            raise ShortTrajectoryError(f"The trajectory '{name}' has 1 sample.", "at least 2", "Leave it out.")
+        part = table.iloc[rows]
+        out[rows] = differentiate(part[column].to_numpy(), part["time"].to_numpy(), tuning=cutoff, method=method)[0]
+    return out
+
+
+@dataclass
+class Fold:
+    """One split: rows by their number in the table.
+
+    Parameters
+    ----------
+    train : ndarray of bool, shape (n_rows,)
+        Rows of the training runs.
+    test : ndarray of bool, shape (n_rows,)
+        Rows of the held-out runs.
+    fit_rows : ndarray of int
+        Rows that estimators without memory are fitted on.
+    even_train, even_test : ndarray of int
+        Evenly spaced rows of both parts, for estimators that learn from sequences.
+    score_rows : ndarray of int
+        Rows on which all are scored.
+    """
+
+    train: np.ndarray
+    test: np.ndarray
+    fit_rows: np.ndarray
+    even_train: np.ndarray
+    even_test: np.ndarray
+    score_rows: np.ndarray
+
+
+def folds(
+    prepared: Prepared, cv: Any = 5, *, split: str = "run", fit_rows: int = 5000, random_state: int = 0
+) -> Iterator[Fold]:
+    """Go through the folds of whole runs.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The table.
+    cv : int or splitter, default=5
+        Number of folds, or a splitter of scikit-learn that respects ``groups``.
+    split : {"run", "kind"}, default="run"
+        Whether a fold holds out runs, or a whole kind of runs (the first part of their names), one after the other.
+    fit_rows : int, default=5000
+        Most rows of a fit.
+    random_state : int, default=0
+        Seed of the folds.
+
+    Yields
+    ------
+    Fold
+        Its rows.
+
+    Raises
+    ------
+    TooFewTrajectoriesError
+        If there are fewer than two runs.
+    """
+    from ..signals import LeaveOneKindOut, TrajectoryKFold, thinned_rows
+
+    runs, table = prepared.runs, prepared.table
+    n_runs = len(set(runs[prepared.usable].tolist()))
+    if n_runs < 2:
+        raise TooFewTrajectoriesError(
+            f"The log has {n_runs} run that counts.",
+            "at least 2, so that each can be predicted from the others",
+            "Add logs of further runs; one run cannot say how well a model holds on another.",
+        )
+    splitter = cv
+    if split == "kind":
+        splitter = LeaveOneKindOut()
+    elif split != "run":
+        raise ParameterError(f"split is {split!r}.", "'run' or 'kind'", "Correct the name.")
+    elif isinstance(cv, int | np.integer):
+        if cv > n_runs:
+            prepared.notes.append(f"{n_runs} runs allow {n_runs} folds, not {cv}.")
+        splitter = TrajectoryKFold(min(int(cv), n_runs), shuffle=True, random_state=random_state)
+    names = table["trajectory"].to_numpy(dtype=object)
+    is_even = np.zeros(len(table), dtype=bool)
+    is_even[prepared.even] = True
+    for train_rows, test_rows in splitter.split(table, table[prepared.target], groups=runs):
+        train, test = np.zeros((2, len(table)), dtype=bool)
+        train[train_rows] = True
+        test[test_rows] = True
+        learnt = np.flatnonzero(train & prepared.usable)
+        scored = np.flatnonzero(test & prepared.usable & is_even)
+        if not len(learnt) or not len(scored):
+            continue
+        here = names[learnt]
+        chosen = learnt
+        if len(learnt) > fit_rows:
+            try:
+                chosen = learnt[thinned_rows(here, n_rows=fit_rows)]
+            except ParameterError as error:
+                raise ParameterError(
+                    f"fit_rows is {fit_rows}.", "at least one row a trajectory of the fit", "Raise it."
+                ) from error
+        yield Fold(train, test, chosen, np.flatnonzero(train & is_even), np.flatnonzero(test & is_even), scored)

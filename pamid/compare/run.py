@@ -1,0 +1,307 @@
+"""Run every estimator of one equation over folds of whole runs, and score all on the same rows."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import FitError, IncompatibleError, PamidError, ParameterError
+from .bootstrap import ClusterBootstrap
+from .candidates import SIGNALS, Candidate, candidates, parameter_count, target_of
+from .comparison import BASELINE, Comparison, Score, ranked
+from .floor import noise_floor
+from .protocol import Fold, Prepared, folds, prepare
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FLOOR_ROWS = 2000
+"""Rows at which the sensitivities for the noise floor are taken."""
+
+
+def compare(
+    table: pd.DataFrame,
+    equation: str = "force",
+    estimators: str | Sequence[str] | Mapping[str, Any] = "all",
+    *,
+    cv: Any = 5,
+    split: str = "run",
+    rows: Any = None,
+    fit_rows: int = 5000,
+    score_rows: int = 50_000,
+    parameters: Mapping[str, Any] | None = None,
+    tuning: str | float | Sequence[float] = "auto",
+    method: str = "savgol",
+    smooth_target: bool | None = None,
+    n_draws: int = 2000,
+    random_state: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Comparison:
+    """Compare estimators on runs that their fits have not seen.
+
+    Rates are taken run by run before anything is split. Each fold holds out whole runs (both muscles of a run
+    together); estimators without memory are fitted on evenly thinned rows of the others, those that learn sequences
+    on the evenly spaced rows of whole trajectories. All are scored on the same rows.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute), ``F`` (N) and/or
+        ``mdot`` (kg/s), and ``run`` where several trajectories belong to one run: what `pamid.bench.unfold` returns.
+    equation : {"force", "flow"}, default="force"
+        What is predicted.
+    estimators : "all", sequence of str, or mapping of str to estimator, default="all"
+        Which, see `pamid.compare.candidates`.
+    cv : int or splitter, default=5
+        Folds of whole runs.
+    split : {"run", "kind"}, default="run"
+        ``"kind"`` leaves out whole kinds of runs (the first part of their names) one after the other.
+    rows : array_like of bool, shape (n_rows,), optional
+        Rows that count, such as those in which a muscle is not slack.
+    fit_rows : int, default=5000
+        Most rows of a fit.
+    score_rows : int, default=50000
+        Most rows scored.
+    parameters : mapping of str to float, optional
+        Geometry and gas for all estimators that take them: ``rest_length`` (m), ``rest_diameter`` (m),
+        ``atmospheric_pressure`` (Pa), ...; ``BenchParameters.values()`` will do.
+    tuning : "auto", float or sequence of float, default="auto"
+        Cut-off frequency of the rates, Hz.
+    method : {"savgol", "spline", "kalman"}, default="savgol"
+        Method of the rates.
+    smooth_target : bool, optional
+        Whether the measured side goes through the pressure's filter, too. By default a flow does, a force does not.
+    n_draws : int, default=2000
+        Draws of the bootstrap over runs.
+    random_state : int, default=0
+        Seed of folds, estimators and draws.
+    progress : callable, optional
+        Called with a label after each fit.
+
+    Returns
+    -------
+    Comparison
+        The table, the held-out predictions, and what was done to the data.
+
+    Raises
+    ------
+    TooFewTrajectoriesError
+        If the table has fewer than two runs.
+    FitError
+        If every estimator failed.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare import compare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> log = simulate(bench, [sine(frequency, 10.0, 400) for frequency in (2.0, 4.0, 8.0)])
+    >>> result = compare(unfold(log, bench), "force", ["PolynomialForce", "GeometricForce(chou_hannaford)"], cv=3)
+    >>> result.best.estimator
+    'GeometricForce(chou_hannaford)'
+    """
+    for name, number in (("fit_rows", fit_rows), ("score_rows", score_rows), ("n_draws", n_draws)):
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
+            raise ParameterError(f"{name} is {number!r}.", "a whole number of at least 1", "Correct it.")
+    column, unit = target_of(equation)
+    ready = prepare(
+        table,
+        equation,
+        rows=rows,
+        score_rows=score_rows,
+        tuning=tuning,
+        method=method,
+        smooth_target=smooth_target,
+    )
+    entries = candidates(equation, estimators, parameters=parameters, targets=ready.measured, random_state=random_state)
+    splits = list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state))
+    scored = np.concatenate([fold.score_rows for fold in splits])
+    order = np.argsort(scored, kind="stable")
+    scored = scored[order]
+    y = ready.table[column].to_numpy(dtype=float)[scored]
+    predictions: dict[str, np.ndarray] = {}
+    scores: dict[str, Score] = {}
+    fitted: dict[str, Any] = {}
+    predictions[BASELINE], scores[BASELINE] = _baseline(ready, splits, order)
+    for entry in entries:
+        score, predicted, model = _run(entry, ready, splits, progress)
+        scores[entry.label] = score
+        if predicted is not None:
+            predictions[entry.label] = predicted[order]
+            fitted[entry.label] = model
+    if not fitted:
+        raise FitError(
+            f"Every estimator failed; the first: {scores[entries[0].label].error if entries else 'there was none'}",
+            "at least one that can be fitted",
+            "Look at the log, or choose other estimators.",
+        )
+    runs = ready.runs[scored]
+    names, clusters = np.unique(runs.astype(str), return_inverse=True)
+    draws = ClusterBootstrap(clusters, n_draws, random_state=random_state)
+    _judge(scores, predictions, y, draws)
+    kept = ready.table[["trajectory", "run", "time", *SIGNALS]].iloc[scored].reset_index(drop=True)
+    ranking = ranked(scores)
+    floor = _floor(ready, table, ranking, fitted, scored, method)
+    if any(entry.sequential for entry in entries):
+        ready.notes.append(
+            "What learns sequences is fitted on all evenly spaced rows, at the spacing of the scored ones."
+        )
+    return Comparison(
+        equation,
+        unit,
+        ranking,
+        kept.assign(measured=y),
+        predictions,
+        fitted,
+        floor,
+        len(splits),
+        len(names),
+        ready.notes,
+    )
+
+
+def _run(
+    entry: Candidate, ready: Prepared, splits: list[Fold], progress: Callable[[str], None] | None
+) -> tuple[Score, np.ndarray | None, Any]:
+    """Fit and predict one candidate in every fold."""
+    from sklearn.base import clone
+
+    table = ready.table
+    place = entry.targets.index(ready.target) if ready.target in entry.targets else 0
+    predicted, models, counts = [], [], []
+    fit_seconds = predict_seconds = 0.0
+    n_predicted = n_fit_rows = 0
+    said: dict[str, None] = {}
+    error = ""
+    for fold in splits:
+        fit_rows = fold.even_train if entry.sequential else fold.fit_rows
+        test_rows = fold.even_test if entry.sequential else fold.score_rows
+        X = table[list(entry.columns)]
+        Y = table[list(entry.targets)].to_numpy(dtype=float)
+        target = Y[:, 0] if len(entry.targets) == 1 else Y
+        try:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                model = clone(entry.estimator)
+                started = time.perf_counter()
+                model.fit(X.iloc[fit_rows], target[fit_rows])
+                middle = time.perf_counter()
+                z = np.asarray(model.predict(X.iloc[test_rows]), dtype=float)
+                ended = time.perf_counter()
+            z = _checked(z, len(test_rows), place, entry.label)
+        except Exception as reason:  # one estimator that fails is a line in the table, not the end of it
+            error = _one_line(reason)
+            if progress is not None:
+                progress(entry.label)
+            break
+        said |= {_one_line(w.message): None for w in caught if issubclass(w.category, UserWarning)}
+        fit_seconds += middle - started
+        predict_seconds += ended - middle
+        n_predicted += len(test_rows)
+        n_fit_rows = max(n_fit_rows, len(fit_rows))
+        predicted.append(z[np.searchsorted(test_rows, fold.score_rows)] if entry.sequential else z)
+        models.append(model)
+        counts.append(parameter_count(model))
+        if progress is not None:
+            progress(entry.label)
+    if error:
+        return Score(entry.label, error=error, warnings=tuple(said)), None, None
+    known = [c for c in counts if c is not None]
+    score = Score(
+        entry.label,
+        fit_seconds=fit_seconds / len(splits),
+        predict_ms_per_1000=1e6 * predict_seconds / n_predicted,
+        n_parameters=round(float(np.mean(known))) if known else None,
+        n_fit_rows=n_fit_rows,
+        warnings=tuple(said),
+    )
+    return score, np.concatenate(predicted), models[0]
+
+
+def _checked(z: np.ndarray, n: int, place: int, label: str) -> np.ndarray:
+    if z.ndim == 2:
+        z = z[:, place]
+    if z.shape != (n,):
+        raise IncompatibleError(f"{label} predicts the shape {z.shape} for {n} rows.", f"({n},)", "Correct it.")
+    if not np.isfinite(z).all():
+        raise FitError(
+            f"{label} predicts {int((~np.isfinite(z)).sum())} values that are not finite.", "finite ones", ""
+        )
+    return z
+
+
+def _one_line(reason: Any) -> str:
+    text = " ".join(str(reason).split())[:240]
+    if isinstance(reason, PamidError | Warning):
+        return text
+    return f"{type(reason).__name__}: {text}"
+
+
+def _baseline(ready: Prepared, splits: list[Fold], order: np.ndarray) -> tuple[np.ndarray, Score]:
+    y = ready.table[ready.target].to_numpy(dtype=float)
+    means = [np.full(len(f.score_rows), y[f.fit_rows].mean()) for f in splits]
+    score = Score(
+        BASELINE,
+        fit_seconds=0.0,
+        predict_ms_per_1000=0.0,
+        n_parameters=1,
+        n_fit_rows=max(len(f.fit_rows) for f in splits),
+    )
+    return np.concatenate(means)[order], score
+
+
+def _judge(
+    scores: dict[str, Score], predictions: Mapping[str, np.ndarray], y: np.ndarray, draws: ClusterBootstrap
+) -> None:
+    """Fill in errors, intervals and differences to the best."""
+    squares = {label: (z - y) ** 2 for label, z in predictions.items()}
+    best = min(squares, key=lambda label: float(squares[label].mean()))
+    spread = float(np.std(y))
+    for label, square in squares.items():
+        rmse = draws.rmse(square)
+        behind = draws.difference(square, squares[best])
+        scores[label] = replace(
+            scores[label],
+            rmse=rmse.value,
+            rmse_low=rmse.low,
+            rmse_high=rmse.high,
+            nrmse=rmse.value / spread if spread > 0 else float("nan"),
+            behind=behind.value if label != best else 0.0,
+            behind_low=behind.low,
+            behind_high=behind.high,
+            differs=label != best and (behind.low > 0 or behind.high < 0),
+        )
+
+
+def _floor(
+    ready: Prepared,
+    table: pd.DataFrame,
+    ranking: list[Score],
+    fitted: Mapping[str, Any],
+    scored: np.ndarray,
+    method: str,
+) -> float:
+    """Take the noise floor with the sensitivities of the best model that reads single rows."""
+    import pandas as pd
+
+    rows = scored[:: max(1, len(scored) // FLOOR_ROWS)]
+    target = table[ready.target].to_numpy(dtype=float)
+    for score in ranking:
+        model = fitted.get(score.estimator)
+        if model is None or "one_trajectory" in model.get_params() or getattr(model, "joint", False):
+            continue
+        columns = list(getattr(model, "_needs", SIGNALS))
+
+        def predict(x: np.ndarray, model: Any = model, columns: list[str] = columns) -> np.ndarray:
+            return np.asarray(model.predict(pd.DataFrame(x, columns=list(SIGNALS))[columns]), dtype=float)
+
+        try:
+            return noise_floor(ready, predict, rows, target, method)
+        except PamidError:
+            return float("nan")
+    return float("nan")
