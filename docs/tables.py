@@ -1,0 +1,222 @@
+"""Write the tables of the pages that follow from the code: ``python docs/tables.py`` (``--check`` only compares).
+
+A table stands between ``<!-- table: name -->`` and ``<!-- end of table -->``; `TABLES` says what each name renders.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import inspect
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+PAGES = sorted([DOCS.parent / "README.md", *DOCS.glob("*.md")])
+MARKS = re.compile(r"(<!-- table: ([\w:]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+
+def rows(header: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table; a bar within a cell would end it and is escaped."""
+    lines = [header, ["---"] * len(header), *body]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def summary(thing: object) -> str:
+    """Return the first paragraph of a docstring on one line, without the marks of reStructuredText."""
+    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return re.sub(r"`{1,2}([^`]+)`{1,2}", r"`\1`", text)
+
+
+def formula(thing: object) -> str:
+    """Return the first formula of a docstring for a Markdown cell; empty if there is none."""
+    found = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", inspect.getdoc(thing) or "", re.DOTALL)
+    if found is None:
+        return ""
+    tex = " ".join(found[1].split())
+    tex = re.sub(r"\\begin\{(?:aligned|cases)\}|\\end\{(?:aligned|cases)\}", "", tex).replace("&", "")
+    return f"${tex.replace('|', chr(92) + 'vert ')}$"
+
+
+# --- the simulator ------------------------------------------------------------------------------------------
+def simulator_file() -> str:
+    """Every number of a simulator file."""
+    from pamid.bench.parameters import TABLES
+
+    body = []
+    for table, cls in TABLES.items():
+        for f in dataclasses.fields(cls):
+            m = f.metadata
+            if "unit" not in m:
+                body.append([f"`{table}.{f.name}`", "text", "", "what the muscle is called"])
+                continue
+            note = "; ".join(part for part in (m["comment"], m["hint"]) if part)
+            body.append([f"`{table}.{f.name}`", m["unit"], f"{m['lower']:g} … {m['upper']:g}", note])
+    return rows(["number", "unit", "accepted", "notes"], body)
+
+
+def data_sets() -> str:
+    """The data sets of the study with their true counts."""
+    from pamid.bench import datasets
+
+    body = []
+    for name, (muscle, trajectories) in datasets._SETS.items():
+        runs = trajectories()
+        kind = re.split(r"[-_]", runs[0].name)[0]
+        samples = sum(len(run.q_ref) - run.lead for run in runs)
+        body.append([f"`{name}`", muscle, f"{len(runs)} × {kind}", f"{samples:,}"])
+    return rows(["name", "muscle", "runs", "rows"], body)
+
+
+def effects() -> str:
+    """Every effect of the library."""
+    from pamid.effects import all_effects
+
+    body = []
+    for name, cls in sorted(all_effects().items(), key=lambda item: (item[1].family, item[0])):
+        if not cls.__module__.startswith("pamid."):
+            continue
+        source = cls.source if cls.source.startswith("ISO") else f"[doi](https://doi.org/{cls.source})"
+        numbers = "<br>".join(
+            f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in cls.parameters
+        )
+        what = " ".join(part for part in (summary(cls), formula(cls)) if part)
+        body.append([cls.family, f"`{name}`", ", ".join(cls.equations), what, numbers, source])
+    return rows(["family", "effect", "equations", "what it is", "parameters, with typical values", "source"], body)
+
+
+# --- models -------------------------------------------------------------------------------------------------
+def estimators() -> str:
+    """Every public estimator."""
+    from pamid.estimators import all_estimators
+
+    body = []
+    for name, cls in all_estimators():
+        file = f"../estimators/{cls.__module__.rpartition('.')[2]}.py"
+        can = [m for m in ("partial_fit", "transform", "simulate", "volume") if hasattr(cls, m)]
+        body.append([f"[`{name}`]({file})", summary(cls), ", ".join(f"`{m}`" for m in can)])
+    return rows(["estimator", "what it is", "beside fit, predict, score"], body)
+
+
+def volumes() -> str:
+    """Every classical volume model."""
+    from pamid.volume import all_volumes
+
+    body = []
+    for name, cls in all_volumes().items():
+        numbers = ", ".join(f"`{p.name}`{f' ({p.unit})' if p.unit != '-' else ''}" for p in cls.parameters)
+        body.append([f"`{name}`", summary(cls), formula(cls), numbers or "coefficients, linear in V"])
+    return rows(["name", "what it is", "formula", "parameters"], body)
+
+
+# --- logs ---------------------------------------------------------------------------------------------------
+def units() -> str:
+    """Every unit that a mapping may name."""
+    from pamid.signals.units import _TABLE, SI_UNITS
+
+    body = [[d, f"`{SI_UNITS[d]}`", ", ".join(f"`{u}`" for u in names)] for d, names in _TABLE.items()]
+    return rows(["dimension", "SI", "units"], body)
+
+
+def errors() -> str:
+    """Every error that a log can raise."""
+    from pamid import errors as module
+
+    found = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, module.LogError)]
+    return rows(["error", "when"], [[f"`{c.__name__}`", summary(c)] for c in found])
+
+
+# --- the command line ---------------------------------------------------------------------------------------
+def command(name: str) -> str:
+    """Options of one command."""
+    parser = _subparsers()[name]
+    body = []
+    for action in parser._actions:
+        if action.dest in ("help", "json", "quiet", "seed", "debug"):
+            continue
+        metavar = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
+        flags = ", ".join(action.option_strings)
+        label = " ".join(part for part in (flags, str(metavar) if action.nargs != 0 else "") if part)
+        body.append([f"`{label}`", action.help or ""])
+    return rows(["option", "meaning"], body)
+
+
+def common_options() -> str:
+    """Options of every command."""
+    parser = next(iter(_subparsers().values()))
+    actions = [a for a in parser._actions if a.dest in ("help", "json", "quiet", "seed", "debug")]
+    return rows(["option", "meaning"], [[f"`{', '.join(a.option_strings)}`", a.help or ""] for a in actions])
+
+
+def commands() -> str:
+    """One line a command."""
+    from pamid.cli.app import build_parser
+
+    (group,) = (a for a in build_parser()._actions if hasattr(a, "choices") and isinstance(a.choices, dict))
+    return rows(["command", "what it does"], [[f"`pamid {c.dest}`", c.help or ""] for c in group._choices_actions])
+
+
+def _subparsers() -> dict[str, argparse.ArgumentParser]:
+    from pamid.cli.app import build_parser
+
+    (group,) = (a for a in build_parser()._actions if hasattr(a, "choices") and isinstance(a.choices, dict))
+    return dict(group.choices)
+
+
+# --- benchmarks ---------------------------------------------------------------------------------------------
+def benchmarks() -> str:
+    """One line a script."""
+    body = []
+    for file in sorted((DOCS.parent / "benchmarks").rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if file.name.startswith("_") or '__name__ == "__main__"' not in text:
+            continue
+        name = file.relative_to(DOCS.parent).as_posix()
+        said = re.match(r'[rR]?"""(.*?)(?:\n\s*\n|""")', text, re.DOTALL)
+        text = " ".join(said[1].split()) if said else ""
+        body.append([f"`python {name}`", re.sub(r":? ``python [^`]*``", "", text).replace("``", "`")])
+    return rows(["command", "what it measures"], body)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "simulator_file": simulator_file,
+    "data_sets": data_sets,
+    "effects": effects,
+    "estimators": estimators,
+    "volumes": volumes,
+    "units": units,
+    "errors": errors,
+    "commands": commands,
+    "common_options": common_options,
+    "benchmarks": benchmarks,
+}
+
+
+def render(name: str) -> str:
+    """Return the table of this name; ``command:fit`` is the options of ``pamid fit``."""
+    kind, _, which = name.partition(":")
+    return command(which) if kind == "command" else TABLES[kind]()
+
+
+def updated(text: str) -> str:
+    """Return a page with its tables made anew."""
+    return MARKS.sub(lambda found: f"{found[1]}{render(found[2])}\n{found[3]}", text)
+
+
+def main() -> int:
+    """Write or compare every page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="change nothing; exit with 1 if a page is out of date")
+    check = parser.parse_args().check
+    stale = [page for page in PAGES if updated(page.read_text(encoding="utf-8")) != page.read_text(encoding="utf-8")]
+    for page in stale:
+        if not check:
+            page.write_text(updated(page.read_text(encoding="utf-8")), encoding="utf-8")
+        print(f"{'out of date' if check else 'written'}: {page.name}")
+    return int(check and bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

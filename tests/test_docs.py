@@ -1,0 +1,197 @@
+"""What README and docs say is true: their Python runs, their commands run, their tables follow from the code."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shlex
+import shutil
+import tomllib
+import warnings
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
+
+import pytest
+
+from pamid.bench.parameters import BenchParameters
+from pamid.cli import main
+from pamid.signals import LogMapping
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+if not DOCS.is_dir():
+    pytest.skip("needs the repository", allow_module_level=True)
+
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+
+
+class Block(NamedTuple):
+    language: str
+    text: str
+    line: int
+
+
+def blocks(page: Path) -> list[Block]:
+    """The fenced blocks of a page."""
+    found, start, language, held = [], 0, "", []
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+        if line.startswith("```") and not start:
+            start, language, held = number, line[3:].strip(), []
+        elif line.startswith("```"):
+            found.append(Block(language, "\n".join(held) + "\n", start))
+            start = 0
+        elif start:
+            held.append(line)
+    assert not start, f"{page.name}: the block of line {start} does not end"
+    return found
+
+
+def of(page: Path, language: str) -> list[Block]:
+    return [b for b in blocks(page) if b.language == language]
+
+
+def name(page: Path) -> str:
+    return page.name
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A place for what a page writes, with the files of the docs that it may name."""
+    shutil.copytree(DOCS / "mappings", tmp_path / "docs" / "mappings")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if any(b.language in ("python", "console") for b in blocks(p))], ids=name
+)
+def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Python and command lines run in the order of the page, one namespace a page."""
+    space: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks(page):
+        where = f"{page.name}, block of line {block.line}"
+        if block.language == "python":
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                exec(compile("\n" * block.line + block.text, str(page), "exec"), space)
+        elif block.language == "console":
+            for command in re.sub(r"\\\n", " ", block.text).splitlines():
+                words = shlex.split(command.removeprefix("$ "), comments=True)
+                if words[:1] == ["pamid"]:
+                    code = main(words[1:])
+                    assert code == 0, f"{where}: {command}\n{capsys.readouterr().err}"
+                else:
+                    assert words[:1] in ([], ["make"], ["python"], ["git"]), f"{where}: {command} is not known"
+        elif block.language == "json":
+            json.loads(block.text)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if of(p, "toml")], ids=name)
+def test_toml_is_a_simulator_or_a_mapping(page: Path, tmp_path: Path) -> None:
+    for block in of(page, "toml"):
+        content = tomllib.loads(block.text)
+        if "muscle" in content:
+            file = tmp_path / "sim.toml"
+            file.write_text(block.text, encoding="utf-8")
+            BenchParameters.from_toml(file)
+        else:
+            LogMapping.load(content)
+
+
+@pytest.mark.parametrize("mapping", sorted((DOCS / "mappings").glob("*.toml")), ids=name)
+def test_mappings_are_valid_and_shown(mapping: Path) -> None:
+    assert LogMapping.load(mapping).signals
+    assert mapping.name in (DOCS / "logs.md").read_text(encoding="utf-8")
+
+
+# --- what follows from the code -----------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def tables() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("docs_tables", DOCS / "tables.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_tables_are_up_to_date(tables: ModuleType) -> None:
+    texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+    shown = {found[2] for text in texts.values() for found in tables.MARKS.finditer(text)}
+    stale = [n for n, text in texts.items() if tables.updated(text) != text]
+    assert not stale, "run: python docs/tables.py"
+    assert set(tables.TABLES) <= shown
+    assert {f"command:{c}" for c in tables._subparsers()} <= shown, "a command without its options in command-line.md"
+
+
+def test_a_stale_table_is_noticed(tables: ModuleType) -> None:
+    page = "<!-- table: commands -->\n| old |\n<!-- end of table -->\n"
+    assert "pamid simulate" in tables.updated(page)
+    assert tables.updated(tables.updated(page)) == tables.updated(page)
+
+
+def test_every_estimator_is_explained() -> None:
+    from pamid.estimators import all_estimators
+
+    text = re.sub(
+        r"<!-- table.*?<!-- end of table -->", "", (DOCS / "models.md").read_text(encoding="utf-8"), flags=re.S
+    )
+    missing = [n for n, _ in all_estimators() if f"`{n}`" not in text]
+    assert not missing
+
+
+def test_every_room_is_on_the_map() -> None:
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    rooms = [p.parent.name for p in (ROOT / "pamid").glob("*/__init__.py")]
+    assert [room for room in rooms if f"`{room}`" not in text] == []
+
+
+def test_json_output_is_as_described(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each JSON example of the command line page has the keys that the command prints."""
+    page = DOCS / "command-line.md"
+    checked = 0
+    for block in blocks(page):
+        if block.language == "console":
+            for command in re.sub(r"\\\n", " ", block.text).splitlines():
+                words = shlex.split(command.removeprefix("$ "), comments=True)
+                capsys.readouterr()
+                assert main(words[1:]) == 0, command
+                printed = capsys.readouterr().out
+        elif block.language == "json":
+            assert shape(json.loads(block.text)) == shape(json.loads(printed)), f"block of line {block.line}"
+            checked += 1
+    assert checked >= 3
+
+
+def shape(value: object) -> object:
+    """Keys and kinds of JSON data; of a table with names of runs or of a list, the first entry stands for all."""
+    if isinstance(value, dict):
+        return {
+            k: shape(next(iter(v.values()))) if k == "trajectories" and isinstance(v, dict) else shape(v)
+            for k, v in value.items()
+        }
+    if isinstance(value, list):
+        return [shape(v) for v in value[:1]]
+    return "number" if isinstance(value, int | float) else type(value).__name__
+
+
+# --- links and words ----------------------------------------------------------------------------------------
+def anchors(page: Path) -> set[str]:
+    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", t.lower()).replace(" ", "-") for t in titles}
+
+
+@pytest.mark.parametrize("page", [*PAGES, *LOOSE_PAGES], ids=name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if re.match(r"https?://", target):
+            continue
+        file, _, anchor = target.partition("#")
+        path = (page.parent / file).resolve() if file else page
+        assert path.exists(), target
+        assert path.is_relative_to(ROOT), target
+        if anchor:
+            assert anchor in anchors(path), target
