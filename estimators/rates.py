@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -10,8 +11,14 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted, validate_data
 
-from pamid.errors import DuplicateColumnError, MissingColumnError, ParameterError, ShortTrajectoryError
-from pamid.signals.rates import differentiate, tune_cutoff
+from pamid.errors import (
+    DuplicateColumnError,
+    MissingColumnError,
+    ParameterError,
+    SamplingWarning,
+    ShortTrajectoryError,
+)
+from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
 from ._trajectories import encode_trajectory_column, trajectory_codes, trajectory_slices
 
@@ -178,6 +185,7 @@ class RateTransformer(TransformerMixin, BaseEstimator):
                 method=self.method,
                 tuning=self.tuning,
                 sampling_period=self.sampling_period,
+                warn=False,
             )
             self.cutoffs_ = np.broadcast_to(np.asarray(self.tuning, float), self.column_indices_.shape).copy()
         return self
@@ -206,10 +214,13 @@ class RateTransformer(TransformerMixin, BaseEstimator):
         table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
         smoothed = np.empty((len(table), len(self.column_indices_)))
         rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
-        for rows in self._slices(X if isinstance(X, pd.DataFrame) else table, groups):
+        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        self._warn_of_irregular_times([self._times(table, rows) for rows in slices])
+        for rows in slices:
             results = differentiate(
                 table[rows][:, self.column_indices_],
                 self._times(table, rows),
+                warn=False,
                 method=self.method,
                 tuning=self.cutoffs_,
                 sampling_period=self.sampling_period,
@@ -290,6 +301,17 @@ class RateTransformer(TransformerMixin, BaseEstimator):
 
     def _times(self, table: np.ndarray, rows: slice) -> np.ndarray | None:
         return None if self.time_index_ is None else table[rows, self.time_index_]
+
+    @staticmethod
+    def _warn_of_irregular_times(times: list[np.ndarray | None]) -> None:
+        """Warn once for all trajectories."""
+        said = [s for s in (irregularity(t) for t in times if t is not None) if s]
+        if said:
+            warnings.warn(
+                f"{len(said)} of {len(times)} trajectories are not sampled evenly. {said[0]}",
+                SamplingWarning,
+                stacklevel=4,
+            )
 
     def _find_time(self, names: list[str], n_columns: int) -> int | None:
         named = isinstance(self.time, str)

@@ -329,6 +329,16 @@ def test_arrays_with_groups_give_the_same(log):
     assert list(as_frame.columns) == ["x0", "x1", "x2", "dx1", "dx2"]
 
 
+def test_one_warning_for_all_trajectories(log):
+    rng = np.random.default_rng(0)
+    log["time"] += rng.uniform(0, 0.009, len(log))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        RateTransformer().fit_transform(log)
+    assert len(caught) == 1
+    assert str(caught[0].message).startswith("4 of 4 trajectories are not sampled evenly.")
+
+
 def test_tuning_is_learnt_once_over_all_trajectories(log):
     rates = RateTransformer().fit(log)
     assert rates.cutoffs_.shape == (2,)

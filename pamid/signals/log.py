@@ -231,14 +231,14 @@ def _expand(path: Path) -> list[Path]:
 
 def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd.DataFrame]:
     """Add ``@file`` to names that several files or variables use."""
-    uses = Counter(name for _, parts in frames for part in parts for name in dict.fromkeys(part["trajectory"]))
+    uses = Counter(name for _, parts in frames for part in parts for name in part["trajectory"].unique())
     labels = _labels([path for path, _ in frames])
     result = []
     taken: Counter[str] = Counter()
     for (_, parts), label in zip(frames, labels, strict=True):
         for part in parts:
             renamed = {}
-            for name in dict.fromkeys(part["trajectory"]):
+            for name in part["trajectory"].unique():
                 new = f"{name}@{label}" if uses[name] > 1 and len(frames) > 1 else str(name)
                 taken[new] += 1
                 renamed[name] = new if taken[new] == 1 else f"{new}#{taken[new]}"

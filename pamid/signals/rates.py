@@ -110,27 +110,38 @@ def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: 
     period = float(np.median(steps))
     if np.abs(steps - period).max() <= _JITTER * period + 4 * np.finfo(float).eps * np.abs(t).max():
         return Grid(float(t[-1] - t[0]) / len(steps), None)
-    if warn:
-        _warn_irregular(steps, period)
+    if warn and (said := irregularity(t)):
+        warnings.warn(said, SamplingWarning, stacklevel=3)
     return Grid(period, (t - t[0]) / period)
 
 
-def _warn_irregular(steps: np.ndarray, period: float) -> None:
+def irregularity(t: np.ndarray) -> str | None:
+    """Say what is irregular about increasing times, if it is worth a warning.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n_samples,)
+        Times, s.
+
+    Returns
+    -------
+    str or None
+        One sentence on the longest gap or on the share of unequal steps.
+    """
+    steps = np.diff(t)
+    if not steps.size:
+        return None
+    period = float(np.median(steps))
+    if steps.max() > _GAP * period:
+        longest = float(steps.max())
+        return f"The longest step is {longest:.3g} s at a period of {period:.3g} s: rates across such gaps are guesses."
     share = float(np.mean(np.abs(steps - period) > _WARN_JITTER * period))
-    gap = float(steps.max())
-    if gap > _GAP * period:
-        warnings.warn(
-            f"The longest step is {gap:.3g} s at a period of {period:.3g} s: rates across such gaps are guesses.",
-            SamplingWarning,
-            stacklevel=4,
-        )
-    elif share > 0.01:
-        warnings.warn(
+    if share > 0.01:
+        return (
             f"{share:.0%} of the steps differ by more than {_WARN_JITTER:.0%} from the period of {period:.3g} s; rates "
-            "are taken on equal steps and read back at the given times.",
-            SamplingWarning,
-            stacklevel=4,
+            "are smoothed accordingly and given at the times of the samples."
         )
+    return None
 
 
 def differentiate(
@@ -141,6 +152,7 @@ def differentiate(
     tuning: str | float | Sequence[float] | np.ndarray = "auto",
     sampling_period: float | None = None,
     second: bool = False,
+    warn: bool = True,
 ) -> tuple[np.ndarray, ...]:
     """Smooth the signals of one trajectory and give their rates, at the given times and of the given length.
 
@@ -159,6 +171,8 @@ def differentiate(
         Time between samples, s, where there is no t.
     second : bool, default=False
         Whether to give the second rate too.
+    warn : bool, default=True
+        Whether to warn of irregular steps and gaps.
 
     Returns
     -------
@@ -203,7 +217,7 @@ def differentiate(
     """
     module = _method(method)
     y, flat = _as_channels(y)
-    grid = sampling_grid(t, sampling_period)
+    grid = sampling_grid(t, sampling_period, warn=warn)
     n = len(y)
     if t is not None and np.size(t) != n:
         raise ShapeError(f"t has {np.size(t)} entries for {n} samples.", "one time a sample", "Pass times of one run.")

@@ -185,10 +185,10 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
                 f"Two logs hold {', '.join(sorted(seen & signals))}.", "each signal in one log", "Drop or rename it."
             )
         seen |= signals
-    names = list(dict.fromkeys(logs[0]["trajectory"]))
+    names = list(logs[0]["trajectory"].unique())
     for log in logs[1:]:
-        if set(log["trajectory"]) != set(names):
-            odd = sorted(map(str, set(log["trajectory"]) ^ set(names)))
+        if (own := set(log["trajectory"].unique())) != set(names):
+            odd = sorted(map(str, own ^ set(names)))
             raise TrajectoryError(
                 f"The trajectories {', '.join(odd[:4])} are not in all logs.", "the same in all", "Leave them out."
             )
@@ -200,16 +200,16 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
         )
     parts = []
     for name in names:
-        own = [log[log["trajectory"] == name] for log in logs]
-        start = max(float(o["time"].iloc[0]) for o in own)
-        stop = min(float(o["time"].iloc[-1]) for o in own)
+        runs = [log[log["trajectory"] == name] for log in logs]
+        start = max(float(o["time"].iloc[0]) for o in runs)
+        stop = min(float(o["time"].iloc[-1]) for o in runs)
         if stop - start < period:
             raise TimeError(
                 f"The logs of '{name}' share {max(stop - start, 0.0):.4g} s.", "times on one clock", "Align the clocks."
             )
         new = start + period * np.arange(int(np.floor((stop - start) / period * (1 + 1e-9))) + 1)
         columns: dict[str, object] = {"trajectory": np.repeat(name, len(new)), "time": new}
-        for o in own:
+        for o in runs:
             t = o["time"].to_numpy(dtype=float)
             for signal in o.columns.drop(["trajectory", "time"]):
                 columns[signal] = _carry(o[signal], t, new, period, hold=signal in hold)
