@@ -8,8 +8,8 @@ from typing import Any
 _HOME = {
     "compare": "run",
     "Comparison": "comparison",
-    "Candidate": "candidates",
-    "candidates": "candidates",
+    "Candidate": "entries",
+    "candidates": "entries",
     "Prepared": "protocol",
     "prepare": "protocol",
 }

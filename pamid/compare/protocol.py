@@ -19,7 +19,7 @@ from ..errors import (
     ShortTrajectoryError,
     TooFewTrajectoriesError,
 )
-from .candidates import EQUATIONS, target_of
+from .entries import EQUATIONS, target_of
 
 if TYPE_CHECKING:
     import pandas as pd

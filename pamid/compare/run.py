@@ -12,8 +12,8 @@ import numpy as np
 
 from ..errors import FitError, IncompatibleError, PamidError, ParameterError
 from .bootstrap import ClusterBootstrap
-from .candidates import SIGNALS, Candidate, candidates, parameter_count, target_of
 from .comparison import BASELINE, Comparison, Score, ranked
+from .entries import SIGNALS, Candidate, candidates, parameter_count, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
 

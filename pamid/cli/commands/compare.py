@@ -1,0 +1,199 @@
+"""``pamid compare``: every estimator of one equation on runs that it has not seen, as one table and its plots."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import MissingColumnError, OutputError, ParameterError
+from ..common import add_command, add_log_options, load_log, load_simulator, note, print_json, progress
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+_CONDITION = re.compile(r"\s*(?P<column>[A-Za-z_]\w*)\s*(?P<sign><=|>=|<|>)\s*(?P<number>[-+.\deE]+)\s*")
+_DESCRIPTION = """\
+Compare all estimators of one equation (or those of --estimators) on runs that their fits have not seen, and print one
+table: root mean square error over the held-out runs with its 90 % interval (from a bootstrap over runs), the same over
+the target's standard deviation (nrmse), how far behind the best and whether that is more than chance (*), time of a
+fit, time to predict 1000 rows, number of fitted parameters, and the noise floor of a perfect model.
+
+Both muscles of a run stay in one fold. Rates are taken run by run before the split. Estimators are fitted on --rows
+rows, evenly thinned; the whole table takes a few minutes. One estimator that fails is one line.
+
+A flow is scored against the measured flow smoothed like the pressure, because the measured one is mostly noise there.
+"""
+_EXAMPLES = """\
+  pamid compare log.parquet --sim sim.toml --out results
+  pamid compare log.parquet --sim sim.toml --equation flow --estimators ThermodynamicPIHM,GeometricFlow,MLP
+  pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --rest-diameter 0.01 --where "F > 5"
+  pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --where "F > 5" --split kind
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(subparsers, "compare", "all estimators of one equation in one table", _DESCRIPTION, _EXAMPLES)
+    add_log_options(parser)
+    parser.add_argument(
+        "--equation", choices=("force", "flow"), default="force", help="what is predicted (default: force)"
+    )
+    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file; needed unless the log has eps and P")
+    parser.add_argument(
+        "--estimators",
+        metavar="A,B,...",
+        default="all",
+        help="names of estimators, such as StaticPIHM,MLP; one setting: 'GeometricForce(tondu_lopez)' (default: all)",
+    )
+    parser.add_argument("--folds", type=int, default=5, metavar="K", help="folds of whole runs (default: 5)")
+    parser.add_argument(
+        "--split",
+        choices=("run", "kind"),
+        default="run",
+        help="hold out runs, or one kind of runs after the other: sines, steps, one contraction (default: run)",
+    )
+    parser.add_argument("--rows", type=int, default=5000, metavar="N", help="most rows of a fit (default: 5000)")
+    parser.add_argument(
+        "--score-rows", type=int, default=50_000, metavar="N", help="most held-out rows scored (default: 50000)"
+    )
+    parser.add_argument(
+        "--where",
+        metavar="'COLUMN > NUMBER'",
+        action="append",
+        default=[],
+        help="only rows like this count, such as 'F > 5' where a slack muscle tells nothing; repeatable",
+    )
+    parser.add_argument(
+        "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the rates (default: as the signals ask for)"
+    )
+    for name, unit in (("rest-length", "M"), ("rest-diameter", "M"), ("ambient", "PA")):
+        parser.add_argument(
+            f"--{name}",
+            type=float,
+            metavar=unit,
+            help=f"{name.replace('-', ' ')} of the muscle, if there is no --sim"
+            if name != "ambient"
+            else "ambient pressure, absolute, if there is no --sim",
+        )
+    parser.add_argument("--out", metavar="DIR", help="folder for the table (csv, json) and the plots (png)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...compare import candidates, compare
+    from .._tables import TARGETS, signal_table
+
+    if args.folds < 2:
+        raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
+    folder = _folder(args.out)
+    started = time.perf_counter()
+    params = load_simulator(args.sim) if args.sim else None
+    signals = signal_table(load_log(args, nan="drop"), params, TARGETS[args.equation])
+    parameters = dict(params.values()) if params is not None else {}
+    own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}
+    parameters |= {name: value for name, value in own.items() if value is not None}
+    chosen = "all" if args.estimators == "all" else _names(args.estimators)
+    measured = [t.column for t in TARGETS.values() if t.column in signals.columns]
+    entries = candidates(args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed)
+    n_runs = signals["run"].nunique()
+    rows = _rows(signals, args.where)
+    with progress(args, "Comparing", len(entries) * min(args.folds, n_runs) if args.split == "run" else None) as step:
+        result = compare(
+            signals,
+            args.equation,
+            chosen,
+            cv=args.folds,
+            split=args.split,
+            rows=rows,
+            fit_rows=args.rows,
+            score_rows=args.score_rows,
+            parameters=parameters,
+            tuning=args.cutoff if args.cutoff is not None else "auto",
+            random_state=args.seed,
+            progress=step,
+        )
+    files: list[Path] = []
+    if folder is not None:
+        files = [*result.write(folder), *draw(result, folder, parameters)]
+    if args.json:
+        print_json({**result.to_dict(), "files": [str(f) for f in files]})
+        return 0
+    print(result)
+    for file in files:
+        print(f"wrote {file}")
+    warned = [s.estimator for s in result.scores if s.warnings]
+    if warned:
+        note(args, f"{', '.join(warned)} warned during fits; --json tells of what")
+    note(args, f"took {time.perf_counter() - started:.0f} s")
+    return 0
+
+
+def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
+    """Draw a comparison, its best fit, and the volume of the best estimator that identifies one."""
+    from ...plots import comparison_plot, fit_plot, volume_plot
+
+    name = result.equation
+    files = [folder / f"comparison-{name}.png", folder / f"fit-{name}.png"]
+    comparison_plot(result, files[0])
+    fit_plot(result, None, files[1])
+    geometry = {k: parameters[k] for k in ("rest_length", "rest_diameter", "braid_angle") if k in parameters}
+    for score in result.scores:
+        model = result.fitted.get(score.estimator)
+        if model is not None and hasattr(model, "volume") and getattr(model, "form", "area") == "area":
+            files.append(folder / f"volume-{name}.png")
+            level = "; a force tells its slope, not its level" if name == "force" else ""
+            volume_plot(
+                model, result.rows, files[-1], title=f"Volume identified by {score.estimator}{level}", **geometry
+            )
+            break
+    return files
+
+
+def _folder(path: str | None) -> Path | None:
+    """Return the folder of the results, made before anything expensive starts."""
+    if path is None:
+        return None
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"The folder {folder} cannot be made: {error.strerror or error}.", "a folder", "Choose another one."
+        ) from error
+    return folder
+
+
+def _names(text: str) -> list[str]:
+    """Cut a list at its commas, those within brackets left alone."""
+    return [name.strip() for name in re.split(r",(?![^()]*\))", text) if name.strip()]
+
+
+def _rows(signals: pd.DataFrame, conditions: list[str]) -> np.ndarray | None:
+    """Return which rows meet all conditions."""
+    import operator
+
+    import numpy as np
+
+    signs = {"<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge}
+    rows = None
+    for text in conditions:
+        found = _CONDITION.fullmatch(text)
+        try:
+            limit = float(found["number"]) if found else float("nan")
+        except ValueError:
+            limit = float("nan")
+        if found is None or not np.isfinite(limit):
+            raise ParameterError(f"--where got {text!r}.", "COLUMN > NUMBER", "Write for instance --where 'F > 5'.")
+        if found["column"] not in signals.columns:
+            raise MissingColumnError(
+                f"--where names {found['column']}, and the table has {', '.join(map(str, signals.columns[:20]))}.",
+                "one of its columns",
+                "Correct the name.",
+            )
+        meets = signs[found["sign"]](signals[found["column"]].to_numpy(dtype=float), limit)
+        rows = meets if rows is None else rows & meets
+    return rows

@@ -1,0 +1,100 @@
+"""Held-out predictions against measurements, over time and as loops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UnknownOptionError
+from .style import BLUE, INK, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_STILL = 2e-3  # range of contraction below which a trajectory is taken for isometric
+
+
+def fit_plot(
+    comparison: Any, estimator: str | None = None, path: str | Path | None = None, *, title: str = ""
+) -> Figure:
+    """Draw what an estimator predicts of the best, the median and the worst trajectory that its fit had not seen.
+
+    Above over time; below as loops over the contraction, or over the pressure where the contraction is held.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What `pamid.compare.compare` returned.
+    estimator : str, optional
+        Label of the estimator; the best by default.
+    path : path-like, optional
+        PNG or SVG to write.
+    title : str, default=""
+        First words of the title, such as the name of the log.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Raises
+    ------
+    UnknownOptionError
+        If no such estimator was compared.
+    """
+    if path is not None:
+        path = checked_ending(path)
+    label = estimator or comparison.best.estimator
+    if label not in comparison.predictions:
+        raise UnknownOptionError(
+            f"There is no prediction of {label!r}.", f"one of {', '.join(comparison.predictions)}", "Correct the name."
+        )
+    factor, unit = SHOWN[comparison.unit]
+    rows = comparison.rows.assign(predicted=comparison.predictions[label])
+    chosen = _examples(rows)
+    name = NAMES[comparison.equation]
+    with style():
+        figure, axes = new_figure(8.6, 5.2, 2, len(chosen), sharey="col")
+        for column, (word, trajectory) in enumerate(chosen.items()):
+            part = rows[rows["trajectory"] == trajectory]
+            measured, predicted = part["measured"] * factor, part["predicted"] * factor
+            error = float(np.sqrt(np.mean((predicted - measured) ** 2)))
+            top, below = axes[0, column], axes[1, column]
+            across, text = _across(part)
+            for ax, x in ((top, part["time"]), (below, across)):
+                ax.plot(x, measured, color=INK, linewidth=1.6, alpha=0.45, label="measured")
+                ax.plot(x, predicted, color=BLUE, linewidth=1.0, label="predicted")
+            top.set_title(f"{word}: {trajectory}\nRMSE {error:.3g} {unit}")
+            top.set_xlabel("time / s")
+            below.set_xlabel(text)
+            if column == 0:
+                top.set_ylabel(f"{name} / {unit}")
+                below.set_ylabel(f"{name} / {unit}")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=2)
+        head = f"{title}: " if title else ""
+        figure.suptitle(f"{head}{label} on trajectories that its fit had not seen", x=0.01, ha="left", fontsize=10)
+        if path is not None:
+            save_figure(figure, path)
+    return figure
+
+
+def _examples(rows: pd.DataFrame) -> dict[str, str]:
+    """Choose the best, the median and the worst trajectory by root mean square error."""
+    square = (rows["predicted"] - rows["measured"]) ** 2
+    order = square.groupby(rows["trajectory"], sort=False).mean().sort_values(kind="stable").index
+    places = {"best": 0, "median": len(order) // 2, "worst": len(order) - 1}
+    chosen: dict[str, str] = {}
+    for word, place in places.items():
+        if order[place] not in chosen.values():
+            chosen[word] = order[place]
+    return chosen
+
+
+def _across(part: pd.DataFrame) -> tuple[pd.Series, str]:
+    if np.ptp(part["eps"].to_numpy()) > _STILL:
+        return 100 * part["eps"], "contraction / %"
+    return part["P"] / 1e5, "pressure / bar, absolute"

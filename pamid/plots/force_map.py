@@ -1,0 +1,121 @@
+"""Static force of a muscle over contraction and pressure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ..errors import MissingColumnError, ParameterError
+from .style import GREY, drawn_on, style
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+
+class ForceMapDisplay:
+    """Force over contraction and gauge pressure at rest, with the samples that a fit had.
+
+    Parameters
+    ----------
+    eps : ndarray, shape (n_eps,)
+        Contraction ratio, dimensionless.
+    p_gauge : ndarray, shape (n_pressures,)
+        Gauge pressure, Pa.
+    force : ndarray, shape (n_pressures, n_eps)
+        Force at rest (no rates), N.
+    samples : ndarray, shape (n_samples, 2)
+        Contraction and gauge pressure of some samples.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import GeometricForce
+    >>> from pamid.plots import ForceMapDisplay
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"eps": rng.uniform(0, 0.2, 99), "P": rng.uniform(2e5, 6e5, 99)})
+    >>> fit = GeometricForce().fit(X, 1e-3 * (X["P"] - 101325) * (1 - 3 * X["eps"]))
+    >>> ForceMapDisplay.from_estimator(fit, X).force.shape
+    (60, 60)
+    """
+
+    def __init__(self, eps: np.ndarray, p_gauge: np.ndarray, force: np.ndarray, samples: np.ndarray) -> None:
+        self.eps = eps
+        self.p_gauge = p_gauge
+        self.force = force
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: pd.DataFrame,
+        *,
+        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
+        n_points: int = 60,
+    ) -> Self:
+        """Predict the force at rest over the range of the data.
+
+        Parameters
+        ----------
+        estimator : estimator
+            Fitted on a DataFrame with ``eps``, ``P`` and, where it needs them, ``deps`` and ``dP``.
+        X : DataFrame
+            The data, with ``eps`` and ``P`` (Pa, absolute).
+        atmospheric_pressure : float, default=101325
+            Pa, absolute.
+        n_points : int, default=60
+            Points along each axis.
+
+        Returns
+        -------
+        ForceMapDisplay
+            To be drawn with ``plot``.
+
+        Raises
+        ------
+        MissingColumnError
+            If X has no ``eps`` or ``P``.
+        ParameterError
+            If there are fewer than two points.
+        """
+        import pandas as pd
+
+        if lacking := [c for c in ("eps", "P") if c not in getattr(X, "columns", ())]:
+            raise MissingColumnError(f"X has no {', '.join(lacking)}.", "a DataFrame with eps and P", "Add the column.")
+        if n_points < 2:
+            raise ParameterError(f"n_points is {n_points}.", "at least 2", "Raise it.")
+        eps_all, P_all = X["eps"].to_numpy(dtype=float), X["P"].to_numpy(dtype=float)
+        eps, P = (np.linspace(a.min(), a.max(), n_points) for a in (eps_all, P_all))
+        grid = pd.DataFrame({"eps": np.tile(eps, n_points), "deps": 0.0, "P": np.repeat(P, n_points), "dP": 0.0})
+        names = list(getattr(estimator, "feature_names_in_", grid.columns))
+        force = np.asarray(estimator.predict(grid[[n for n in names if n in grid.columns]]), dtype=float)
+        force = (force[:, 0] if force.ndim == 2 else force).reshape(n_points, n_points)
+        every = max(1, len(X) // 800)
+        samples = np.column_stack([eps_all, P_all - atmospheric_pressure])[::every]
+        return cls(eps, P - atmospheric_pressure, force, samples)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Draw the map with its samples.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where; a new figure of pyplot by default.
+
+        Returns
+        -------
+        ForceMapDisplay
+            With the attributes ``ax_`` and ``figure_``.
+        """
+        with style():
+            self.figure_, self.ax_ = drawn_on(ax)
+            x, y = 100 * self.eps, self.p_gauge / 1e5
+            filled = self.ax_.contourf(x, y, self.force, levels=14, cmap="cividis")
+            self.ax_.scatter(100 * self.samples[:, 0], self.samples[:, 1] / 1e5, s=1.0, color=GREY, alpha=0.6)
+            self.figure_.colorbar(filled, ax=self.ax_, label="force at rest / N")
+            self.ax_.set_xlabel("contraction / %")
+            self.ax_.set_ylabel("gauge pressure / bar")
+        return self

@@ -1,0 +1,141 @@
+"""How pamid's plots look, and how they reach a file."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import OutputError, ParameterError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart by every kind of colour vision, and by their grey values.
+BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9"
+INK, GREY, FAINT = "#222222", "#7F7F7F", "#D9D9D9"
+
+SHOWN = {"N": (1.0, "N"), "kg/s": (1e6, "mg/s")}
+"""Factor and unit in which a plot shows a quantity of an SI unit."""
+
+NAMES = {"force": "force", "flow": "mass flow"}
+"""What the measured side of an equation is called."""
+
+_STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "text.color": INK,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "figure.dpi": 150,
+    "savefig.dpi": 150,
+    "figure.facecolor": "white",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "pamid",  # the same plot gives the same file
+}
+
+ENDINGS = (".png", ".svg")
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """Draw in pamid's style inside the block, and leave the user's settings as they were."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
+    """Return a figure of a size in inches, and its axes as an array, without touching pyplot."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def drawn_on(ax: Axes | None, width: float = 5.0, height: float = 3.6) -> tuple[Figure, Axes]:
+    """Return the given axes with their figure, or new ones of pyplot, which a notebook shows."""
+    if ax is not None:
+        return ax.get_figure(root=True), ax  # type: ignore[return-value]
+    import matplotlib.pyplot as plt
+
+    figure, new = plt.subplots(figsize=(width, height), layout="constrained")
+    return figure, new
+
+
+def checked_ending(path: str | Path) -> Path:
+    """Return the path of a plot to be written, before anything is drawn for it."""
+    target = Path(path)
+    if target.suffix.lower() not in ENDINGS:
+        raise ParameterError(f"{target.name} ends in '{target.suffix}'.", " or ".join(ENDINGS), "Choose one of them.")
+    return target
+
+
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure as PNG or SVG, whole or not at all.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to write.
+    path : path-like
+        File that ends in ``.png`` or ``.svg``.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ParameterError
+        If the name ends otherwise.
+    OutputError
+        If the file cannot be written.
+    """
+    target = checked_ending(path)
+    kind = target.suffix.lower()[1:]
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, draft = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    try:
+        with os.fdopen(handle, "wb") as stream, style():
+            figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else None)
+        Path(draft).chmod(0o644)
+        Path(draft).replace(target)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    finally:
+        Path(draft).unlink(missing_ok=True)
+    return target
+
+
+def _unwritable(target: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"{target} cannot be written: {error.strerror or error}.",
+        "a folder that can be written",
+        "Choose another folder, or make room.",
+    )
