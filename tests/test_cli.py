@@ -328,6 +328,21 @@ def test_warnings_are_one_line_without_file_names(capsys):
         assert capsys.readouterr().err == ""
 
 
+def test_many_warnings_of_one_kind_are_counted(capsys):
+    def warn(args) -> int:
+        import warnings
+
+        for k in range(10):
+            warnings.warn(f"run {k} is uneven", UnitWarning, stacklevel=2)
+        return 0
+
+    with mock.patch("pamid.cli.commands.evaluate.run", side_effect=warn):
+        assert main(["evaluate", "x", "--sim", "y"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4
+    assert lines[-1] == "pamid: warning: 7 more of the kind UnitWarning"
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pipes of a POSIX shell")
 def test_closed_pipe_is_silent(folder):
     command = [sys.executable, "-c", "import sys; from pamid.cli import main; sys.exit(main())"]

@@ -18,6 +18,9 @@ from ..errors import PamidError, PamidWarning
 
 DONE, OWN_ERROR, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
+_SAME_WARNINGS = 3
+"""Warnings of one kind that are shown; the others are counted."""
+
 _DESCRIPTION = """\
 Identify models of pneumatic artificial muscles from logs, and hold a simulator against a bench.
 
@@ -120,13 +123,21 @@ def _close_stdout() -> None:
 
 @contextlib.contextmanager
 def _plain_warnings(quiet: bool) -> Iterator[None]:
-    """Show warnings as one line without file and line number; those of other packages once a text."""
+    """Show warnings as one line without file and line number, and only the first few of a kind."""
+    said: dict[type[Warning], int] = {}
 
     def show(message: Any, category: type[Warning], *_: Any, **__: Any) -> None:
-        if quiet or not (issubclass(category, (PamidWarning, UserWarning, RuntimeWarning))):
+        if quiet or not issubclass(category, (PamidWarning, UserWarning, RuntimeWarning)):
             return
-        _say(f"warning: {' '.join(str(message).split())}")
+        said[category] = said.get(category, 0) + 1
+        if said[category] <= _SAME_WARNINGS:
+            _say(f"warning: {' '.join(str(message).split())}")
 
     with warnings.catch_warnings():
         warnings.showwarning = show
-        yield
+        try:
+            yield
+        finally:
+            for category, count in said.items():
+                if count > _SAME_WARNINGS:
+                    _say(f"warning: {count - _SAME_WARNINGS} more of the kind {category.__name__}")
