@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
-from numbers import Real
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -22,9 +21,11 @@ from pamid.errors import (
     UnknownOptionError,
 )
 from pamid.laws.base import Law
+from pamid.signals.plausibility import check_units
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
+from pamid.volume.checks import check_volume
 from pamid.volume.neural import InputScale, NeuralVolume
 
 from ._base import SignalEstimator
@@ -90,7 +91,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         train = weight * ~held_out
         inputs = np.column_stack(state)
         anchored = self.volume_model == "anchored"
-        self.input_scale_ = InputScale.of(inputs, train, clamp=anchored)
+        self.input_scale_ = InputScale.of(inputs, train, correction=anchored)
         self.target_scale_ = np.array([_spread(Y[:, k], train) for k in range(len(laws))])
         self.anchor_: VolumeModel | None = None
         if anchored:
@@ -228,7 +229,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
             )
         for name in ("rest_length", "rest_diameter"):
             value: Any = getattr(self, name)
-            if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
+            if not (isinstance(value, int | float) and np.isfinite(value) and value > 0):
                 raise ParameterError(f"{name}={value!r}.", "a positive length in m", "Correct it.")
             if value > 10:
                 raise ParameterError(
@@ -242,7 +243,9 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
             raise UnknownOptionError(f"dtype={self.dtype!r} is not known.", "'float32' or 'float64'", "Choose one.")
 
     def _warn_before(self, state: State, Y: np.ndarray) -> None:
-        """Warn about data that hardly tell what is to be identified, before the time of a fit is spent."""
+        """Warn about units and about data that hardly tell what is to be identified, before a fit spends its time."""
+        targets = {law.target: Y[:, k] for k, law in enumerate(self._laws())}
+        check_units(state._asdict() | targets, ambient_pressure=self._atmosphere)
         for k, law in enumerate(self._laws()):
             if len(Y) > 1 and np.nanmax(Y[:, k]) == np.nanmin(Y[:, k]):
                 warnings.warn(
@@ -276,12 +279,31 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         -------
         VolumeJet
             V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
+
+        Warns
+        -----
+        VolumeWarning
+            If the volume makes no physical sense there: not positive, shrinking as the muscle contracts, or far from
+            the size of the muscle.
+
+        Notes
+        -----
+        Force alone tells the slope of the volume, not its level; the level is then that of the anchor, or, for the
+        published network, means nothing and is not checked.
         """
         check_is_fitted(self, "weights_")
         X, _ = self._read(X, reset=False)
         volume = self.volume_
         parts = [volume.jet(self._state(X[i : i + CHUNK])) for i in range(0, len(X), CHUNK)]
-        return VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        jet = VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        known = self.anchor_ is not None or any(law.equation == "flow" for law in self._laws())
+        check_volume(
+            jet,
+            self._state(X),
+            rest_volume=np.pi * self.rest_diameter**2 / 4.0 * self.rest_length,
+            level_known=known,
+        )
+        return jet
 
     def _predict(self, X: np.ndarray) -> np.ndarray:
         """Apply every law to the identified volume; shape (n_samples, n_laws)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -97,4 +98,4 @@ def trajectory_slices(codes: np.ndarray) -> list[slice]:
     """Return the rows of each trajectory as slices, for codes that are contiguous."""
     borders = np.flatnonzero(np.diff(codes)) + 1
     edges = [0, *borders.tolist(), len(codes)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]

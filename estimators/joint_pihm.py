@@ -162,6 +162,7 @@ class JointPIHM(HybridModel):
         Returns
         -------
         JointPIHM
+            The fitted model itself.
         """
         table, target = self._targets(X, y, reset=True)
         self.n_targets_ = target.shape[1]
@@ -174,12 +175,19 @@ class JointPIHM(HybridModel):
 
         Parameters
         ----------
-        X, y, sample_weight, groups
-            As for `fit`.
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples, 2)
+            Measured force (N) and mass flow (kg/s); NaN where one was not measured.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; read by the first call alone.
 
         Returns
         -------
         JointPIHM
+            The fitted model itself.
         """
         if not hasattr(self, "weights_"):
             return self.fit(X, y, sample_weight, groups)
@@ -223,6 +231,7 @@ class JointPIHM(HybridModel):
         Returns
         -------
         float
+            R², dimensionless; one is perfect.
         """
         Y, Z = np.asarray(y, dtype=float), self.predict(X)
         Y, Z = Y.reshape(len(Z), -1), Z.reshape(len(Z), -1)

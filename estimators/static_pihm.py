@@ -155,6 +155,7 @@ class StaticPIHM(HybridModel):
         Returns
         -------
         StaticPIHM
+            The fitted model itself.
         """
         table, target = self._read(X, y, reset=True)
         target = column_or_1d(target, warn=True)
@@ -168,12 +169,19 @@ class StaticPIHM(HybridModel):
 
         Parameters
         ----------
-        X, y, sample_weight, groups
-            As for `fit`.
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples,)
+            Measured force, N.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; read by the first call alone.
 
         Returns
         -------
         StaticPIHM
+            The fitted model itself.
         """
         if not hasattr(self, "weights_"):
             return self.fit(X, y, sample_weight, groups)

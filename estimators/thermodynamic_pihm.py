@@ -165,6 +165,7 @@ class ThermodynamicPIHM(HybridModel):
         Returns
         -------
         ThermodynamicPIHM
+            The fitted model itself.
         """
         table, target = self._read(X, y, reset=True)
         target = column_or_1d(target, warn=True)
@@ -178,12 +179,19 @@ class ThermodynamicPIHM(HybridModel):
 
         Parameters
         ----------
-        X, y, sample_weight, groups
-            As for `fit`.
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples,)
+            Measured mass flow into the muscle, kg/s.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; read by the first call alone.
 
         Returns
         -------
         ThermodynamicPIHM
+            The fitted model itself.
         """
         if not hasattr(self, "weights_"):
             return self.fit(X, y, sample_weight, groups)

@@ -15,6 +15,16 @@ TRAINERS: dict[str, type[Trainer]] = {"adam": Adam, "levenberg_marquardt": Leven
 def trainer_named(trainer: str | Trainer) -> Trainer:
     """Return a trainer by name, or the trainer itself.
 
+    Parameters
+    ----------
+    trainer : str or Trainer
+        ``"adam"``, ``"levenberg_marquardt"``, or a trainer.
+
+    Returns
+    -------
+    Trainer
+        With its default parameters if it was named.
+
     Raises
     ------
     UnknownOptionError

@@ -25,11 +25,14 @@ ROWS = 2000
 """Samples that the few parameters are fitted on; more would not tell more."""
 
 BAR = 1e5
+COMPLIANCE = 1e-8
+"""Unit of the threads' compliance in the fit, 1/Pa."""
 
 _SHARED = {
     "log_area": (0.0, 1.0, -4.0, 4.0),
     "log_rest_volume": (0.0, 0.5, -3.0, 3.0),
     "log_width_bar": (np.log(0.15), 0.7, np.log(0.02), np.log(2.0)),
+    "compliance": (0.0, 5.0, 0.0, 100.0),
 }
 
 FAMILIES = {
@@ -82,6 +85,7 @@ def fit_anchor(
     Returns
     -------
     ContactVolume
+        The volume of the family that explains the data at less cost.
     """
     families = [
         _fit_family(prior, shares, rest_length, rest_diameter, atmospheric_pressure, random_state)
@@ -117,6 +121,7 @@ def _fit_family(
             contact_contraction=float(np.exp(v.get("log_contact_contraction", prior["log_contact_contraction"][0]))),
             contact_width=float(np.exp(v.get("log_width_bar", prior["log_width_bar"][0])) * BAR),
             rest_volume=float(typical_volume * np.exp(v["log_rest_volume"])),
+            thread_compliance=float(v["compliance"] * COMPLIANCE),
             atmospheric_pressure=atmospheric_pressure,
         )
 
@@ -143,7 +148,7 @@ def _fit_family(
             gtol=1e-9,
             max_nfev=100,
         )
-        q, strength = fit.x, STRENGTH * float(np.sqrt(np.sum(misfit(fit.x) ** 2) / len(shares)))
+        q, strength = np.clip(fit.x, lower, upper), STRENGTH * float(np.sqrt(np.sum(misfit(fit.x) ** 2) / len(shares)))
     return float(fit.cost), model(q)
 
 

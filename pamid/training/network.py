@@ -106,7 +106,10 @@ def value_and_derivative(
 
     Returns
     -------
-    value, derivative : Tensor, shape (n_samples,)
+    value : Tensor, shape (n_samples,)
+        The network's output, dimensionless.
+    derivative : Tensor, shape (n_samples,)
+        Its derivative along the direction.
     """
     act = activation_named(activation)
     h, dh = x, direction
@@ -179,8 +182,10 @@ def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None)
 
     Returns
     -------
-    g, dg : list of Tensor, shape (n_samples, n_out)
-        Adjoint of z and of ż, first layer first.
+    g : list of Tensor, shape (n_samples, n_out)
+        Adjoint of z at each layer, first layer first.
+    dg : list of Tensor, shape (n_samples, n_out)
+        Adjoint of ż at each layer.
     """
     ones = torch.ones_like(tape.y) if upstream is None else upstream
     g, dg = [(ones * tape.a)[:, None]], [ones[:, None]]

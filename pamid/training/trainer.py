@@ -91,6 +91,7 @@ class Trainer(BaseEstimator):
         Returns
         -------
         TrainingResult
+            The best parameters, and why the training ended.
         """
         self.check()
         judged = validation

@@ -27,7 +27,11 @@ class ContactVolume:
     Every braided geometry has a slope that is quadratic in ε (Chou–Hannaford: εₘ = 1 − 1/(√3 cos θ₀),
     κ = −εₘ/(2 − εₘ)). A contracted muscle gives no force below the pressure p_c that presses its bladder against the
     braid; above it the force grows with p − p_c. With :math:`p_\infty = 0` the factor φ is nearly one and the geometry
-    is left.
+    is left. Threads of compliance c that stretch under pressure add
+
+    .. math:: \Delta V = c\, p\, (L_0 A + 3 V_0)(1 - \varepsilon),
+
+    the first order of a braid whose threads are longer by the share c p.
 
     Parameters
     ----------
@@ -47,6 +51,8 @@ class ContactVolume:
         s, softness of the contact, Pa.
     rest_volume : float
         V at ε = 0, m³.
+    thread_compliance : float, default=0
+        c, relative stretch of the threads per gauge pressure, 1/Pa.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
 
@@ -66,13 +72,19 @@ class ContactVolume:
     contact_contraction: float
     contact_width: float
     rest_volume: float
+    thread_compliance: float = 0.0
     atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
 
     def slope(self, eps: Array, p_gauge: Array) -> Array:
         """Return ∂V/∂ε at a contraction and a gauge pressure, m³."""
         u = eps / self.max_contraction
         g = self.area * (1.0 - u) * (1.0 + self.curvature * u)
-        return self.rest_length * g * self._contact(eps, p_gauge)
+        return self.rest_length * g * self._contact(eps, p_gauge) - self._stretch * p_gauge
+
+    @property
+    def _stretch(self) -> float:
+        """Volume that stretching threads add at rest length per gauge pressure, m³/Pa."""
+        return self.thread_compliance * (self.rest_length * self.area + 3.0 * self.rest_volume)
 
     def _contact(self, eps: Array, p_gauge: Array) -> Array:
         s = self.contact_width
@@ -87,6 +99,6 @@ class ContactVolume:
         eps, p = np.asarray(state.eps, dtype=float), np.asarray(state.P, dtype=float) - self.atmospheric_pressure
         h = 1e-4 * self.contact_width
         at = eps[:, None] * _NODES
-        V = self.rest_volume + eps * (self.slope(at, p[:, None]) @ _WEIGHTS)
+        V = self.rest_volume + self._stretch * p + eps * (self.slope(at, p[:, None]) @ _WEIGHTS)
         rise = (self.slope(at, p[:, None] + h) - self.slope(at, p[:, None] - h)) @ _WEIGHTS
-        return VolumeJet(V, self.slope(eps, p), eps * rise / (2.0 * h))
+        return VolumeJet(V, self.slope(eps, p), self._stretch + eps * rise / (2.0 * h))

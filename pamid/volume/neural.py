@@ -24,12 +24,17 @@ from .base import VolumeJet
 class InputScale:
     """Standardisation of the four inputs, and the range inside which the network is trusted.
 
+    The volume of a muscle hardly depends on how fast it moves, but much on which way it moves: where the network is a
+    correction to a geometry, rates are saturated, so that a faster motion than any in the data reads like a fast one.
+
     Parameters
     ----------
     mean, spread : ndarray, shape (4,)
         Mean and standard deviation of (ε, ε̇, P, Ṗ) in the data of the fit; a spread of one for a constant signal.
     lower, upper : ndarray, shape (4,)
         Range of the standardised inputs; infinite where nothing is clamped.
+    saturated : ndarray of bool, shape (4,)
+        Which inputs pass through z/√(1 + z²).
     fade : float
         Width, in standard deviations, over which the clamp's slope falls outside the range.
     """
@@ -38,31 +43,39 @@ class InputScale:
     spread: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    saturated: np.ndarray
     fade: float = 0.5
 
     @classmethod
-    def of(cls, x: np.ndarray, weight: np.ndarray | None = None, *, clamp: bool = False) -> InputScale:
-        """Measure the scale of inputs of shape (n_samples, 4)."""
+    def of(cls, x: np.ndarray, weight: np.ndarray | None = None, *, correction: bool = False) -> InputScale:
+        """Measure the scale of inputs of shape (n_samples, 4), for a network or for a correction to a geometry."""
         w = np.ones(len(x)) if weight is None else weight
         x, w = x[w > 0], w[w > 0]
         mean = np.average(x, axis=0, weights=w)
         spread = np.sqrt(np.average((x - mean) ** 2, axis=0, weights=w))
         spread[spread <= 1e-12 * np.maximum(np.abs(mean), 1e-300)] = 1.0
         n = x.shape[1]
-        if clamp:
+        if correction:
+            rate = np.array([False, True, False, True])
+            # A rate is measured from standstill: the direction of motion is what its saturated value tells.
+            mean = np.where(rate, 0.0, mean)
             z = (x - mean) / spread
-            return cls(mean, spread, z.min(axis=0), z.max(axis=0))
-        return cls(mean, spread, np.full(n, -np.inf), np.full(n, np.inf))
+            return cls(mean, spread, z.min(axis=0), z.max(axis=0), rate)
+        return cls(mean, spread, np.full(n, -np.inf), np.full(n, np.inf), np.zeros(n, dtype=bool))
 
     def apply(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the clamped standardised inputs and their slope dξ/dx, both of shape (n_samples, 4)."""
         z = (x - self.mean) / self.spread
         over, under = np.maximum(z - self.upper, 0.0), np.maximum(self.lower - z, 0.0)
-        out = over + under
-        clamped = np.clip(z, self.lower, self.upper) + self.fade * (
+        bounded = np.clip(z, self.lower, self.upper) + self.fade * (
             np.tanh(over / self.fade) - np.tanh(under / self.fade)
         )
-        return clamped, (1.0 - np.tanh(out / self.fade) ** 2) / self.spread
+        slope = 1.0 - np.tanh((over + under) / self.fade) ** 2
+        if self.saturated.any():
+            root = np.sqrt(1.0 + z * z)
+            bounded = np.where(self.saturated, z / root, bounded)
+            slope = np.where(self.saturated, 1.0 / root**3, slope)
+        return bounded, slope / self.spread
 
 
 @dataclass(frozen=True)
@@ -117,7 +130,9 @@ def network_jet(
     Returns
     -------
     value : ndarray, shape (n_samples,)
+        The network's output, dimensionless.
     derivatives : list of ndarray, shape (n_samples,)
+        Its derivative with respect to each of `inputs`.
     """
     W, c = weights[0], weights[1]
     z = x @ W.T + c
