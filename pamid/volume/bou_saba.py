@@ -1,4 +1,4 @@
-"""Braided cylinder with a free power of the stretch: the form of Bou Saba and coworkers."""
+"""Braided cylinder with a free power of the stretch: a form of our own in the spirit of Bou Saba and coworkers."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class BouSabaVolume(ClassicalVolume):
 
     Notes
     -----
-    Only the part of the published force that the gas does is modelled. The sources add a passive force of the
-    bladder, a function of the contraction alone, which is no volume. The exponent form was written from the
-    structure of the model as cited, not from the full text of the 2016 paper, which was not at hand: hold it against
-    the paper before publishing under its name.
+    The published text was not at hand, and no equation of it is claimed here. The form is ours, in the spirit of the
+    virtual-work models with which the paper is cited: a braided cylinder whose square is freed to a power, and only
+    the part of the force that the gas does. Passive forces of the bladder, functions of the contraction alone, are no
+    volume and are left out. Hold it against the paper before reporting results under its name.
 
     References
     ----------
@@ -97,7 +97,7 @@ def bou_saba(
     exponent: Array = 2.0,
     atmospheric_pressure: Array = ATMOSPHERIC_PRESSURE,
 ) -> Array:
-    r"""Static tension with a free exponent, the gas part.
+    r"""Static tension of a braided cylinder with a free exponent, the gas part; a form of our own, see `BouSabaVolume`.
 
     .. math:: F = \pi r_0^2 (P - P_\mathrm{atm})
         \left[\frac{3 (1 - \varepsilon)^\nu}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right]

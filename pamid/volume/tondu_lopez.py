@@ -20,7 +20,7 @@ from .classical import (
 )
 
 PRESSURE_SCALE = 1e5
-"""Gauge pressure over which the end-cap correction decays, Pa: the published exp(−p) counts p in bar."""
+"""Gauge pressure over which the end-cap correction decays, Pa: exp(−p) as quoted, read with p in bar."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,12 @@ class TonduLopezVolume(ClassicalVolume):
         a_k: what k gains at zero gauge pressure, dimensionless.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
+
+    Notes
+    -----
+    The paper itself was not at hand. The static force is its form as later work commonly quotes it, with
+    :math:`k = a_k e^{-p} + b_k` and p in bar; that p counts in bar is our reading. The volume is our integral of that
+    force at fixed pressure, not an equation of the paper.
 
     References
     ----------
@@ -163,11 +169,12 @@ def braid_friction(
     .. math:: F_f = p \left[S_k + (S_s - S_k)\, e^{-|\dot\varepsilon|/\dot\varepsilon_s}\right]
         \tanh(\dot\varepsilon/\dot\varepsilon_0)
 
-    the three-parameter dry friction of Tondu and Lopez: proportional to the pressure on the contacts, falling from
-    a static to a kinetic coefficient with speed, and opposed to the motion (a muscle that shortens pulls less, the
-    measured tension is F − F_f). Two things differ from the paper: the contact area, there computed from the braid,
-    is a constant that the two coefficients absorb, so that S is coefficient × contact area; and the sign of the
-    speed is smoothed by tanh, so that the law can be simulated and differentiated.
+    a dry friction of three parameters after the description of the one of Tondu and Lopez: proportional to the
+    pressure on the contacts, falling from a static to a kinetic coefficient with speed, and opposed to the motion (a
+    muscle that shortens pulls less, the measured tension is F − F_f). The paper itself was not at hand, and the
+    formula is ours. Two things differ from it as described: the contact area, there computed from the braid, is a
+    constant that the two coefficients absorb, so that S is coefficient × contact area; and the sign of the speed is
+    smoothed by tanh, so that the law can be simulated and differentiated.
 
     Parameters
     ----------
