@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import fnmatch
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -62,8 +63,8 @@ def candidates(
     equation : {"force", "flow"}
         The equation.
     estimators : "all", sequence of str, or mapping of str to estimator, default="all"
-        Names of classes (``"GeometricForce"``, with all its settings) or of one setting
-        (``"GeometricForce(tondu_lopez)"``); or estimators of your own by the name they shall have. Those read the
+        Labels (``"StaticPIHM"``, ``"GeometricForce(tondu_lopez)"``), classes (``"GeometricForce"``, with all its
+        settings) or patterns (``"StaticPIHM*"``); or estimators of your own by the name they shall have. Those read the
         columns ``eps``, ``deps``, ``P``, ``dP``.
     parameters : mapping of str to float, optional
         Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
@@ -106,7 +107,9 @@ def candidates(
         return [c for group in found.values() for c in group]
     chosen: list[Candidate] = []
     for name in estimators:
-        matches = [c for key, group in found.items() for c in group if name in (key, c.label)]
+        offered = [c for group in found.values() for c in group]
+        matches = [c for c in offered if c.label == name]  # one setting first, then all of a class, then a pattern
+        matches = matches or found.get(name) or [c for c in offered if fnmatch.fnmatchcase(c.label, name)]
         if not matches:
             raise _not_offered(name, equation, found)
         chosen += [c for c in matches if c not in chosen]

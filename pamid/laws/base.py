@@ -2,7 +2,8 @@ r"""What a law is: a linear functional of the gas volume.
 
 Both laws of the hybrid models read the volume and its derivatives linearly:
 
-.. math:: y = a(s)\, V + b_\varepsilon(s)\, \frac{\partial V}{\partial\varepsilon} + b_P(s)\, \frac{\partial V}{\partial P}
+.. math:: y = a(s)\, V + b_\varepsilon(s)\, \frac{\partial V}{\partial\varepsilon}
+    + b_P(s)\, \frac{\partial V}{\partial P}
 
 with coefficients that depend on the measured state `s` alone. A law is those three coefficients. That is what lets
 any volume model meet any law and any trainer: a trainer needs one directional derivative of the network along

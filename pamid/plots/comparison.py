@@ -31,6 +31,8 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
     """
     if path is not None:
         path = checked_ending(path)
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     factor, unit = SHOWN[comparison.unit]
     scores = [s for s in comparison.scores if not s.error]
     values = [s.rmse * factor for s in scores]
@@ -56,7 +58,10 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
         wide = max(values) > 8 * min(v for v in values if v > 0) if any(v > 0 for v in values) else False
         if wide:
             ax.set_xscale("log")
+            few = max(values) < 300 * min(v for v in values if v > 0)
+            ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
             ax.xaxis.set_major_formatter("{x:g}")
+            ax.xaxis.set_minor_formatter(NullFormatter())
         else:
             ax.set_xlim(left=0.0)
         if math.isfinite(floor) and floor > 0:

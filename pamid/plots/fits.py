@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UnknownOptionError
-from .style import BLUE, INK, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
+from .style import BLUE, FAINT, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,7 +65,7 @@ def fit_plot(
             top, below = axes[0, column], axes[1, column]
             across, text = _across(part)
             for ax, x in ((top, part["time"]), (below, across)):
-                ax.plot(x, measured, color=INK, linewidth=1.6, alpha=0.45, label="measured")
+                ax.plot(x, measured, color=FAINT, linewidth=3.2, label="measured")
                 ax.plot(x, predicted, color=BLUE, linewidth=1.0, label="predicted")
             top.set_title(f"{word}: {trajectory}\nRMSE {error:.3g} {unit}")
             top.set_xlabel("time / s")

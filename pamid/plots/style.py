@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, told apart by every kind of colour vision, and by their grey values.
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9"
-INK, GREY, FAINT = "#222222", "#7F7F7F", "#D9D9D9"
+INK, GREY, FAINT = "#222222", "#7F7F7F", "#CFCFCF"
 
 SHOWN = {"N": (1.0, "N"), "kg/s": (1e6, "mg/s")}
 """Factor and unit in which a plot shows a quantity of an SI unit."""

@@ -217,7 +217,7 @@ def volume_plot(
 
 def _covered(eps: np.ndarray, P: np.ndarray, level: float) -> tuple[float, float]:
     """Range of contraction among the samples whose pressure is near a level."""
-    near = eps[np.abs(P - level) <= 0.05 * max(float(np.ptp(P)), 1.0)]
+    near = eps[np.abs(P - level) <= 0.1 * max(float(np.ptp(P)), 1.0)]
     if not len(near):
         return np.inf, -np.inf
     return float(np.quantile(near, 0.01)), float(np.quantile(near, 0.99))

@@ -26,7 +26,7 @@ class State(NamedTuple):
     eps: Array
     deps: Array
     P: Array
-    dP: Array
+    dP: Array  # noqa: N815 - the field's own name
 
 
 STATE_SIGNALS = State._fields

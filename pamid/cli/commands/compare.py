@@ -47,7 +47,8 @@ def add_parser(subparsers: Any) -> None:
         "--estimators",
         metavar="A,B,...",
         default="all",
-        help="names of estimators, such as StaticPIHM,MLP; one setting: 'GeometricForce(tondu_lopez)' (default: all)",
+        help="names such as StaticPIHM,MLP; one setting: 'GeometricForce(tondu_lopez)'; a pattern: 'StaticPIHM*' "
+        "(default: all)",
     )
     parser.add_argument("--folds", type=int, default=5, metavar="K", help="folds of whole runs (default: 5)")
     parser.add_argument(

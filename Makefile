@@ -1,0 +1,48 @@
+# make demo and make test work on a fresh machine with Python >= 3.11 and make.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+WORKERS ?= 2
+# One thread a process: the tests run side by side, and small matrices gain nothing from more.
+THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
+
+.PHONY: help install demo test pytest lint benchmarks clean
+
+help:
+	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
+	@echo "make test        lint, types, layers and all tests"
+	@echo "make lint        ruff, mypy, import-linter"
+	@echo "make benchmarks  print the figures that the README and docs state"
+	@echo "make clean       remove the environment and everything that was built"
+
+install: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'pamid needs Python 3.11 or newer')"
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+demo: install
+	$(BIN)/pamid demo --out demo-output
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+pytest: install
+	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS)
+
+# pytest comes last, so that its closing line is the last one.
+test: lint pytest
+
+benchmarks: install
+	@for file in benchmarks/[!_]*.py; do echo "== $$file"; $(THREADS) $(BIN)/python $$file || exit 1; done
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info demo-output results .pytest_cache .mypy_cache .ruff_cache .hypothesis \
+		.import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
