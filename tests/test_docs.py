@@ -9,6 +9,7 @@ import shlex
 import shutil
 import tomllib
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -58,12 +59,17 @@ def name(page: Path) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A place for what a page writes, with the files of the docs that it may name."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # the examples are small, and threads that wait for each other are slow
     shutil.copytree(DOCS / "mappings", tmp_path / "docs" / "mappings")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    return tmp_path
+    yield tmp_path
+    torch.set_num_threads(threads)
 
 
 @pytest.mark.parametrize(
@@ -166,15 +172,18 @@ def test_json_output_is_as_described(folder: Path, capsys: pytest.CaptureFixture
     assert checked >= 3
 
 
+TABLES_BY_NAME = ("trajectories", "equations", "parameters", "relative_change", "skipped")
+
+
 def shape(value: object) -> object:
-    """Keys and kinds of JSON data; of a table with names of runs or of a list, the first entry stands for all."""
+    """Keys and kinds of JSON data; where the keys are names of runs or the like, the first entry stands for all."""
     if isinstance(value, dict):
         return {
-            k: shape(next(iter(v.values()))) if k == "trajectories" and isinstance(v, dict) else shape(v)
+            k: [shape(entry) for entry in list(v.values())[:1]]
+            if k in TABLES_BY_NAME and isinstance(v, dict)
+            else shape(v)
             for k, v in value.items()
         }
-    if isinstance(value, list):
-        return [shape(v) for v in value[:1]]
     return "number" if isinstance(value, int | float) else type(value).__name__
 
 
