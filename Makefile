@@ -25,7 +25,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 demo: install
-	$(BIN)/pamid demo --out demo-output
+	$(THREADS) $(BIN)/pamid demo --out demo-output
 
 lint: install
 	$(BIN)/ruff check .

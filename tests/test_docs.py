@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from pamid.bench.parameters import BenchParameters
 from pamid.cli import main
@@ -61,15 +62,15 @@ def name(page: Path) -> str:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A place for what a page writes, with the files of the docs that it may name."""
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # the examples are small, and threads that wait for each other are slow
     shutil.copytree(DOCS / "mappings", tmp_path / "docs" / "mappings")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    yield tmp_path
-    torch.set_num_threads(threads)
+    import scipy.linalg  # threads can only be limited in libraries that are loaded
+    import torch
+
+    assert scipy.linalg and torch
+    with threadpool_limits(1):  # the examples are small, and threads that wait for each other are slow
+        yield tmp_path
 
 
 @pytest.mark.parametrize(
