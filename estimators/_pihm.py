@@ -16,6 +16,7 @@ from pamid.errors import (
     ExcitationWarning,
     FitError,
     InterruptedFitWarning,
+    MissingTrajectoryError,
     ParameterError,
     TooFewTrajectoriesError,
     UnknownOptionError,
@@ -37,6 +38,12 @@ CHUNK = 65_536
 
 VOLUMES = ("anchored", "neural")
 
+AUTO_FRACTION = 0.2
+"""Share of the trajectories that ``validation_fraction="auto"`` holds out."""
+
+AUTO_TRAJECTORIES = 5
+"""Trajectories below which ``validation_fraction="auto"`` holds none out."""
+
 
 class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
     """Base of the hybrid estimators; a subclass names its laws and its targets."""
@@ -54,7 +61,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
     max_iter: int | None
     batch_size: int | None
     weight_decay: float | None
-    validation_fraction: float
+    validation_fraction: float | str
     dtype: str
     device: str
     random_state: Any
@@ -194,18 +201,26 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
 
     def _hold_out(self, X: Any, groups: Any, n: int, rng: Any) -> np.ndarray:
         """Draw the whole trajectories that early stopping watches."""
-        if not self.validation_fraction:
+        fraction = AUTO_FRACTION if self.validation_fraction == "auto" else float(self.validation_fraction)
+        codes = trajectory_codes(X, groups) if fraction else None
+        if codes is None:
+            if fraction and self.validation_fraction != "auto":
+                raise MissingTrajectoryError(
+                    f"validation_fraction={fraction:g}, and neither groups nor a column 'trajectory'.",
+                    "one of the two, to hold whole trajectories out",
+                    "Pass groups=, keep a 'trajectory' column in a DataFrame, or set validation_fraction=0.",
+                )
             return np.zeros(n, dtype=bool)
-        codes = trajectory_codes(X, groups, needed_by=f"{type(self).__name__}(validation_fraction>0)")
-        assert codes is not None
         names = np.unique(codes)
+        if self.validation_fraction == "auto" and len(names) < AUTO_TRAJECTORIES:
+            return np.zeros(n, dtype=bool)
         if len(names) < 3:
             raise TooFewTrajectoriesError(
-                f"validation_fraction={self.validation_fraction} with {len(names)} trajectories.",
+                f"validation_fraction={fraction:g} with {len(names)} trajectories.",
                 "at least three trajectories to hold one out",
                 "Give more trajectories, or set validation_fraction=0.",
             )
-        count = min(max(1, round(self.validation_fraction * len(names))), len(names) - 2)
+        count = min(max(1, round(fraction * len(names))), len(names) - 2)
         return np.isin(codes, rng.choice(names, count, replace=False))
 
     def _counted(self, weight: np.ndarray, n_laws: int) -> np.ndarray:
@@ -235,9 +250,10 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
                 raise ParameterError(
                     f"{name}={value:g} looks like mm.", "a length in m", f"Divide by 1000: {name}={value / 1000:g}."
                 )
-        if not 0 <= self.validation_fraction < 1:
+        share: Any = self.validation_fraction
+        if share != "auto" and not (isinstance(share, int | float) and 0 <= share < 1):
             raise ParameterError(
-                f"validation_fraction={self.validation_fraction!r}.", "a share from 0 to below 1", "Correct it."
+                f"validation_fraction={share!r}.", "'auto', or a share from 0 to below 1", "Correct it."
             )
         if self.dtype not in ("float32", "float64"):
             raise UnknownOptionError(f"dtype={self.dtype!r} is not known.", "'float32' or 'float64'", "Choose one.")

@@ -91,7 +91,9 @@ def test_leave_one_muscle_out():
 
 @pytest.mark.parametrize("routing", [False, True])
 @pytest.mark.parametrize(
-    "splitter", [TrajectoryKFold(3), LeaveOneKindOut(), LeaveOneMuscleOut(muscle=lambda n: n[-1])], ids=str
+    "splitter",
+    [TrajectoryKFold(3), LeaveOneKindOut(), LeaveOneMuscleOut(muscle=lambda n: n[-1])],
+    ids=lambda s: type(s).__name__,
 )
 def test_in_searches(splitter, routing):
     """Splitters work in scikit-learn's searches with routing on and off, and can be cloned."""

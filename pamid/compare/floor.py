@@ -45,17 +45,18 @@ def noise_floor(
 
     if set(prepared.cutoffs) != {"eps", "P"}:
         return float("nan")
-    table = prepared.table
-    noise = {s: _noise(prepared, table[s].to_numpy(dtype=float)) for s in ("eps", "P")}
+    table, source = prepared.table, prepared.source
+    noise = {s: _noise(prepared, source[s].to_numpy(dtype=float)) for s in ("eps", "P")}
     period = _period(prepared)
-    value_gain, _ = _gains(prepared.cutoffs["P"], period, method)
+    window = max(1, round(prepared.window / period))
+    value_gain, _ = _gains(prepared.cutoffs["P"], period, method, window)
     sigma = {
         "eps": noise["eps"],
-        "deps": noise["eps"] * np.sqrt(_gains(prepared.cutoffs["eps"], period, method)[1]),
+        "deps": noise["eps"] * np.sqrt(_gains(prepared.cutoffs["eps"], period, method, window)[1]),
         "P": noise["P"],
-        "dP": noise["P"] * np.sqrt(_gains(prepared.cutoffs["P"], period, method)[1]),
+        "dP": noise["P"] * np.sqrt(_gains(prepared.cutoffs["P"], period, method, window)[1]),
     }
-    own = _noise(prepared, target) ** 2 * (value_gain if prepared.smoothed else 1.0)
+    own = _noise(prepared, target) ** 2 * (value_gain if prepared.smoothed else 1.0 / window)
     x = table[list(STATE_SIGNALS)].to_numpy(dtype=float)[rows]
     variance = np.full(len(rows), own)
     for k, name in enumerate(STATE_SIGNALS):
@@ -72,23 +73,25 @@ def _noise(prepared: Prepared, x: np.ndarray) -> float:
     """Root mean square of a channel's noise over the trajectories."""
     from ..equations import channel_noise
 
-    indices = prepared.table.groupby("trajectory", sort=False).indices.values()
+    indices = prepared.source.groupby("trajectory", sort=False).indices.values()
     found = [(channel_noise(x[rows], 20), len(rows)) for rows in indices]
     total = sum((n.white**2 + n.fixed**2) * count for n, count in found)
     return float(np.sqrt(total / sum(count for _, count in found)))
 
 
 def _period(prepared: Prepared) -> float:
-    steps = np.diff(prepared.table["time"].to_numpy(dtype=float))
+    steps = np.diff(prepared.source["time"].to_numpy(dtype=float))
     return float(np.median(steps[steps > 0]))
 
 
-def _gains(cutoff: float, period: float, method: str) -> tuple[float, float]:
-    """Squared norms of the weights that a filter puts on samples for a value and, per s², for a rate."""
+def _gains(cutoff: float, period: float, method: str, window: int) -> tuple[float, float]:
+    """Squared norms of the weights on samples of a filtered value, and, per s², of its rate, averaged over a window."""
     from ..signals import differentiate
 
     n = 2 * max(200, min(20_000, int(4 / (cutoff * period)))) + 1
     impulse = np.zeros(n)
     impulse[n // 2] = 1.0
     value, rate = differentiate(impulse, sampling_period=period, tuning=cutoff, method=method)
+    box = np.full(window, 1.0 / window)
+    value, rate = np.convolve(value, box), np.convolve(rate, box)
     return float(value @ value), float(rate @ rate)

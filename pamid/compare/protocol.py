@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 RATES = {"deps": "eps", "dP": "P"}
 
+FLOW_WINDOW = 0.02
+"""Windows over which the flow equation is averaged, s: they take most of the noise that a rate of pressure brings."""
+
 
 @dataclass
 class Prepared:
@@ -50,6 +53,10 @@ class Prepared:
         Cut-off frequency of the rate of each signal, Hz, where rates were taken here.
     smoothed : bool
         Whether the target was smoothed like the pressure.
+    source : DataFrame
+        The table before it was averaged over windows; the same one if it was not.
+    window : float
+        Length of the windows, s; 0 if there are none.
     notes : list of str
         What a reader of the result should know.
     """
@@ -62,6 +69,8 @@ class Prepared:
     even: np.ndarray
     cutoffs: dict[str, float]
     smoothed: bool
+    source: pd.DataFrame
+    window: float
     notes: list[str]
 
     @property
@@ -79,8 +88,9 @@ def prepare(
     tuning: str | float | Sequence[float] = "auto",
     method: str = "savgol",
     smooth_target: bool | None = None,
+    window: float | str = "auto",
 ) -> Prepared:
-    """Take rates within trajectories, smooth the target where that is due, and choose the rows to score.
+    """Take rates within trajectories, average where that is due, and choose the rows to score.
 
     Parameters
     ----------
@@ -97,8 +107,11 @@ def prepare(
     tuning, method
         Of the rates, see `pamid.estimators.RateTransformer`.
     smooth_target : bool, optional
-        Whether the measured side is smoothed as the pressure is before its rate is taken. By default a flow is: it
-        is compared with a smoothed rate, and should have gone through the same filter. A force is not.
+        Whether the measured side is smoothed as the pressure is before its rate is taken. By default a flow is that
+        is not averaged over windows: it is compared with a smoothed rate, and should have gone through the same filter.
+    window : float or "auto", default="auto"
+        Length of windows (s) over which all signals are averaged once the rates are taken; 0 for none. ``"auto"`` is
+        0.02 for a flow sampled every 5 ms or faster, whose law is linear in the noisy rates, and 0 elsewhere.
 
     Returns
     -------
@@ -126,7 +139,8 @@ def prepare(
     cutoffs: dict[str, float] = {}
     if missing := [s for r, s in RATES.items() if r not in given]:
         out, cutoffs = _with_rates(out, missing, tuning, method)
-    smooth = smooth_target if smooth_target is not None else equation == "flow"
+    length = _window(out, equation, window)
+    smooth = smooth_target if smooth_target is not None else equation == "flow" and not length
     if smooth and "P" not in cutoffs:
         smooth = False
         if smooth_target:
@@ -148,6 +162,10 @@ def prepare(
         if not usable.any():
             raise EmptyLogError("No row counts.", "rows that meet the condition", "Loosen the condition.")
         notes.append(f"{int(usable.sum())} of {len(out)} rows count.")
+    source = out
+    if length:
+        out, usable = _averaged(out, usable, length)
+        notes.append(f"All signals are averages over windows of {1e3 * length:g} ms, rates taken before.")
     names = out["trajectory"].to_numpy(dtype=object)
     n_trajectories = len(pd.unique(out["trajectory"]))
     if score_rows < n_trajectories:
@@ -157,7 +175,32 @@ def prepare(
     # rows that do not count are skipped, not paid for
     share = usable.mean()
     even = thinned_rows(names, n_rows=min(len(out), max(n_trajectories, int(score_rows / share))))
-    return Prepared(out, equation, column, out["run"].to_numpy(dtype=object), usable, even, cutoffs, smooth, notes)
+    return Prepared(
+        out, equation, column, out["run"].to_numpy(dtype=object), usable, even, cutoffs, smooth, source, length, notes
+    )
+
+
+def _window(table: pd.DataFrame, equation: str, window: float | str) -> float:
+    """Return the length of the windows, s; 0 for none."""
+    if window == "auto":
+        step = float(np.median(np.abs(np.diff(table["time"].to_numpy(dtype=float))))) if len(table) > 1 else np.inf
+        return FLOW_WINDOW if equation == "flow" and step <= FLOW_WINDOW / 4 else 0.0
+    if isinstance(window, str) or not (np.isfinite(window) and window >= 0):
+        raise ParameterError(f"window is {window!r}.", "'auto', or a length in s that is not negative", "Correct it.")
+    return float(window)
+
+
+def _averaged(table: pd.DataFrame, usable: np.ndarray, length: float) -> tuple[pd.DataFrame, np.ndarray]:
+    """Average over windows; one counts if all of its rows do."""
+    from ..signals import windows
+
+    run_of = dict(zip(table["trajectory"], table["run"], strict=True))
+    out = windows(table.drop(columns="run").assign(usable=usable.astype(float)), length)
+    counts = out["usable"].to_numpy() > 1.0 - 1e-9
+    kept = [c for c in table.columns if c != "run"]
+    out = out[kept]
+    out.insert(1, "run", [run_of[name] for name in out["trajectory"]])
+    return out, counts
 
 
 def _require(table: pd.DataFrame, column: str) -> None:

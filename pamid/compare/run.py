@@ -38,6 +38,7 @@ def compare(
     tuning: str | float | Sequence[float] = "auto",
     method: str = "savgol",
     smooth_target: bool | None = None,
+    window: float | str = "auto",
     n_draws: int = 2000,
     random_state: int = 0,
     progress: Callable[[str], None] | None = None,
@@ -75,7 +76,9 @@ def compare(
     method : {"savgol", "spline", "kalman"}, default="savgol"
         Method of the rates.
     smooth_target : bool, optional
-        Whether the measured side goes through the pressure's filter, too. By default a flow does, a force does not.
+        Whether the measured side goes through the pressure's filter, too. By default a flow without windows does.
+    window : float or "auto", default="auto"
+        Length of windows over which everything is averaged, s; 0 for none. ``"auto"`` is 0.02 for a flow.
     n_draws : int, default=2000
         Draws of the bootstrap over runs.
     random_state : int, default=0
@@ -117,6 +120,7 @@ def compare(
         tuning=tuning,
         method=method,
         smooth_target=smooth_target,
+        window=window,
     )
     entries = candidates(equation, estimators, parameters=parameters, targets=ready.measured, random_state=random_state)
     splits = list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state))
@@ -170,6 +174,7 @@ def _run(
 ) -> tuple[Score, np.ndarray | None, Any]:
     """Fit and predict one candidate in every fold."""
     from sklearn.base import clone
+    from sklearn.utils.validation import has_fit_parameter
 
     table = ready.table
     place = entry.targets.index(ready.target) if ready.target in entry.targets else 0
@@ -189,7 +194,8 @@ def _run(
                 warnings.simplefilter("always")
                 model = clone(entry.estimator)
                 started = time.perf_counter()
-                model.fit(X.iloc[fit_rows], target[fit_rows])
+                grouped = {"groups": ready.runs[fit_rows]} if has_fit_parameter(model, "groups") else {}
+                model.fit(X.iloc[fit_rows], target[fit_rows], **grouped)
                 middle = time.perf_counter()
                 z = np.asarray(model.predict(X.iloc[test_rows]), dtype=float)
                 ended = time.perf_counter()

@@ -25,7 +25,7 @@ fit, time to predict 1000 rows, number of fitted parameters, and the noise floor
 Both muscles of a run stay in one fold. Rates are taken run by run before the split. Estimators are fitted on --rows
 rows, evenly thinned; the whole table takes a few minutes. One estimator that fails is one line.
 
-A flow is scored against the measured flow smoothed like the pressure, because the measured one is mostly noise there.
+A flow is compared over windows of 20 ms, because its law reads rates, and those of single samples are mostly noise.
 """
 _EXAMPLES = """\
   pamid compare log.parquet --sim sim.toml --out results
@@ -71,6 +71,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the rates (default: as the signals ask for)"
     )
+    parser.add_argument(
+        "--window",
+        type=float,
+        metavar="S",
+        help="average over windows of S seconds, 0 for none (default: 0.02 for a flow)",
+    )
     for name, unit in (("rest-length", "M"), ("rest-diameter", "M"), ("ambient", "PA")):
         parser.add_argument(
             f"--{name}",
@@ -114,6 +120,7 @@ def run(args: argparse.Namespace) -> int:
             score_rows=args.score_rows,
             parameters=parameters,
             tuning=args.cutoff if args.cutoff is not None else "auto",
+            window=args.window if args.window is not None else "auto",
             random_state=args.seed,
             progress=step,
         )
