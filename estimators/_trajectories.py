@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import _num_samples
 
 from pamid.errors import InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
 
@@ -59,7 +60,7 @@ def trajectory_codes(
     InterleavedTrajectoryError
         If `needed_by` is given and a trajectory's rows are not contiguous.
     """
-    n = X.shape[0] if hasattr(X, "shape") else len(X)
+    n = _num_samples(X)
     keys = []
     if groups is not None:
         groups = np.asarray(groups).ravel()

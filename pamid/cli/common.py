@@ -96,6 +96,21 @@ def load_simulator(path: str) -> BenchParameters:
     return BenchParameters.from_toml(path)
 
 
+def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
+    """Read the simulator that the arguments name, or the one that lies beside the log, saying so; None without one."""
+    if args.sim:
+        return load_simulator(args.sim)
+    logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
+    if len(logs) != 1 or args.columns:
+        return None
+    folder = logs[0] if logs[0].is_dir() else logs[0].parent
+    for path in (logs[0].with_suffix(".sim.toml"), folder / "sim.toml"):
+        if path.is_file():
+            note(args, f"takes the simulator {path} that lies beside the log; --sim names another")
+            return load_simulator(str(path))
+    return None
+
+
 def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
     """Turn ``name=value`` texts into a dictionary; values are Python literals, anything else is text."""
     import ast

@@ -104,8 +104,10 @@ def prepare(
         Rows that count; the others serve only to take rates from.
     score_rows : int, default=50000
         Most rows on which everything is scored.
-    tuning, method
-        Of the rates, see `pamid.estimators.RateTransformer`.
+    tuning : "auto", float or sequence of float, default="auto"
+        Cut-off frequency of the rates, Hz, see `pamid.estimators.RateTransformer`.
+    method : {"savgol", "spline", "kalman"}, default="savgol"
+        Method of the rates.
     smooth_target : bool, optional
         Whether the measured side is smoothed as the pressure is before its rate is taken. By default a flow is that
         is not averaged over windows: it is compared with a smoothed rate, and should have gone through the same filter.

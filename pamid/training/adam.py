@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,9 @@ import torch
 from .network import Parameters, forward, gradient
 from .problem import Problem
 from .trainer import Trainer
+
+BLOCK = 512
+"""Rows that go through the network at a time, so that what one layer leaves is in the cache when the next needs it."""
 
 
 class Adam(Trainer):
@@ -67,32 +71,45 @@ class Adam(Trainer):
         prior: Parameters | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean loss of the epoch; the published decay knows no prior but zero."""
-        # One flat vector holds all parameters: the optimiser is then five operations, however many layers there are.
+        # One flat vector holds all parameters: the optimiser is then a few operations, however many layers there are.
         flat = torch.cat([p.reshape(-1) for p in parameters])
+        g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
-        first, second = torch.zeros_like(flat), torch.zeros_like(flat)
+        theta, slots = views(flat, shapes), views(g, shapes)
         n, step = len(problem), 0
         for _ in range(self.max_iter):
-            total = 0.0
-            order = torch.as_tensor(random_state.permutation(n), device=flat.device) if n > self.batch_size else None
+            drawn = problem
+            if n > self.batch_size:
+                drawn = problem.rows(torch.as_tensor(random_state.permutation(n), device=flat.device))
+            total = torch.zeros_like(flat[0])
             for start in range(0, n, self.batch_size):
-                batch = problem if order is None else problem.rows(order[start : start + self.batch_size])
-                theta = views(flat, shapes)
-                tape = forward(theta, batch.x, batch.direction, batch.a, activation)
-                residual = tape.y - batch.y
-                scaled = batch.weight * residual
-                total += float((scaled * residual).sum())
-                g = torch.cat(
-                    [p.reshape(-1) for p in gradient(theta, tape, scaled.mul_(2.0 / float(batch.weight.sum())))]
-                )
+                batch = drawn.rows(slice(start, start + self.batch_size))
+                total += loss_and_gradient(theta, batch, activation, slots)
                 g.add_(flat, alpha=self.weight_decay)
                 step += 1
                 first.lerp_(g, 1.0 - self.beta1)
                 second.mul_(self.beta2).addcmul_(g, g, value=1.0 - self.beta2)
-                rate = self.learning_rate / (1.0 - self.beta1**step)
-                root = (second / (1.0 - self.beta2**step)).sqrt_().add_(1e-8)
-                flat = flat.addcdiv(first, root, value=-rate)
-            yield views(flat, shapes), total / float(problem.weight.sum())
+                # Both bias corrections are numbers, so they go into the step size and into the guard of the division.
+                unbiased = math.sqrt(1.0 - self.beta2**step)
+                rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
+                flat.addcdiv_(first, torch.sqrt(second, out=g).add_(1e-8 * unbiased), value=-rate)
+            yield theta, float(total) / float(problem.weight.sum())
+
+
+def loss_and_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:
+    """Return the summed loss of a batch; put the gradient of its mean loss into `out`."""
+    for slot in out:
+        slot.zero_()
+    factor = 2.0 / batch.weight.sum()
+    total = torch.zeros_like(factor)
+    for start in range(0, len(batch), BLOCK):
+        block = batch.rows(slice(start, start + BLOCK)) if len(batch) > BLOCK else batch
+        tape = forward(theta, block.x, block.direction, block.a, activation)
+        residual = tape.y - block.y
+        scaled = block.weight * residual
+        total += scaled @ residual
+        gradient(theta, tape, scaled.mul_(factor), out)
+    return total
 
 
 def views(flat: torch.Tensor, shapes: list[torch.Size]) -> Parameters:

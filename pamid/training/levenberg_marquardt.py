@@ -62,6 +62,10 @@ class LevenbergMarquardt(Trainer):
         self.tolerance = tolerance
         self.patience = patience
 
+    def loss_covers(self, n_samples: int) -> bool:
+        """Say whether a step takes all samples."""
+        return n_samples <= self.batch_size
+
     def steps(
         self,
         problem: Problem,
@@ -87,12 +91,12 @@ class LevenbergMarquardt(Trainer):
             if not np.isfinite(before):
                 yield theta, before
                 return
-            g, dg = _scale(adjoints(theta, tape), root)
-            K = gram(g, dg, tape)
+            adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
+            K = gram(adjoint, tape)
             scale = float(K.trace())
             accepted = False
             while mu < 1e8 and not accepted:
-                step = self._step(theta, origin, tape, g, dg, K, r, root, mu * scale + self.weight_decay)
+                step = self._step(theta, origin, tape, adjoint, K, r, root, mu * scale + self.weight_decay)
                 if step is None:
                     mu *= 4.0
                     continue
@@ -119,8 +123,7 @@ class LevenbergMarquardt(Trainer):
         theta: Parameters,
         origin: Parameters,
         tape: Tape,
-        g: list[torch.Tensor],
-        dg: list[torch.Tensor],
+        adjoint: list[torch.Tensor],
         K: torch.Tensor,
         r: torch.Tensor,
         root: torch.Tensor,
@@ -128,7 +131,7 @@ class LevenbergMarquardt(Trainer):
     ) -> Parameters | None:
         """Solve the damped normal equations for a step; None if the floating type is too coarse for this damping."""
         pull = [self.weight_decay * (p - q) for p, q in zip(theta, origin, strict=True)]
-        rhs = r - jacobian_product(g, dg, tape, pull) / c
+        rhs = r - jacobian_product(adjoint, tape, pull) / c
         A = K / c
         A.diagonal().add_(1.0)
         factor, failed = torch.linalg.cholesky_ex(A)
@@ -137,11 +140,3 @@ class LevenbergMarquardt(Trainer):
         u = torch.cholesky_solve(rhs[:, None], factor)[:, 0]
         back = gradient(theta, tape, root * u)
         return [-(p + q) / c for p, q in zip(pull, back, strict=True)]
-
-
-def _scale(
-    pair: tuple[list[torch.Tensor], list[torch.Tensor]], root: torch.Tensor
-) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
-    """Multiply the adjoints of each sample by the root of its weight."""
-    g, dg = pair
-    return [v * root[:, None] for v in g], [v * root[:, None] for v in dg]

@@ -22,25 +22,33 @@ from torch import Tensor
 
 from ..errors import UnknownOptionError
 
-Activation = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
-"""Returns σ(z), σ'(z) and σ''(z)."""
+Activation = Callable[[Tensor, bool], tuple[Tensor, Tensor]]
+"""Takes z and whether σ(z) is wanted; puts σ(z) in place of z if so; returns σ'(z) and σ''(z)."""
 
 
-def _softplus(z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _softplus(z: Tensor, wanted: bool) -> tuple[Tensor, Tensor]:
     s = torch.sigmoid(z)
-    return torch.nn.functional.softplus(z), s, s - s * s
+    if wanted:
+        # log(1 + e^z) = max(z, 0) - log(1 - σ(-|z|)): the exponential is shared with the slope, and no end overflows.
+        tail = torch.minimum(s, 1.0 - s).neg_().log1p_()
+        z.clamp_min_(0.0).sub_(tail)
+    return s, torch.addcmul(s, s, s, value=-1.0)
 
 
-def _tanh(z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    t = torch.tanh(z)
+def _tanh(z: Tensor, wanted: bool) -> tuple[Tensor, Tensor]:
+    t = z.tanh_()
     slope = 1.0 - t * t
-    return t, slope, -2.0 * t * slope
+    return slope, (t * slope).mul_(-2.0)
 
 
-def _silu(z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _silu(z: Tensor, wanted: bool) -> tuple[Tensor, Tensor]:
     s = torch.sigmoid(z)
-    ds = s - s * s
-    return z * s, s + z * ds, ds * (2.0 + z * (1.0 - 2.0 * s))
+    ds = torch.addcmul(s, s, s, value=-1.0)
+    # z (1 - 2 s) vanishes at both ends only after the product with ds, which falls faster than z grows.
+    curvature = torch.addcmul(z, z, s, value=-2.0).add_(2.0).mul_(ds)
+    slope = torch.addcmul(s, z, ds)
+    z.mul_(s)
+    return slope, curvature
 
 
 ACTIVATIONS: dict[str, Activation] = {"softplus": _softplus, "tanh": _tanh, "silu": _silu}
@@ -90,85 +98,55 @@ def initial_parameters(
     return parameters
 
 
-def value_and_derivative(
-    parameters: Parameters, x: Tensor, direction: Tensor, activation: str = "softplus"
-) -> tuple[Tensor, Tensor]:
-    """Evaluate a network and its derivative along a direction at each sample.
-
-    Parameters
-    ----------
-    parameters : list of Tensor
-        Weights and biases in turn.
-    x, direction : Tensor, shape (n_samples, n_inputs)
-        Inputs, and the direction of the derivative at each of them.
-    activation : str, default="softplus"
-        Name of the activation.
-
-    Returns
-    -------
-    value : Tensor, shape (n_samples,)
-        The network's output, dimensionless.
-    derivative : Tensor, shape (n_samples,)
-        Its derivative along the direction.
-    """
-    act = activation_named(activation)
-    h, dh = x, direction
-    last = len(parameters) // 2 - 1
-    for layer in range(last + 1):
-        W, c = parameters[2 * layer], parameters[2 * layer + 1]
-        z, dz = torch.addmm(c, h, W.T), dh @ W.T
-        if layer == last:
-            return z[:, 0], dz[:, 0]
-        h, slope, _ = act(z)
-        dh = slope * dz
-    raise AssertionError("a network has at least one layer")
-
-
 @dataclass
 class Tape:
-    """What a forward pass leaves behind for the adjoints, and the adjoints for a unit residual.
+    """What a forward pass leaves behind for the adjoints.
+
+    Value and derivative lie in one tensor, so that a product with a weight matrix serves both.
 
     Parameters
     ----------
     y : Tensor, shape (n_samples,)
         Prediction a V + ∂_d V.
-    h, dh : list of Tensor, shape (n_samples, n_in)
-        Input of each layer and its derivative along the direction.
+    pairs : list of Tensor, shape (2, n_samples, n_in)
+        Input h of each layer, and its derivative ḣ along the direction.
     slope, bend : list of Tensor, shape (n_samples, n_out)
         σ'(z), and σ''(z)·ż, of each hidden layer.
-    a : Tensor, shape (n_samples,)
-        Factor of the value in the prediction.
+    a : Tensor, shape (n_samples,), or None
+        Factor of the value in the prediction; None if the law reads the derivative alone. The last h is then left
+        out, since nothing depends on it.
     """
 
     y: Tensor
-    h: list[Tensor]
-    dh: list[Tensor]
+    pairs: list[Tensor]
     slope: list[Tensor]
     bend: list[Tensor]
-    a: Tensor
+    a: Tensor | None
 
 
-def forward(parameters: Parameters, x: Tensor, direction: Tensor, a: Tensor, activation: str) -> Tape:
-    """Predict ``a V + ∂_d V`` and keep what the adjoints need."""
+def forward(parameters: Parameters, x: Tensor, direction: Tensor, a: Tensor | None, activation: str) -> Tape:
+    """Predict ``a V + ∂_d V`` (``∂_d V`` if `a` is None) and keep what the adjoints need."""
     act = ACTIVATIONS[activation]
-    hs, dhs, slopes, bends = [x], [direction], [], []
-    n_layers = len(parameters) // 2
-    h, dh = x, direction
-    for layer in range(n_layers - 1):
+    n, n_hidden = x.shape[0], len(parameters) // 2 - 1
+    pair = torch.stack((x, direction))
+    pairs, slopes, bends = [pair], [], []
+    for layer in range(n_hidden):
         W, c = parameters[2 * layer], parameters[2 * layer + 1]
-        z, dz = torch.addmm(c, h, W.T), dh @ W.T
-        h, slope, curvature = act(z)
-        dh = slope * dz
-        hs.append(h)
-        dhs.append(dh)
-        slopes.append(slope)
+        pair = (pair.view(2 * n, -1) @ W.T).view(2, n, -1)
+        z, dz = pair
+        slope, curvature = act(z.add_(c), a is not None or layer < n_hidden - 1)
         bends.append(curvature.mul_(dz))
+        dz.mul_(slope)
+        slopes.append(slope)
+        pairs.append(pair)
     W, c = parameters[-2], parameters[-1]
-    y = a * (h @ W[0] + c) + dh @ W[0]
-    return Tape(y, hs, dhs, slopes, bends, a)
+    y = pair[1] @ W[0]
+    if a is not None:
+        y.addcmul_(a, torch.addmv(c, pair[0], W[0]))
+    return Tape(y, pairs, slopes, bends, a)
 
 
-def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None) -> tuple[list[Tensor], list[Tensor]]:
+def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None) -> list[Tensor]:
     """Return ∂y/∂z and ∂y/∂ż at every layer, scaled by ``upstream`` where it is given.
 
     Parameters
@@ -182,43 +160,66 @@ def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None)
 
     Returns
     -------
-    g : list of Tensor, shape (n_samples, n_out)
-        Adjoint of z at each layer, first layer first.
-    dg : list of Tensor, shape (n_samples, n_out)
-        Adjoint of ż at each layer.
+    list of Tensor, shape (2, n_samples, n_out)
+        Adjoints of z and ż at each layer, first layer first.
     """
-    ones = torch.ones_like(tape.y) if upstream is None else upstream
-    g, dg = [(ones * tape.a)[:, None]], [ones[:, None]]
+    dg = torch.ones_like(tape.y) if upstream is None else upstream
+    g = torch.zeros_like(dg) if tape.a is None else dg * tape.a
+    n, pair = dg.shape[0], torch.stack((g, dg))[:, :, None]
+    out = [pair]
     for layer in range(len(parameters) // 2 - 1, 0, -1):
         W = parameters[2 * layer]
-        gh, dgh = (g[0] * W, dg[0] * W) if W.shape[0] == 1 else (g[0] @ W, dg[0] @ W)
+        # A product with a single column is an outer product.
+        pair = pair * W if W.shape[0] == 1 else (pair.view(2 * n, -1) @ W).view(2, n, -1)
         slope, bend = tape.slope[layer - 1], tape.bend[layer - 1]
-        g.insert(0, gh.mul_(slope).addcmul_(dgh, bend))
-        dg.insert(0, dgh.mul_(slope))
-    return g, dg
+        pair[0].mul_(slope).addcmul_(pair[1], bend)
+        pair[1].mul_(slope)
+        out.append(pair)
+    return out[::-1]
 
 
-def gradient(parameters: Parameters, tape: Tape, upstream: Tensor) -> Parameters:
-    """Return ``Jᵀ upstream``: the gradient of a loss with the given derivative with respect to y."""
-    g, dg = adjoints(parameters, tape, upstream)
-    out: Parameters = []
-    for layer in range(len(g)):
-        out.append(torch.addmm(g[layer].T @ tape.h[layer], dg[layer].T, tape.dh[layer]))
-        out.append(g[layer].sum(0))
-    return out
+def gradient(parameters: Parameters, tape: Tape, upstream: Tensor, out: Parameters | None = None) -> Parameters:
+    """Return ``Jᵀ upstream``: the gradient of a loss with the given derivative with respect to y.
+
+    Parameters
+    ----------
+    parameters : list of Tensor
+        Weights and biases in turn.
+    tape : Tape
+        Of a forward pass at these parameters.
+    upstream : Tensor, shape (n_samples,)
+        Derivative of the loss with respect to y.
+    out : list of Tensor, optional
+        Where to add the gradient.
+    """
+    total = [torch.zeros_like(p) for p in parameters] if out is None else out
+    n = tape.y.shape[0]
+    for layer, (G, H) in enumerate(zip(adjoints(parameters, tape, upstream), tape.pairs, strict=True)):
+        W, c = total[2 * layer], total[2 * layer + 1]
+        g, h = G.view(2 * n, -1), H.view(2 * n, -1)
+        if h.shape[1] < g.shape[1]:
+            W.add_((h.T @ g).T)  # the long side of a thin product goes along the rows
+        elif layer == len(tape.pairs) - 1 and tape.a is None:
+            W.addmm_(G[1].T, H[1])
+            continue
+        else:
+            W.addmm_(g.T, h)
+        c.add_(G[0].sum(0))
+    return total
 
 
-def jacobian_product(g: list[Tensor], dg: list[Tensor], tape: Tape, v: Parameters) -> Tensor:
+def jacobian_product(adjoint: list[Tensor], tape: Tape, v: Parameters) -> Tensor:
     """Return ``J v`` for a change of the parameters, from the adjoints of unit residuals; shape (n_samples,)."""
     out = torch.zeros_like(tape.y)
-    for layer in range(len(g)):
-        dW, dc = v[2 * layer], v[2 * layer + 1]
-        out += (g[layer] * torch.addmm(dc, tape.h[layer], dW.T)).sum(1)
-        out += (dg[layer] * (tape.dh[layer] @ dW.T)).sum(1)
+    for layer, (G, H) in enumerate(_read_by_law(adjoint, tape)):
+        change = H @ v[2 * layer].T
+        if len(H) == 2:
+            change[0] += v[2 * layer + 1]
+        out += change.mul_(G).sum((0, 2))
     return out
 
 
-def gram(g: list[Tensor], dg: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = None) -> Tensor:
+def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = None) -> Tensor:
     r"""Return the Gram matrix :math:`J J^T`, shape (n_samples, n_samples), without forming J.
 
     The gradient of one prediction with respect to a weight matrix is a sum of two outer products, so a layer adds
@@ -228,7 +229,7 @@ def gram(g: list[Tensor], dg: list[Tensor], tape: Tape, trainable: Sequence[bool
 
     Parameters
     ----------
-    g, dg : list of Tensor
+    adjoint : list of Tensor
         Adjoints of unit residuals.
     tape : Tape
         Of the same forward pass.
@@ -237,13 +238,21 @@ def gram(g: list[Tensor], dg: list[Tensor], tape: Tape, trainable: Sequence[bool
     """
     n = tape.y.shape[0]
     out = torch.zeros((n, n), dtype=tape.y.dtype, device=tape.y.device)
-    for layer in range(len(g)):
+    for layer, (G, H) in enumerate(_read_by_law(adjoint, tape)):
         if trainable is not None and not trainable[layer]:
             continue
-        G, dG, H, dH = g[layer], dg[layer], tape.h[layer], tape.dh[layer]
-        out += (G @ G.T).mul_((H @ H.T).add_(1.0))
-        out += (dG @ dG.T).mul_(dH @ dH.T)
-        cross = (G @ dG.T).mul_(H @ dH.T)
-        out += cross
-        out += cross.T
+        out += (G[-1] @ G[-1].T).mul_(H[-1] @ H[-1].T)
+        if len(H) == 2:
+            out += (G[0] @ G[0].T).mul_((H[0] @ H[0].T).add_(1.0))
+            cross = (G[0] @ G[1].T).mul_(H[0] @ H[1].T)
+            out += cross
+            out += cross.T
     return out
+
+
+def _read_by_law(adjoint: list[Tensor], tape: Tape) -> list[tuple[Tensor, Tensor]]:
+    """Pair adjoints and inputs of the layers, without the last value where the law does not read it."""
+    pairs = list(zip(adjoint, tape.pairs, strict=True))
+    if tape.a is None:
+        pairs[-1] = (pairs[-1][0][1:], pairs[-1][1][1:])
+    return pairs

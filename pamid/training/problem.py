@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,8 +23,8 @@ class Problem:
         Inputs of the network, standardised.
     direction : Tensor, shape (n_samples, n_inputs)
         Direction of the derivative that the law reads, in the same coordinates.
-    a : Tensor, shape (n_samples,)
-        Factor of the network's value.
+    a : Tensor, shape (n_samples,), or None
+        Factor of the network's value; None if the law never reads it.
     y : Tensor, shape (n_samples,)
         What the law should give, in units of its spread.
     weight : Tensor, shape (n_samples,)
@@ -32,7 +33,7 @@ class Problem:
 
     x: Tensor
     direction: Tensor
-    a: Tensor
+    a: Tensor | None
     y: Tensor
     weight: Tensor
 
@@ -52,15 +53,18 @@ class Problem:
         w = np.ones(len(y)) if weight is None else np.asarray(weight, dtype=float)
         keep = w > 0
         arrays = [np.asarray(v, dtype=float)[keep] for v in (x, direction, a, y, w)]
-        tensors = [torch.as_tensor(np.ascontiguousarray(v), dtype=dtype, device=device) for v in arrays]
+        tensors: list[Any] = [torch.as_tensor(np.ascontiguousarray(v), dtype=dtype, device=device) for v in arrays]
+        if not np.any(arrays[2]):
+            tensors[2] = None
         return cls(*tensors)
 
     def __len__(self) -> int:
         return int(self.y.shape[0])
 
-    def rows(self, index: Tensor) -> Problem:
-        """Return the problem on some of the samples."""
-        return Problem(self.x[index], self.direction[index], self.a[index], self.y[index], self.weight[index])
+    def rows(self, index: Tensor | slice) -> Problem:
+        """Return the problem on some of the samples; a slice copies nothing."""
+        a = None if self.a is None else self.a[index]
+        return Problem(self.x[index], self.direction[index], a, self.y[index], self.weight[index])
 
     def split(self, held_out: Tensor) -> tuple[Problem, Problem]:
         """Split by a boolean mask into what is trained on and what is held out."""

@@ -17,6 +17,9 @@ from .result import BestSoFar, Callback, Status, TrainingResult
 EVALUATION_ROWS = 8192
 """Rows on which the loss of the current parameters is judged; more would cost without telling more."""
 
+DRAW_EVALUATION_ROWS = 2048
+"""The same for a trainer whose own losses are those of small draws, and whose steps are cheap."""
+
 
 def mean_squared_residual(parameters: Parameters, problem: Problem, activation: str) -> float:
     """Return the weighted mean squared residual of a law on a problem."""
@@ -44,6 +47,10 @@ class Trainer(BaseEstimator):
         prior: Parameters | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean squared residual after each iteration."""
+
+    def loss_covers(self, n_samples: int) -> bool:
+        """Say whether the losses that `steps` yields are means over all samples, not over a draw of them."""
+        return True
 
     def check(self) -> None:
         """Raise `ParameterError` for a parameter that is out of its domain."""
@@ -97,8 +104,10 @@ class Trainer(BaseEstimator):
         judged = validation
         if judged is None:
             judged = problem
-            if len(problem) > EVALUATION_ROWS:
-                rows = random_state.choice(len(problem), EVALUATION_ROWS, replace=False)
+            # The loss of a draw says which draw was lucky, not which parameters are good.
+            most = EVALUATION_ROWS if self.loss_covers(len(problem)) else DRAW_EVALUATION_ROWS
+            if len(problem) > most:
+                rows = random_state.choice(len(problem), most, replace=False)
                 judged = problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
         best = BestSoFar(self.patience)
         best.offer(mean_squared_residual(parameters, judged, activation), parameters)
@@ -107,7 +116,8 @@ class Trainer(BaseEstimator):
         status = Status.FINISHED
         try:
             for current, loss in self.steps(problem, parameters, activation, random_state, prior):
-                score = mean_squared_residual(current, judged, activation) if judged is not problem else loss
+                own = judged is problem and self.loss_covers(len(problem))
+                score = loss if own else mean_squared_residual(current, judged, activation)
                 losses.append(loss)
                 if validation is not None:
                     held_out.append(score)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import MissingColumnError, OutputError, ParameterError
-from ..common import add_command, add_log_options, load_log, load_simulator, note, print_json, progress
+from ..common import add_command, add_log_options, load_log, note, print_json, progress, simulator_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,7 +42,11 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--equation", choices=("force", "flow"), default="force", help="what is predicted (default: force)"
     )
-    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file; needed unless the log has eps and P")
+    parser.add_argument(
+        "--sim",
+        metavar="SIM.toml",
+        help="simulator file, needed unless the log has eps and P (default: LOG.sim.toml or sim.toml beside LOG)",
+    )
     parser.add_argument(
         "--estimators",
         metavar="A,B,...",
@@ -98,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
     folder = _folder(args.out)
     started = time.perf_counter()
-    params = load_simulator(args.sim) if args.sim else None
+    params = simulator_of(args)
     signals = signal_table(load_log(args, nan="drop"), params, TARGETS[args.equation])
     parameters = dict(params.values()) if params is not None else {}
     own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}

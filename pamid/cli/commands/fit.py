@@ -12,12 +12,12 @@ from ..common import (
     add_log_options,
     checked_output,
     load_log,
-    load_simulator,
     note,
     number,
     parse_settings,
     print_json,
     progress,
+    simulator_of,
     table,
 )
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             "--thin of at least 1, --folds 0 or at least 2",
             "Correct the number.",
         )
-    params = load_simulator(args.sim) if args.sim else None
+    params = simulator_of(args)
     estimator = make_estimator(args.estimator, parse_settings(args.set), params, args.seed)
     target = equation_of(estimator, args.equation)
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
