@@ -1,0 +1,49 @@
+"""The Q-adapter: a factor on the volume, over any other adapter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ParameterError
+from .base import Adapter, Arrays
+from .fine_tuning import FineTuning
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Multiply the last layer's weights and bias, hence the volume, by Q; Q learns at `rate` of the learning rate."""
+
+    q0: float = 1.0
+    base: Adapter = field(default_factory=FineTuning)
+    rate: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Refuse a factor that makes no volume."""
+        if not (np.isfinite(self.q0) and self.q0 > 0):
+            raise ParameterError(
+                f"The initial factor on the volume is {self.q0}.",
+                "a finite number above 0",
+                "Take the ratio of D^2 L of the two muscles.",
+            )
+
+    def initial(self, source: Arrays, generator: np.random.Generator) -> Arrays:
+        """Return Q, of shape (1,), before the base's arrays."""
+        return [0.0 * source[-1].reshape(-1)[:1] + self.q0, *self.base.initial(source, generator)]
+
+    def expand(self, source: Arrays, psi: Arrays) -> Arrays:
+        """Return the base's network with its output multiplied by Q."""
+        theta = self.base.expand(source, psi[1:])
+        return [*theta[:-2], theta[-2] * psi[0], theta[-1] * psi[0]]
+
+    def pullback(self, source: Arrays, psi: Arrays, gradient: Arrays) -> Arrays:
+        """Return the gradient by Q and by the base's arrays."""
+        theta = self.base.expand(source, psi[1:])
+        by_q = sum((g * t).sum() for g, t in zip(gradient[-2:], theta[-2:], strict=True))
+        inner = [*gradient[:-2], gradient[-2] * psi[0], gradient[-1] * psi[0]]
+        return [by_q.reshape(1), *self.base.pullback(source, psi[1:], inner)]
+
+    def rates(self, psi: Arrays) -> list[float]:
+        """Return Q's share of the learning rate, then the base's."""
+        return [self.rate, *self.base.rates(psi[1:])]
