@@ -7,6 +7,7 @@ import pytest
 
 from pamid.adapters.base import n_parameters
 from pamid.adapters.fine_tuning import FineTuning
+from pamid.adapters.geometry import volume_ratio
 from pamid.adapters.low_rank import LowRank
 from pamid.adapters.scalar import Scalar
 from pamid.errors import ParameterError
@@ -86,3 +87,20 @@ def test_low_rank_starts_at_the_source():
 def test_impossible_ranks_are_refused(ranks):
     with pytest.raises(ParameterError, match="rank"):
         LowRank(ranks).initial(network((4, 5, 4, 1)), np.random.default_rng(0))
+
+
+def test_geometry_gives_q0_and_its_uncertainty():
+    assert volume_ratio((0.1, 0.01), (0.1, 0.02)).value == pytest.approx(4)
+    rng, n = np.random.default_rng(0), 200_000
+    L = 1 + 0.01 * rng.normal(size=(2, n))
+    D = 1 + 0.02 * rng.normal(size=(2, n))
+    drawn = 4 * (D[1] / D[0]) ** 2 * L[1] / L[0]
+    assert volume_ratio((0.1, 0.01), (0.1, 0.02), (0.01, 0.02)).uncertainty == pytest.approx(drawn.std(), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("target", "relative"), [((0.0, 0.01), (0, 0)), ((0.1, np.nan), (0, 0)), ((0.1, 0.01), (-0.1, 0))]
+)
+def test_impossible_geometry_is_refused(target, relative):
+    with pytest.raises(ParameterError):
+        volume_ratio((0.1, 0.01), target, relative)

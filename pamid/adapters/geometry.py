@@ -1,0 +1,58 @@
+"""Where the factor on the volume starts: two muscles' lengths and diameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ParameterError
+
+
+class Scale(NamedTuple):
+    """A factor on the volume and its standard uncertainty."""
+
+    value: float
+    uncertainty: float
+
+
+def volume_ratio(
+    source: tuple[float, float], target: tuple[float, float], relative: tuple[float, float] = (0.0, 0.0)
+) -> Scale:
+    r"""Return :math:`Q_0 = (D_t / D_s)^2 L_t / L_s`, with its uncertainty to first order.
+
+    Parameters
+    ----------
+    source, target : tuple of float
+        Rest length (m) and rest diameter (m) of each muscle.
+    relative : tuple of float, default=(0, 0)
+        Relative standard uncertainty of each length and of each diameter, independent of one another.
+
+    Returns
+    -------
+    Scale
+        Q_0 and its standard uncertainty.
+
+    Raises
+    ------
+    ParameterError
+        If a size is not above 0, or an uncertainty is below 0.
+    """
+    sizes = np.array([source, target], dtype=float)
+    spread = np.array(relative, dtype=float)
+    if not (np.isfinite(sizes).all() and (sizes > 0).all()):
+        raise ParameterError(
+            f"The lengths and diameters are {sizes.tolist()} m.",
+            "finite numbers above 0",
+            "Give both muscles' rest length and rest diameter in metres.",
+        )
+    if not (np.isfinite(spread).all() and (spread >= 0).all()):
+        raise ParameterError(
+            f"The relative uncertainties are {spread.tolist()}.",
+            "finite numbers from 0 on",
+            "Give one for the lengths and one for the diameters.",
+        )
+    length, diameter = sizes[1] / sizes[0]
+    q0 = float(length * diameter**2)
+    # each size stands in the ratio twice, once for each muscle
+    return Scale(q0, q0 * float(np.sqrt(2 * spread[0] ** 2 + 2 * (2 * spread[1]) ** 2)))
