@@ -60,14 +60,15 @@ def fit_plot(
         figure, axes = new_figure(8.6, 5.2, 2, len(chosen), sharey="col")
         for column, (word, trajectory) in enumerate(chosen.items()):
             part = rows[rows["trajectory"] == trajectory]
+            error = factor * float(np.sqrt(np.mean((part["predicted"] - part["measured"]) ** 2)))
+            part = _broken_at_gaps(part)
             measured, predicted = part["measured"] * factor, part["predicted"] * factor
-            error = float(np.sqrt(np.mean((predicted - measured) ** 2)))
             top, below = axes[0, column], axes[1, column]
             across, text = _across(part)
             for ax, x in ((top, part["time"]), (below, across)):
                 ax.plot(x, measured, color=FAINT, linewidth=3.2, label="measured")
                 ax.plot(x, predicted, color=BLUE, linewidth=1.0, label="predicted")
-            top.set_title(f"{word}: {trajectory}\nRMSE {error:.3g} {unit}")
+            top.set_title(f"{word}: RMSE {error:.3g} {unit}\n{_short(trajectory)}")
             top.set_xlabel("time / s")
             below.set_xlabel(text)
             if column == 0:
@@ -94,7 +95,22 @@ def _examples(rows: pd.DataFrame) -> dict[str, str]:
     return chosen
 
 
+def _broken_at_gaps(part: pd.DataFrame) -> pd.DataFrame:
+    """Break the lines where rows are left out, so that nothing is drawn where nothing was scored."""
+    steps = np.diff(part["time"].to_numpy(dtype=float))
+    if not len(steps):
+        return part
+    shown = part[["time", "eps", "P", "measured", "predicted"]].reset_index(drop=True)
+    after = np.flatnonzero(steps > 5 * np.median(steps))
+    shown.index = shown.index.astype(float)
+    return shown.reindex(np.sort(np.concatenate([shown.index.to_numpy(), after + 0.5])))
+
+
+def _short(name: str, most: int = 30) -> str:
+    return name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-most // 2 :]}"
+
+
 def _across(part: pd.DataFrame) -> tuple[pd.Series, str]:
-    if np.ptp(part["eps"].to_numpy()) > _STILL:
+    if np.ptp(part["eps"].dropna().to_numpy()) > _STILL:
         return 100 * part["eps"], "contraction / %"
     return part["P"] / 1e5, "pressure / bar, absolute"
