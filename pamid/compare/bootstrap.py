@@ -76,6 +76,7 @@ class ClusterBootstrap:
         Returns
         -------
         Interval
+            Error and interval, in the unit of the error.
         """
         low, high = np.quantile(self.draws(squared_error), self.quantiles)
         return Interval(float(np.sqrt(np.mean(squared_error))), float(low), float(high))
