@@ -93,7 +93,7 @@ class Adam(Trainer):
                 unbiased = math.sqrt(1.0 - self.beta2**step)
                 rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
                 flat.addcdiv_(first, torch.sqrt(second, out=g).add_(1e-8 * unbiased), value=-rate)
-            yield theta, float(total) / float(problem.weight.sum())
+            yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
 
 
 def loss_and_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:

@@ -126,7 +126,7 @@ class Tape:
 
 def forward(parameters: Parameters, x: Tensor, direction: Tensor, a: Tensor | None, activation: str) -> Tape:
     """Predict ``a V + ∂_d V`` (``∂_d V`` if `a` is None) and keep what the adjoints need."""
-    act = ACTIVATIONS[activation]
+    act = activation_named(activation)
     n, n_hidden = x.shape[0], len(parameters) // 2 - 1
     pair = torch.stack((x, direction))
     pairs, slopes, bends = [pair], [], []

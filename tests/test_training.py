@@ -1,0 +1,408 @@
+"""The volume network's derivatives by hand and its trainers: against autograd, torch's Adam and dense algebra."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+from pamid.estimators import StaticPIHM
+
+from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
+from pamid.training import Adam, LevenbergMarquardt, Problem, Status, trainer_named
+from pamid.training.network import (
+    ACTIVATIONS,
+    activation_named,
+    adjoints,
+    forward,
+    gradient,
+    gram,
+    initial_parameters,
+    jacobian_product,
+)
+from pamid.training.trainer import mean_squared_residual
+
+PLAIN = {
+    "softplus": lambda z: torch.nn.functional.softplus(z, threshold=50),  # torch's own rounds at 20 already
+    "tanh": torch.tanh,
+    "silu": torch.nn.functional.silu,
+}
+ACTIVATION = sorted(ACTIVATIONS)
+WIDTHS = [(4, 1), (4, 7, 1), (4, 6, 5, 3, 1)]
+
+
+def start(widths=(4, 8, 8, 1), seed=0, dtype=torch.float64):
+    return initial_parameters(widths, np.random.RandomState(seed), dtype)
+
+
+def problem(n=60, seed=1, *, weighted=True, dtype=torch.float64, reads_value=True):
+    """A target that a network can follow: value and slope of a smooth function, mixed by random factors."""
+    rng = np.random.default_rng(seed)
+    x, d, a = rng.normal(size=(n, 4)), rng.normal(size=(n, 4)), rng.normal(size=n) * reads_value
+    f = np.sin(x[:, 0]) + 0.3 * x[:, 1] * x[:, 2]
+    df = np.cos(x[:, 0]) * d[:, 0] + 0.3 * (d[:, 1] * x[:, 2] + x[:, 1] * d[:, 2])
+    weight = rng.uniform(0.2, 3.0, n) if weighted else None
+    return Problem.from_arrays(x, d, a, a * f + df, weight, dtype=dtype)
+
+
+def plain_network(parameters, x, activation):
+    """The network as anybody would write it, for autograd."""
+    h = x
+    for k in range(0, len(parameters) - 2, 2):
+        h = PLAIN[activation](h @ parameters[k].T + parameters[k + 1])
+    return (h @ parameters[-2].T + parameters[-1])[:, 0]
+
+
+def plain_law(parameters, p, activation):
+    """a N + ∂_d N by a first backward pass that can be differentiated again."""
+    x = p.x.clone().requires_grad_()
+    value = plain_network(parameters, x, activation)
+    (slope,) = torch.autograd.grad(value.sum(), x, create_graph=True)
+    a = 0.0 if p.a is None else p.a
+    return a * value + (slope * p.direction).sum(1), value, (slope * p.direction).sum(1)
+
+
+def plain_jacobian(parameters, p, activation):
+    """J row by row, shape (n_samples, n_parameters)."""
+    theta = [v.clone().requires_grad_() for v in parameters]
+    y, _, _ = plain_law(theta, p, activation)
+    rows = []
+    for value in y:
+        g = torch.autograd.grad(value, theta, retain_graph=True, allow_unused=True)
+        filled = [torch.zeros_like(t) if v is None else v for v, t in zip(g, theta, strict=True)]
+        rows.append(torch.cat([v.reshape(-1) for v in filled]))
+    return torch.stack(rows)
+
+
+def flat(parameters):
+    return torch.cat([p.reshape(-1) for p in parameters])
+
+
+# --- derivatives by hand --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_activations_and_their_two_derivatives(activation):
+    z = torch.linspace(-30, 30, 241, dtype=torch.float64, requires_grad=True)
+    (slope,) = torch.autograd.grad(PLAIN[activation](z).sum(), z, create_graph=True)
+    (bend,) = torch.autograd.grad(slope.sum(), z)
+    value = z.detach().clone()
+    ours_too = ACTIVATIONS[activation](value, True)  # leaves the value in place of z
+    for ours, theirs in zip((value, *ours_too), (PLAIN[activation](z), slope, bend), strict=True):
+        torch.testing.assert_close(ours, theirs.detach(), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("widths", WIDTHS)
+@pytest.mark.parametrize("reads_value", [True, False])
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_value_derivative_and_gradient_are_those_of_autograd(activation, widths, reads_value):
+    p, parameters = problem(20, reads_value=reads_value), start(widths)
+    theta = [v.clone().requires_grad_() for v in parameters]
+    y, value, slope = plain_law(theta, p, activation)
+    for a, d, theirs in ((torch.ones(20), 0.0 * p.direction, value), (None, p.direction, slope)):
+        ours = forward(parameters, p.x, d, a, activation).y
+        torch.testing.assert_close(ours, theirs.detach(), rtol=1e-12, atol=1e-12)
+
+    upstream = torch.linspace(-1, 2, 20, dtype=torch.float64)
+    theirs = torch.autograd.grad((upstream * y).sum(), theta, materialize_grads=True)
+    tape = forward(parameters, p.x, p.direction, p.a, activation)
+    torch.testing.assert_close(tape.y, y.detach(), rtol=1e-12, atol=1e-12)
+    for mine, other in zip(gradient(parameters, tape, upstream), theirs, strict=True):
+        torch.testing.assert_close(mine, other, rtol=1e-10, atol=1e-11)
+
+
+@pytest.mark.parametrize("widths", WIDTHS)
+@pytest.mark.parametrize("reads_value", [True, False])
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_jacobian_products_without_the_jacobian(activation, widths, reads_value):
+    p, parameters = problem(12, reads_value=reads_value), start(widths, seed=3)
+    J = plain_jacobian(parameters, p, activation)
+    tape = forward(parameters, p.x, p.direction, p.a, activation)
+    adjoint = adjoints(parameters, tape)
+    torch.testing.assert_close(gram(adjoint, tape), J @ J.T, rtol=1e-9, atol=1e-9)
+    v = start(widths, seed=9)
+    torch.testing.assert_close(jacobian_product(adjoint, tape, v), J @ flat(v), rtol=1e-9, atol=1e-9)
+    upstream = torch.linspace(-1, 1, 12, dtype=torch.float64)
+    torch.testing.assert_close(flat(gradient(parameters, tape, upstream)), J.T @ upstream, rtol=1e-9, atol=1e-9)
+
+
+def test_gram_of_some_layers_only():
+    p, parameters = problem(10), start((4, 6, 5, 1))
+    J = plain_jacobian(parameters, p, "softplus")
+    first = parameters[0].numel() + parameters[1].numel()
+    second = parameters[2].numel() + parameters[3].numel()
+    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
+    part = J[:, first : first + second]
+    ours = gram(adjoints(parameters, tape), tape, trainable=[False, True, False])
+    torch.testing.assert_close(ours, part @ part.T, rtol=1e-9, atol=1e-9)
+
+
+def test_a_forward_pass_leaves_its_inputs_alone():
+    p, parameters = problem(8), start()
+    before = copy.deepcopy((p, parameters))
+    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
+    first = flat(gradient(parameters, tape, torch.ones(8, dtype=torch.float64)))
+    second = flat(gradient(parameters, tape, torch.ones(8, dtype=torch.float64)))
+    assert torch.equal(first, second)
+    assert all(torch.equal(u, v) for u, v in zip(before[1], parameters, strict=True))
+    assert torch.equal(before[0].x, p.x) and torch.equal(before[0].direction, p.direction)
+
+
+# --- Algorithm 1 ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("batch_size", [64, 17])
+@pytest.mark.parametrize("weight_decay", [0.0, 0.05])
+def test_adam_is_torchs_adam_with_the_decay_in_the_gradient(batch_size, weight_decay):
+    """The same batches give the same parameters, epoch by epoch: MSE gradient plus λθ through the moments."""
+    p, parameters = problem(64), start()
+    ours = Adam(max_iter=12, learning_rate=3e-3, weight_decay=weight_decay, batch_size=batch_size)
+    theta = [v.clone().requires_grad_() for v in parameters]
+    theirs = torch.optim.Adam(theta, lr=3e-3, betas=(0.9, 0.999), weight_decay=weight_decay)
+    rng = np.random.RandomState(4)
+    for current, loss in ours.steps(p, parameters, "softplus", np.random.RandomState(4)):
+        order = torch.as_tensor(rng.permutation(64)) if batch_size < 64 else torch.arange(64)
+        total = 0.0
+        for i in range(0, 64, batch_size):
+            batch = p.rows(order[i : i + batch_size])
+            squared = (plain_law(theta, batch, "softplus")[0] - batch.y) ** 2
+            mse = (batch.weight * squared).sum() / batch.weight.sum()
+            theirs.zero_grad()
+            mse.backward()
+            theirs.step()
+            total += float((batch.weight * squared).sum().detach())
+        torch.testing.assert_close(flat(current), flat(theta).detach(), rtol=1e-8, atol=1e-10)
+        assert loss == pytest.approx(total / float(p.weight.sum()), rel=1e-9)
+
+
+def test_adam_yields_parameters_that_later_steps_do_not_change():
+    steps = Adam(max_iter=3).steps(problem(), start(), "softplus", np.random.RandomState(0))
+    first, _ = next(steps)
+    copied = flat(first).clone()
+    next(steps)
+    assert torch.equal(flat(first), copied)
+
+
+# --- Levenberg–Marquardt --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("reads_value", [True, False])
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_the_step_in_sample_space_solves_the_dense_normal_equations(activation, reads_value):
+    """(JᵀWJ + cI) δ = −JᵀWr − λ(θ − θ₀), with sample weights and a prior that is not zero."""
+    p, theta, origin = problem(25, reads_value=reads_value), start((4, 6, 5, 1)), start((4, 6, 5, 1), seed=7)
+    decay, c = 0.03, 0.08
+    trainer = LevenbergMarquardt(weight_decay=decay)
+    root = (p.weight / p.weight.sum()).sqrt()
+    tape = forward(theta, p.x, p.direction, p.a, activation)
+    r = root * (tape.y - p.y)
+    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
+    step = trainer._step(theta, origin, tape, adjoint, gram(adjoint, tape), r, root, c)
+
+    J = root[:, None] * plain_jacobian(theta, p, activation)
+    A = J.T @ J + c * torch.eye(J.shape[1], dtype=torch.float64)
+    dense = torch.linalg.solve(A, -J.T @ r - decay * (flat(theta) - flat(origin)))
+    torch.testing.assert_close(flat(step), dense, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("trainer", [Adam(max_iter=150, learning_rate=5e-3), LevenbergMarquardt(max_iter=40)])
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_every_trainer_lowers_every_loss(trainer, activation):
+    p, parameters = problem(200), start()
+    before = mean_squared_residual(parameters, p, activation)
+    result = trainer.run(p, parameters, activation, np.random.RandomState(0))
+    assert mean_squared_residual(result.parameters, p, activation) < 0.3 * before
+    assert result.n_iter == len(result.loss_curve) <= trainer.max_iter
+    assert result.status in (Status.FINISHED, Status.CONVERGED)
+
+
+def test_levenberg_marquardt_never_climbs_on_all_samples_and_converges():
+    """Without a pull every accepted step lowers the loss; with more parameters than samples it ends near zero."""
+    trainer = LevenbergMarquardt(max_iter=200, weight_decay=0.0)
+    result = trainer.run(problem(40), start(), "tanh", np.random.RandomState(0))
+    assert np.all(np.diff(result.loss_curve) < 0)
+    assert result.loss_curve[-1] < 1e-6 * result.loss_curve[0]
+
+
+def test_levenberg_marquardt_draws_batches_where_there_are_many_samples():
+    p = problem(600)
+    result = LevenbergMarquardt(max_iter=40, batch_size=100).run(p, start(), "tanh", np.random.RandomState(0))
+    assert mean_squared_residual(result.parameters, p, "tanh") < 0.1 * mean_squared_residual(start(), p, "tanh")
+
+
+def test_a_strong_pull_keeps_the_parameters_at_the_prior():
+    p, here = problem(50), start()
+    free = LevenbergMarquardt(max_iter=10, weight_decay=1e-9).run(p, here, "tanh", np.random.RandomState(0), prior=here)
+    held = LevenbergMarquardt(max_iter=10, weight_decay=1e3).run(p, here, "tanh", np.random.RandomState(0), prior=here)
+    moved = [float((flat(r.parameters) - flat(here)).norm()) for r in (free, held)]
+    assert moved[1] < 1e-2 * moved[0]
+
+
+# --- the loop that all trainers share -------------------------------------------------------------------------
+class Scripted(Adam):
+    """Walks through given biases of a network whose output is its bias."""
+
+    script: tuple[float, ...] = ()
+    fails: BaseException | None = None
+
+    def steps(self, problem, parameters, activation, random_state, prior=None):
+        for value in self.script:
+            current = [torch.zeros(1, 4, dtype=torch.float64), torch.tensor([value], dtype=torch.float64)]
+            yield current, mean_squared_residual(current, problem, activation)
+        if self.fails is not None:
+            raise self.fails
+
+
+def level(y, n=10):
+    """Residual = bias − y."""
+    zero = np.zeros((n, 4))
+    return Problem.from_arrays(zero, zero, np.ones(n), np.full(n, float(y)))
+
+
+def scripted(*script, fails=None, patience=500):
+    trainer = Scripted(patience=patience)
+    trainer.script, trainer.fails = script, fails
+    return trainer
+
+
+BIAS = [torch.zeros(1, 4, dtype=torch.float64), torch.tensor([10.0], dtype=torch.float64)]
+
+
+def test_early_stopping_returns_the_best_on_the_held_out():
+    """The training target is 0, the held-out one 3: the walk passes it and goes on until patience ends."""
+    trainer = scripted(*np.arange(9.0, -9.0, -1.0), patience=4)
+    result = trainer.run(level(0), BIAS, "tanh", np.random.RandomState(0), validation=level(3))
+    assert result.status is Status.STOPPED_EARLY
+    assert float(result.parameters[1]) == 3.0
+    assert result.n_iter == 7 + 4  # 9 ... 3, then four without a new best
+    assert result.validation_curve[6] == 0.0 and len(result.validation_curve) == result.n_iter
+
+
+def test_the_start_is_kept_if_nothing_is_better():
+    result = scripted(11.0, 12.0).run(level(10), BIAS, "tanh", np.random.RandomState(0))
+    assert float(result.parameters[1]) == 10.0
+
+
+def test_a_callback_stops_and_the_best_is_kept():
+    seen = []
+
+    def callback(loss, parameters):
+        seen.append((loss, float(parameters[1])))
+        return len(seen) == 3
+
+    result = scripted(2.0, 1.0, 4.0, 0.0).run(level(0), BIAS, "tanh", np.random.RandomState(0), callback=callback)
+    assert result.status is Status.STOPPED_BY_CALLBACK
+    assert seen == [(4.0, 2.0), (1.0, 1.0), (16.0, 4.0)]
+    assert float(result.parameters[1]) == 1.0
+
+
+def test_interruption_keeps_the_best_so_far():
+    trainer = scripted(5.0, 2.0, 3.0, fails=KeyboardInterrupt())
+    result = trainer.run(level(0), BIAS, "tanh", np.random.RandomState(0))
+    assert result.status is Status.INTERRUPTED
+    assert result.n_iter == 3 and float(result.parameters[1]) == 2.0
+
+
+def test_divergence_keeps_the_best_so_far():
+    result = scripted(5.0, 2.0, np.inf, 0.0).run(level(0), BIAS, "tanh", np.random.RandomState(0))
+    assert result.status is Status.DIVERGED
+    assert float(result.parameters[1]) == 2.0
+    assert "wrong units" in result.status.value
+
+
+@pytest.mark.parametrize("trainer", [Adam(learning_rate=1e200), LevenbergMarquardt()])
+def test_a_loss_beyond_the_numbers_ends_as_diverged(trainer):
+    p = problem(20)
+    if isinstance(trainer, LevenbergMarquardt):
+        p = Problem(p.x, p.direction, p.a, p.y * 1e200, p.weight)
+    result = trainer.run(p, start(), "softplus", np.random.RandomState(0))
+    assert result.status is Status.DIVERGED
+    assert torch.isfinite(flat(result.parameters)).all()
+
+
+def test_the_start_and_the_global_random_state_are_left_alone():
+    parameters = start()
+    before = flat(parameters).clone()
+    torch_state, numpy_state = torch.random.get_rng_state(), np.random.get_state()[1].copy()  # noqa: NPY002
+    runs = [
+        trainer.run(problem(90), parameters, "tanh", np.random.RandomState(5))
+        for trainer in (Adam(max_iter=5, batch_size=32), LevenbergMarquardt(max_iter=5, batch_size=32))
+        for _ in range(2)
+    ]
+    assert torch.equal(flat(parameters), before)
+    assert torch.equal(torch.random.get_rng_state(), torch_state)
+    assert np.array_equal(np.random.get_state()[1], numpy_state)  # noqa: NPY002
+    assert runs[0].loss_curve == runs[1].loss_curve and runs[2].loss_curve == runs[3].loss_curve
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("trainer", [Adam(max_iter=3), LevenbergMarquardt(max_iter=3)])
+def test_the_floating_type_is_kept(trainer, dtype):
+    result = trainer.run(problem(30, dtype=dtype), start(dtype=dtype), "silu", np.random.RandomState(0))
+    assert {p.dtype for p in result.parameters} == {dtype}
+    assert np.all(np.isfinite(result.loss_curve))
+
+
+def test_samples_of_zero_weight_are_left_out():
+    weight = np.array([1.0, 0.0, 2.0])
+    p = Problem.from_arrays(np.eye(3, 4), np.eye(3, 4), np.ones(3), np.array([1.0, np.nan, 3.0]), weight)
+    assert len(p) == 2 and p.y.tolist() == [1.0, 3.0]
+
+
+# --- parameters -----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    "bad",
+    [
+        Adam(max_iter=0),
+        Adam(batch_size=2.5),
+        Adam(learning_rate=-1e-3),
+        Adam(learning_rate=float("nan")),
+        Adam(patience=0),
+        LevenbergMarquardt(max_iter=-3),
+        LevenbergMarquardt(batch_size=0),
+        LevenbergMarquardt(weight_decay=-1.0),
+        LevenbergMarquardt(damping=float("inf")),
+    ],
+)
+def test_bad_parameters_are_named(bad):
+    with pytest.raises(ParameterError, match=type(bad).__name__):
+        bad.run(problem(10), start(), "tanh", np.random.RandomState(0))
+
+
+def test_trainers_by_name():
+    assert isinstance(trainer_named("adam"), Adam)
+    mine = LevenbergMarquardt(max_iter=3)
+    assert trainer_named(mine) is mine
+    for wrong in ("sgd", 3, None):
+        with pytest.raises(UnknownOptionError, match="adam, levenberg_marquardt"):
+            trainer_named(wrong)
+    with pytest.raises(UnknownOptionError, match="softplus"):
+        activation_named("relu")
+
+
+# --- what the estimators make of it ---------------------------------------------------------------------------
+class Interrupted(LevenbergMarquardt):
+    """Ctrl-C comes after the fifth step."""
+
+    def steps(self, *args, **kwargs):
+        for k, step in enumerate(super().steps(*args, **kwargs)):
+            if k == 5:
+                raise KeyboardInterrupt
+            yield step
+
+
+@pytest.fixture(scope="module")
+def force():
+    rng = np.random.default_rng(0)
+    X = np.column_stack([rng.uniform(0, 0.2, 150), rng.normal(size=150), rng.uniform(2e5, 6e5, 150), np.zeros(150)])
+    X[:, 3] = 1e5 * rng.normal(size=150)
+    return X, (X[:, 2] - 101_325) * 8e-4 * (1 - 3.3 * X[:, 0])
+
+
+def test_an_interrupted_estimator_warns_and_predicts(force):
+    model = StaticPIHM(volume_model="neural", hidden_layer_sizes=(8,), trainer=Interrupted(), random_state=0)
+    with pytest.warns(InterruptedFitWarning, match="best parameters so far"):
+        model.fit(*force)
+    assert model.status_ == "interrupted" and model.n_iter_ == 5
+    assert model.score(*force) > 0.9
+
+
+def test_a_diverged_estimator_raises(force):
+    trainer = Adam(learning_rate=1e200, max_iter=5)
+    with pytest.raises(FitError, match="units"):
+        StaticPIHM(volume_model="neural", hidden_layer_sizes=(8,), trainer=trainer, random_state=0).fit(*force)
