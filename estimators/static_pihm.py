@@ -44,10 +44,9 @@ class StaticPIHM(HybridModel):
         set or search all of its parameters.
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
-    validation_fraction : float or "auto", default="auto"
-        Share of whole trajectories held out for early stopping; the model that is best on them is kept, which is what
-        keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere.
+    validation_fraction : float or "auto", default=0
+        Share of whole trajectories held out for early stopping; the model that is best on them is kept. Needs
+        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them tells of five trajectories or more.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
@@ -115,7 +114,7 @@ class StaticPIHM(HybridModel):
         max_iter: int | None = None,
         batch_size: int | None = None,
         weight_decay: float | None = None,
-        validation_fraction: float | str = "auto",
+        validation_fraction: float | str = 0.0,
         signals: Signals | None = None,
         dtype: str = "float64",
         device: str = "cpu",

@@ -19,6 +19,9 @@ from .network import Parameters, Tape, adjoints, forward, gradient, gram, jacobi
 from .problem import Problem
 from .trainer import Trainer
 
+AVERAGE = 0.1
+"""Share of a new step in the running mean of the parameters, where steps are taken on draws of samples."""
+
 
 class LevenbergMarquardt(Trainer):
     """Train by damped Gauss–Newton steps, each on a fresh draw of samples where there are many.
@@ -29,7 +32,7 @@ class LevenbergMarquardt(Trainer):
         Steps.
     batch_size : int, default=512
         Samples a step; all of them if there are fewer. Memory grows with its square, time with its cube at the end.
-    weight_decay : float, default=1e-7
+    weight_decay : float, default=1e-6
         λ: the strength of the pull toward the start of the parameters' prior (zero from scratch, the source's
         parameters in an adaptation), relative to the mean squared residual in units of the target's variance.
     damping : float, default=1e-3
@@ -50,7 +53,7 @@ class LevenbergMarquardt(Trainer):
         max_iter: int = 150,
         *,
         batch_size: int = 512,
-        weight_decay: float = 1e-7,
+        weight_decay: float = 1e-6,
         damping: float = 1e-3,
         tolerance: float = 1e-9,
         patience: int = 40,
@@ -77,6 +80,7 @@ class LevenbergMarquardt(Trainer):
         """Yield the parameters and the loss of the step's samples after each step."""
         theta = [p.clone() for p in parameters]
         origin = [torch.zeros_like(p) for p in parameters] if prior is None else prior
+        mean = theta
         mu, n = self.damping, len(problem)
         full = n <= self.batch_size
         for _ in range(self.max_iter):
@@ -111,7 +115,9 @@ class LevenbergMarquardt(Trainer):
                 mu = self.damping
                 continue
             theta = trial
-            yield theta, float(r_new @ r_new)
+            # Steps on fresh draws scatter about the minimum; their running mean lies closer to it.
+            mean = theta if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, theta, strict=True)]
+            yield mean, float(r_new @ r_new)
             if full and before - after < self.tolerance * before:
                 return
 
