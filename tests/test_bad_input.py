@@ -36,7 +36,7 @@ def good(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("good")
     params = BenchParameters.for_muscle("B")
     log = simulate(params, [sine(4, 10, 400), sine(10, 10, 400), step(0, 10, 700)])
-    files = {"csv": folder / "log.csv", "parquet": folder / "log.parquet", "sim": folder / "sim.toml"}
+    files = {"csv": folder / "log.csv", "parquet": folder / "log.parquet", "sim": folder / "bench.toml"}
     log.to_csv(files["csv"], index=False)
     log.to_parquet(files["parquet"])
     params.to_toml(files["sim"])
