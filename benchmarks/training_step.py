@@ -3,8 +3,9 @@
 Both take Algorithm 1's step (gradient of the mean squared residual of a law, weight decay in the gradient, Adam) on the
 same network, batches and floating type, in epochs of eight batches. The other one is written as usual: a module,
 ``torch.autograd.grad`` with ``create_graph=True`` for the slope of the volume, ``backward``, ``torch.optim.Adam``.
-Epochs alternate within one run, and the ratio is the median over pairs of neighbouring epochs. Beside it stands what neither can go below: the six
-products of (rows x width) with (width x width) matrices that value, slope and their adjoints take.
+Epochs alternate within one run, and the ratio is the median over pairs of neighbouring epochs. Beside it stands what
+neither can go below: the six products of (rows x width) with (width x width) matrices that value, slope and their
+adjoints take.
 
 Run with ``python benchmarks/training_step.py``; takes about a minute on two cores.
 """
