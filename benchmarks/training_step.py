@@ -1,11 +1,10 @@
 """What a training step costs: derivatives by hand against a second backward pass through autograd.
 
 Both take Algorithm 1's step (gradient of the mean squared residual of a law, weight decay in the gradient, Adam) on the
-same network, batches and floating type, in epochs of eight batches. The other one is written as usual: a module,
-``torch.autograd.grad`` with ``create_graph=True`` for the slope of the volume, ``backward``, ``torch.optim.Adam``.
-Epochs alternate within one run, and the ratio is the median over pairs of neighbouring epochs. Beside it stands what
-neither can go below: the six products of (rows x width) with (width x width) matrices that value, slope and their
-adjoints take.
+same network, data, batch size and floating type. The other one is written as usual: a module, ``torch.autograd.grad``
+with ``create_graph=True`` for the slope of the volume, ``backward``, ``torch.optim.Adam``. Epochs alternate within one
+run; the ratio is the median over pairs of neighbouring epochs. Beside it stands what neither can go below with torch's
+products: the six products of (rows x width) with (width x width) matrices that value, slope and adjoints take.
 
 Run with ``python benchmarks/training_step.py``; takes about a minute on two cores.
 """
@@ -17,12 +16,14 @@ import time
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 from torch import nn
 
 from pamid.training import Adam, Problem
 
 WIDTH = 128
-BATCHES = 8
+ROWS = 16_384
+"""Samples of an epoch."""
 
 
 def problem(law: str, rows: int, dtype: torch.dtype) -> Problem:
@@ -65,7 +66,7 @@ class SecondBackward:
             loss.backward()
             self.optimizer.step()
             total += loss.detach()
-        return float(total) / BATCHES
+        return float(total) / (ROWS // self.rows)
 
 
 class ByHand:
@@ -98,7 +99,7 @@ class Products:
 
 def measure(law: str, rows: int, dtype: torch.dtype, seconds: float) -> tuple[np.ndarray, float]:
     """Return the times a step (n_epochs, 3) and the gap in the first loss, where both nets are still the same."""
-    data = problem(law, BATCHES * rows, dtype)
+    data = problem(law, ROWS, dtype)
     contestants = [kind(data, rows, dtype) for kind in (SecondBackward, ByHand, Products)]
     times, losses, warm_up = [], [], 3
     end = time.perf_counter() + seconds
@@ -107,7 +108,7 @@ def measure(law: str, rows: int, dtype: torch.dtype, seconds: float) -> tuple[np
         for contestant in contestants:
             start = time.perf_counter()
             losses.append(contestant.epoch())
-            row.append((time.perf_counter() - start) / BATCHES)
+            row.append((time.perf_counter() - start) / (ROWS // rows))
         times.append(row)
     return np.array(times[warm_up:]), abs(losses[1] / losses[0] - 1.0)
 
@@ -117,13 +118,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3.0, help="time of each line (default: 3)")
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of threads (default: 1 2)")
     args = parser.parse_args()
-    print(
-        f"one step, 4-{WIDTH}-{WIDTH}-1 softplus, medians; "
-        "'gap' is that between the mean losses of the first epoch (batches differ)"
-    )
+    print(f"one step, 4-{WIDTH}-{WIDTH}-1 softplus, medians; 'gap' is that of the mean losses of the first epoch")
     print("law    dtype    batch  threads  autograd / us  by hand / us  products / us   ratio  floor   epochs    gap")
     for threads in args.threads:
         torch.set_num_threads(threads)
+        threadpool_limits(threads)  # of numpy's products
         for law in ("force", "flow"):
             for dtype in (torch.float32, torch.float64):
                 for rows in (128, 2048):

@@ -33,8 +33,8 @@ from ._base import SignalEstimator
 from ._progress import ProgressMixin, fit_progress
 from ._trajectories import trajectory_codes
 
-CHUNK = 65_536
-"""Rows evaluated at a time: keeps the memory of a prediction flat however long the log."""
+CHUNK = 2048
+"""Rows evaluated at a time: what a layer leaves stays in the cache, and memory stays flat however long the log."""
 
 VOLUMES = ("anchored", "neural")
 
@@ -117,7 +117,8 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
             # The correction starts from nothing, so that a fit is never worse than its anchor.
             start[-2].zero_()
             start[-1].zero_()
-        rows = torch.as_tensor(np.tile(held_out, len(laws))[self._counted(weight, len(laws))], device=self.device)
+        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+        rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
         split = problem.split(rows) if held_out.any() else (problem, None)
         self._train(split, start, rng, original)
         return self
@@ -222,9 +223,6 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
             )
         count = min(max(1, round(fraction * len(names))), len(names) - 2)
         return np.isin(codes, rng.choice(names, count, replace=False))
-
-    def _counted(self, weight: np.ndarray, n_laws: int) -> np.ndarray:
-        return np.tile(weight > 0, n_laws)
 
     def _trainer(self) -> Any:
         from sklearn.base import clone

@@ -11,6 +11,8 @@ from pamid.estimators import StaticPIHM
 
 from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
 from pamid.training import Adam, LevenbergMarquardt, Problem, Status, trainer_named
+from pamid.training.adam import device_gradient
+from pamid.training.host import HostGradient
 from pamid.training.network import (
     ACTIVATIONS,
     activation_named,
@@ -145,6 +147,23 @@ def test_a_forward_pass_leaves_its_inputs_alone():
     assert torch.equal(first, second)
     assert all(torch.equal(u, v) for u, v in zip(before[1], parameters, strict=True))
     assert torch.equal(before[0].x, p.x) and torch.equal(before[0].direction, p.direction)
+
+
+@pytest.mark.parametrize("reads_value", [True, False])
+@pytest.mark.parametrize("widths", WIDTHS)
+@pytest.mark.parametrize("activation", ACTIVATION)
+def test_the_gradient_in_numpy_is_that_in_torch(activation, widths, reads_value, monkeypatch):
+    """In whole batches and in blocks of which the last is shorter."""
+    monkeypatch.setattr("pamid.training.host.BLOCK", 9)
+    parameters = start(widths)
+    values, out = flat(parameters).numpy(), torch.full_like(flat(parameters), torch.nan)
+    in_numpy = HostGradient(values, out.numpy(), [v.shape for v in parameters], activation)
+    slots = [torch.empty_like(v) for v in parameters]
+    for n in (9, 5, 21):
+        p = problem(n, reads_value=reads_value)
+        total = device_gradient(parameters, p, activation, slots)
+        assert in_numpy(p) == pytest.approx(float(total), rel=1e-12)
+        torch.testing.assert_close(out, flat(slots), rtol=1e-10, atol=1e-12)
 
 
 # --- Algorithm 1 ----------------------------------------------------------------------------------------------

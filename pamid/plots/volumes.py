@@ -116,7 +116,8 @@ class VolumeDisplay:
         if lacking := [c for c in ("eps", "P") if c not in getattr(X, "columns", ())]:
             raise MissingColumnError(f"X has no {', '.join(lacking)}.", "a DataFrame with eps and P", "Add the column.")
         all_eps, all_P = X["eps"].to_numpy(dtype=float), X["P"].to_numpy(dtype=float)
-        pressures = np.quantile(all_P, np.linspace(0.1, 0.9, n_pressures))
+        low, high = np.quantile(all_P, (0.1, 0.9))
+        pressures = np.linspace(low, high, n_pressures)
         least, most = np.quantile(all_eps, (0.001, 0.999))
         eps = np.linspace(least, most, _POINTS)
         covered = np.array([_covered(all_eps, all_P, P) for P in pressures])

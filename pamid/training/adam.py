@@ -8,12 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
+from .host import HostGradient
 from .network import Parameters, forward, gradient
 from .problem import Problem
 from .trainer import Trainer
-
-BLOCK = 512
-"""Rows that go through the network at a time, so that what one layer leaves is in the cache when the next needs it."""
 
 
 class Adam(Trainer):
@@ -75,6 +73,8 @@ class Adam(Trainer):
         flat = torch.cat([p.reshape(-1) for p in parameters])
         g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
+        on_host = flat.device.type == "cpu"
+        evaluate = HostGradient(flat.numpy(), g.numpy(), shapes, activation) if on_host else None
         theta, slots = views(flat, shapes), views(g, shapes)
         n, step = len(problem), 0
         for _ in range(self.max_iter):
@@ -84,7 +84,7 @@ class Adam(Trainer):
             total = torch.zeros_like(flat[0])
             for start in range(0, n, self.batch_size):
                 batch = drawn.rows(slice(start, start + self.batch_size))
-                total += loss_and_gradient(theta, batch, activation, slots)
+                total += evaluate(batch) if evaluate else device_gradient(theta, batch, activation, slots)
                 g.add_(flat, alpha=self.weight_decay)
                 step += 1
                 first.lerp_(g, 1.0 - self.beta1)
@@ -96,19 +96,15 @@ class Adam(Trainer):
             yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
 
 
-def loss_and_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:
-    """Return the summed loss of a batch; put the gradient of its mean loss into `out`."""
+def device_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:
+    """Return the summed loss of a batch, without waiting for it; put the gradient of its mean loss into `out`."""
+    tape = forward(theta, batch.x, batch.direction, batch.a, activation)
+    residual = tape.y - batch.y
+    scaled = batch.weight * residual
+    total = scaled @ residual
     for slot in out:
         slot.zero_()
-    factor = 2.0 / batch.weight.sum()
-    total = torch.zeros_like(factor)
-    for start in range(0, len(batch), BLOCK):
-        block = batch.rows(slice(start, start + BLOCK)) if len(batch) > BLOCK else batch
-        tape = forward(theta, block.x, block.direction, block.a, activation)
-        residual = tape.y - block.y
-        scaled = block.weight * residual
-        total += scaled @ residual
-        gradient(theta, tape, scaled.mul_(factor), out)
+    gradient(theta, tape, scaled.mul_(2.0 / batch.weight.sum()), out)
     return total
 
 

@@ -165,7 +165,7 @@ def _thin(
     law: Law, state: State, y: np.ndarray, weight: np.ndarray, random_state: np.random.RandomState
 ) -> tuple[Law, State, np.ndarray, np.ndarray]:
     """Draw at most `ROWS` samples and turn weights into factors of residuals in units of the target's spread."""
-    counted = np.flatnonzero(weight > 0)
+    counted = np.flatnonzero((weight > 0) & np.isfinite(y))
     if len(counted) > ROWS:
         counted = np.sort(random_state.choice(counted, ROWS, replace=False))
     y, weight = y[counted], weight[counted]
