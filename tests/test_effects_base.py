@@ -246,3 +246,29 @@ def test_a_user_adds_an_effect_by_defining_it():
             type("Copy", (Effect,), {"name": "leakage"})
     finally:
         del Effect.registry["wobble"]
+
+
+@pytest.mark.parametrize("name", [n for n in EFFECTS if all_effects()[n].n_states])
+def test_memory_along_a_log_is_that_of_single_steps(name):
+    """Whatever shortcut an effect takes over a log, it remembers what it would sample by sample."""
+    effect, rng, n = make_effect(name), np.random.default_rng(0), 300
+    x = 0.12 + 0.0025 * np.cumsum(rng.normal(size=(n, 2)), axis=0)
+    x[100:150] = x[100]  # at rest
+    s = Signals(
+        time=np.arange(n)[:, None] * DT,
+        position=x,
+        velocity=np.gradient(x, DT, axis=0),
+        pressure=3e5 + 1e5 * np.sin(30 * x),
+        command=np.clip(rng.normal(size=(n, 2)), -1, 1),
+        flow=1e-4 * np.sin(20 * x),
+        force=100 * np.cos(20 * x),
+    )
+    starts = np.array([0, 90, 200])
+    along = effect.trace(s, PLANT, DT, starts)
+    for k in range(n):
+        if k in starts:
+            state = effect.start(s.at(k), PLANT, DT)
+        else:
+            state = effect.step(state, s.at(k - 1), s.at(k), DT, PLANT)
+        m = min(len(state), len(along))  # a delay keeps no more of its past along a log than the output
+        np.testing.assert_allclose(along[:m, k], state[:m], rtol=1e-9, atol=1e-12)

@@ -33,6 +33,7 @@ class Backlash(Effect):
     roles = ("position",)
     source = "10.1007/978-1-4612-4048-8"
     n_states = 1
+    path_dependent = True
     parameters = (
         Parameter("half_width", "-", 1e-5, 0.2, 2e-3, "half the play"),
         Parameter("stiffness", "N", 0.0, 1e7, 2e3, "slope within the play", linear=True),

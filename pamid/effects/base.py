@@ -30,11 +30,13 @@ import math
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..errors import ImplausibleParameterError, ParameterError, SimulatorTypeError, UnknownParameterError
+from ..signals.paths import reversals
 from ..signals.state import Array
 from .plant import Plant
 
@@ -160,6 +162,8 @@ class Effect(ABC):
     """Number of internal states a muscle (or joint); 0 for an effect without memory."""
     site: ClassVar[str] = "muscle"
     """``"muscle"`` (one for each) or ``"joint"``."""
+    path_dependent: ClassVar[bool] = False
+    """Whether the memory depends on the path of the position alone, not on time: it then takes one step a reversal."""
     sampled: ClassVar[bool] = False
     """Whether the memory moves once a control period rather than continuously."""
     channel: ClassVar[str] = ""
@@ -249,6 +253,8 @@ class Effect(ABC):
         used = Signals(**{role: np.asarray(getattr(s, role)) for role in self.roles if getattr(s, role) is not None})
         n = len(next(v for v in (getattr(used, f.name) for f in fields(used)) if v is not None))
         starts = np.asarray(starts, dtype=np.int64)
+        if self.path_dependent:
+            return self._trace_path(used.position, plant, dt, starts)
         lengths = np.diff(np.append(starts, n))
         # All trajectories advance together; those that have ended stay at their last row.
         rows = starts[None, :] + np.minimum(np.arange(lengths.max())[:, None], lengths[None, :] - 1)
@@ -263,6 +269,26 @@ class Effect(ABC):
             out[:, rows[k][alive]] = x[:, alive]
             before = now
         return out
+
+    def _trace_path(self, position: Array, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the memory along a path: a monotone stretch of any length is one step from its beginning."""
+        columns = position.reshape(len(position), -1)
+        out = np.empty((self.n_states, *columns.shape))
+        for c in range(columns.shape[1]):
+            for a, b in pairwise([*starts.tolist(), len(columns)]):
+                x = columns[a:b, c]
+                turns = reversals(x)
+                state = self.start(Signals(position=x[0]), plant, dt)
+                # The state at each turning point, then all rows between them at once.
+                states = np.empty((self.n_states, len(turns)))
+                states[:, 0] = state
+                for k in range(1, len(turns)):
+                    before, now = Signals(position=x[turns[k - 1]]), Signals(position=x[turns[k]])
+                    states[:, k] = state = self.step(state, before, now, dt, plant)
+                last = np.maximum(np.searchsorted(turns, np.arange(b - a), side="left") - 1, 0)
+                before = Signals(position=x[turns[last]])
+                out[:, a:b, c] = self.step(states[:, last], before, Signals(position=x), dt, plant)
+        return out.reshape(self.n_states, *position.shape)
 
     # --- hooks ----------------------------------------------------------------------------------------------
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

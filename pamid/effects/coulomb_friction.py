@@ -35,6 +35,7 @@ class CoulombFriction(Effect):
     roles = ("position",)
     source = "10.2514/3.61511"
     n_states = 1
+    path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over"),

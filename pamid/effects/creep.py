@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import relax
+from ._memory import relax, relax_along
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -53,6 +53,11 @@ class Creep(Effect):
         """Relax towards the contraction."""
         v0, v1 = s0.position, s1.position
         return np.stack([relax(x[0], v0, v1, dt, self.time_constant), relax(x[1], v0, v1, dt, self.slow_time_constant)])
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the springs' rest positions along each trajectory, without a loop over time."""
+        taus = (self.time_constant, self.slow_time_constant)
+        return np.stack([relax_along(s.position, dt, tau, starts) for tau in taus])
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of both springs, N."""

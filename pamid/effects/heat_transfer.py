@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import relax
+from ._memory import relax, relax_along
 from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
 
@@ -51,6 +51,10 @@ class HeatTransfer(Effect):
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Cool towards the walls."""
         return relax(x, self._adiabatic(s0, plant), self._adiabatic(s1, plant), dt, self.time_constant)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the lag along each trajectory, without a loop over time."""
+        return relax_along(self._adiabatic(s, plant), dt, self.time_constant, starts)[None]
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
         """Return the extra gas that the cooling makes room for, kg/s."""

@@ -35,6 +35,7 @@ class Hysteresis(Effect):
     roles = ("position",)
     source = "10.1007/s11831-009-9031-8"
     n_states = 1
+    path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
         Parameter("displacement", "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over"),

@@ -34,6 +34,7 @@ class LoadDependentFriction(Effect):
     roles = ("position", "pressure")
     source = "10.1109/37.833638"
     n_states = 1
+    path_dependent = True
     parameters = (
         Parameter("coefficient", "N/Pa", 0.0, 1e-2, 2e-5, "sliding friction per gauge pressure", linear=True),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over"),

@@ -35,6 +35,7 @@ class StribeckFriction(Effect):
     roles = ("position", "velocity")
     source = "10.1016/0005-1098(94)90209-7"
     n_states = 1
+    path_dependent = True
     parameters = (
         Parameter("coulomb", "N", 0.0, 1e4, 3.0, "friction at speed", linear=True),
         Parameter("breakaway", "N", 0.0, 1e4, 3.0, "excess at rest", linear=True),

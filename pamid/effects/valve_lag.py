@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
+from ._memory import hold_along
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -41,6 +42,10 @@ class ValveLag(Effect):
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Move towards the command that is held from the first instant on."""
         return s0.command + (x - s0.command) * np.exp(-dt / self.time_constant)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the spool's position along each trajectory, without a loop over time."""
+        return hold_along(s.command, dt, self.time_constant, starts)[None]
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the spool's position."""

@@ -20,6 +20,7 @@ from ..errors import (
     SamplingError,
     TimeOrderError,
 )
+from ..signals.paths import play
 from .noise import ChannelNoise, channel_noise
 from .windows import samples_per_window, span, starts
 
@@ -170,13 +171,15 @@ class Run:
         if effect.n_states and "position" in roles:
             # An encoder's noise is motion to and fro, in which friction and hysteresis would lose what they remember.
             gain = 1.0 if joint else self.model.params.joint.pulley_radius / self.model.params.muscle.rest_length
-            s.position = _still(self._smooth(position, 0), gain * self.noises["q"][0].white)
+            s.position = play(self._smooth(position, 0), gain * self.noises["q"][0].white)
         return s
 
     @cached_property
     def _traces(self) -> list[tuple[Effect, Signals, Any]]:
         traces = []
         for effect in self.model.effects:
+            if set(effect.hooks()) <= {"measure", "adjust"}:
+                continue  # undone in the channels and in the parameters already
             signals = self._signals(effect)
             memory = effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
             traces.append((effect, signals, memory))
@@ -231,21 +234,6 @@ class Run:
             part = np.asarray(e.torque(s, x, self.model.plant))
             total = total + (part[:, 0] if part.ndim == 2 else part)
         return total
-
-
-def _still(x: np.ndarray, width: float) -> np.ndarray:
-    """Follow a signal with a play of ± ``width``, so that nothing moves while it stays within its noise."""
-    if width <= 0.0:
-        return x
-    out = np.empty_like(x)
-    for k in range(x.shape[1]):
-        held = float(x[0, k])
-        column = []
-        for value in x[:, k].tolist():
-            held = min(max(held, value - width), value + width)
-            column.append(held)
-        out[:, k] = column
-    return out
 
 
 def _response(effect: Effect, dt: float) -> np.ndarray:
