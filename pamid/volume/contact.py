@@ -12,6 +12,8 @@ from .base import VolumeJet
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+_SMALL = 0.05
+"""Gauge pressure, in widths of the contact, below which its factor is a series: the quotient would lose digits."""
 
 
 @dataclass(frozen=True)
@@ -77,28 +79,62 @@ class ContactVolume:
 
     def slope(self, eps: Array, p_gauge: Array) -> Array:
         """Return ∂V/∂ε at a contraction and a gauge pressure, m³."""
+        x, u = self._arguments(eps, p_gauge)
+        return self._braid(eps) * _contact(x, u) - self._stretch * p_gauge
+
+    def _braid(self, eps: Array) -> Array:
+        """Return L₀ g, m³."""
         u = eps / self.max_contraction
-        g = self.area * (1.0 - u) * (1.0 + self.curvature * u)
-        return self.rest_length * g * self._contact(eps, p_gauge) - self._stretch * p_gauge
+        return self.rest_length * self.area * (1.0 - u) * (1.0 + self.curvature * u)
 
     @property
     def _stretch(self) -> float:
         """Volume that stretching threads add at rest length per gauge pressure, m³/Pa."""
         return self.thread_compliance * (self.rest_length * self.area + 3.0 * self.rest_volume)
 
-    def _contact(self, eps: Array, p_gauge: Array) -> Array:
-        s = self.contact_width
+    def _arguments(self, eps: Array, p_gauge: Array) -> tuple[Array, Array]:
+        """Return −p_c/s and p/s."""
         # Slackening below rest length lifts no bladder off its braid: the contact pressure stays at zero there.
         pc = self.contact_pressure * -np.expm1(-np.maximum(eps, 0.0) / self.contact_contraction)
-        # At p = 0 the quotient is 0/0; its limit is the logistic function, reached there by a difference quotient.
-        p = np.where(np.abs(p_gauge) < 1e-6 * s, 1e-6 * s, p_gauge)
-        return s / p * (np.logaddexp(0.0, (p - pc) / s) - np.logaddexp(0.0, -pc / s))
+        return -pc / self.contact_width, p_gauge / self.contact_width
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample, V by Gauss–Legendre quadrature over ε."""
         eps, p = np.asarray(state.eps, dtype=float), np.asarray(state.P, dtype=float) - self.atmospheric_pressure
-        h = 1e-4 * self.contact_width
+        stretch = self._stretch
         at = eps[:, None] * _NODES
-        V = self.rest_volume + self._stretch * p + eps * (self.slope(at, p[:, None]) @ _WEIGHTS)
-        rise = (self.slope(at, p[:, None] + h) - self.slope(at, p[:, None] - h)) @ _WEIGHTS
-        return VolumeJet(V, self.slope(eps, p), self._stretch + eps * rise / (2.0 * h))
+        x, u = self._arguments(at, p[:, None])
+        braid, phi = self._braid(at), _contact(x, u)
+        V = self.rest_volume + stretch * p * (1.0 - eps) + eps * ((braid * phi) @ _WEIGHTS)
+        rise = (braid * _contact_slope(x, u, phi)) @ _WEIGHTS / self.contact_width
+        return VolumeJet(V, self.slope(eps, p), stretch * (1.0 - eps) + eps * rise)
+
+
+def _logistic(x: Array) -> Array:
+    e = np.exp(-np.abs(x))
+    return np.where(x >= 0.0, 1.0, e) / (1.0 + e)
+
+
+def _contact(x: Array, u: Array) -> Array:
+    """Return φ = (ln(1 + e^(x+u)) − ln(1 + e^x))/u."""
+    small = np.abs(u) < _SMALL
+    safe = np.where(small, 1.0, u)
+    phi = (np.logaddexp(0.0, x + safe) - np.logaddexp(0.0, x)) / safe
+    if not small.any():
+        return phi
+    # Near u = 0 the quotient is a mean of the logistic function over a short stretch: a series about its middle.
+    m = _logistic(x + u / 2.0)
+    a, odd = m * (1.0 - m), 1.0 - 2.0 * m
+    return np.where(small, m + a * odd * u**2 / 24.0 * (1.0 + (1.0 - 12.0 * a) * u**2 / 80.0), phi)
+
+
+def _contact_slope(x: Array, u: Array, phi: Array) -> Array:
+    """Return ∂φ/∂u."""
+    small = np.abs(u) < _SMALL
+    slope = (_logistic(x + u) - phi) / np.where(small, 1.0, u)
+    if not small.any():
+        return slope
+    m = _logistic(x + u / 2.0)
+    a, odd = m * (1.0 - m), 1.0 - 2.0 * m
+    even = 0.5 + (1.0 - 6.0 * a) * u**2 / 48.0 + (1.0 - 30.0 * a + 120.0 * a * a) * u**4 / 3840.0
+    return np.where(small, a * (even + odd * u * (1.0 / 12.0 + (1.0 - 12.0 * a) * u**2 / 480.0)), slope)
