@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from pamid.estimators import StaticPIHM
+from threadpoolctl import threadpool_info
 
 from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
 from pamid.training import Adam, LevenbergMarquardt, Problem, Status, trainer_named
@@ -152,18 +153,36 @@ def test_a_forward_pass_leaves_its_inputs_alone():
 @pytest.mark.parametrize("reads_value", [True, False])
 @pytest.mark.parametrize("widths", WIDTHS)
 @pytest.mark.parametrize("activation", ACTIVATION)
-def test_the_gradient_in_numpy_is_that_in_torch(activation, widths, reads_value, monkeypatch):
+@pytest.mark.parametrize("threads", [1, 3])
+def test_the_gradient_in_numpy_is_that_in_torch(threads, activation, widths, reads_value, monkeypatch):
     """In whole batches and in blocks of which the last is shorter."""
     monkeypatch.setattr("pamid.training.host.BLOCK", 9)
     parameters = start(widths)
     values, out = flat(parameters).numpy(), torch.full_like(flat(parameters), torch.nan)
-    in_numpy = HostGradient(values, out.numpy(), [v.shape for v in parameters], activation)
+    in_numpy = HostGradient(values, out.numpy(), [v.shape for v in parameters], activation, threads)
     slots = [torch.empty_like(v) for v in parameters]
-    for n in (9, 5, 21):
+    for n in (9, 5, 21, 50):
         p = problem(n, reads_value=reads_value)
         total = device_gradient(parameters, p, activation, slots)
         assert in_numpy(p) == pytest.approx(float(total), rel=1e-12)
         torch.testing.assert_close(out, flat(slots), rtol=1e-10, atol=1e-12)
+    in_numpy.close()
+
+
+def test_adam_on_several_threads_leaves_the_libraries_their_own():
+    """The pools of numpy and torch rest within an epoch only; threads sum a batch in another order at most."""
+    p, threads = problem(2100), torch.get_num_threads()
+    ends = []
+    try:
+        for n in (1, 3):
+            torch.set_num_threads(n)
+            before = [pool["num_threads"] for pool in threadpool_info()]
+            *_, (last, _) = Adam(max_iter=2, batch_size=2000).steps(p, start(), "softplus", np.random.RandomState(0))
+            assert [pool["num_threads"] for pool in threadpool_info()] == before
+            ends.append(flat(last))
+    finally:
+        torch.set_num_threads(threads)
+    torch.testing.assert_close(ends[0], ends[1], rtol=1e-9, atol=1e-12)
 
 
 # --- Algorithm 1 ----------------------------------------------------------------------------------------------

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
 
 import numpy as np
 import torch
 
-from .host import HostGradient
+from .host import BLOCK, HostGradient
 from .network import Parameters, forward, gradient
 from .problem import Problem
 from .trainer import Trainer
@@ -73,27 +74,32 @@ class Adam(Trainer):
         flat = torch.cat([p.reshape(-1) for p in parameters])
         g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
-        on_host = flat.device.type == "cpu"
-        evaluate = HostGradient(flat.numpy(), g.numpy(), shapes, activation) if on_host else None
         theta, slots = views(flat, shapes), views(g, shapes)
         n, step = len(problem), 0
-        for _ in range(self.max_iter):
-            drawn = problem
-            if n > self.batch_size:
-                drawn = problem.rows(torch.as_tensor(random_state.permutation(n), device=flat.device))
-            total = torch.zeros_like(flat[0])
-            for start in range(0, n, self.batch_size):
-                batch = drawn.rows(slice(start, start + self.batch_size))
-                total += evaluate(batch) if evaluate else device_gradient(theta, batch, activation, slots)
-                g.add_(flat, alpha=self.weight_decay)
-                step += 1
-                first.lerp_(g, 1.0 - self.beta1)
-                second.mul_(self.beta2).addcmul_(g, g, value=1.0 - self.beta2)
-                # Both bias corrections are numbers, so they go into the step size and into the guard of the division.
-                unbiased = math.sqrt(1.0 - self.beta2**step)
-                rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
-                flat.addcdiv_(first, torch.sqrt(second, out=g).add_(1e-8 * unbiased), value=-rate)
-            yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
+        with ExitStack() as stack:
+            host = None
+            if flat.device.type == "cpu":
+                threads = min(torch.get_num_threads(), self.batch_size // BLOCK)
+                host = HostGradient(flat.numpy(), g.numpy(), shapes, activation, threads)
+                stack.callback(host.close)
+            for _ in range(self.max_iter):
+                total = torch.zeros_like(flat[0])
+                with host.alone() if host else nullcontext():
+                    drawn = problem
+                    if n > self.batch_size:
+                        drawn = problem.rows(torch.as_tensor(random_state.permutation(n), device=flat.device))
+                    for start in range(0, n, self.batch_size):
+                        batch = drawn.rows(slice(start, start + self.batch_size))
+                        total += host(batch) if host else device_gradient(theta, batch, activation, slots)
+                        g.add_(flat, alpha=self.weight_decay)
+                        step += 1
+                        first.lerp_(g, 1.0 - self.beta1)
+                        second.mul_(self.beta2).addcmul_(g, g, value=1.0 - self.beta2)
+                        # Both bias corrections are numbers, so they go into the step size and the division's guard.
+                        unbiased = math.sqrt(1.0 - self.beta2**step)
+                        rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
+                        flat.addcdiv_(first, torch.sqrt(second, out=g).add_(1e-8 * unbiased), value=-rate)
+                yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
 
 
 def device_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:

@@ -7,16 +7,23 @@ the ramp and thin products by torch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import torch
+from threadpoolctl import ThreadpoolController
 
 from .problem import Problem
 
 BLOCK = 512
 """Rows that go through the network at a time, so that what one layer leaves is in the cache when the next needs it."""
+
+Arrays = tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]
+"""Inputs, directions, factors of the value, targets and weights of a batch."""
 
 Activation = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool], None]
 """Takes z, three arrays to fill with σ'(z), with σ''(z) and with anything, and whether σ(z) is wanted in place of z."""
@@ -78,38 +85,24 @@ class _Buffers:
         self.ones = np.ones(m, dtype)
 
 
-class HostGradient:
-    """Loss and gradient of batches, for parameters that lie in one flat array.
+class _Share:
+    """One thread's share of a batch: its own buffers, and its own sum of the gradient."""
 
-    Parameters
-    ----------
-    flat : ndarray, shape (n_parameters,)
-        Weights and biases in turn; read at every call.
-    out : ndarray, shape (n_parameters,)
-        Where every call puts the gradient of the batch's mean squared residual.
-    shapes : list of tuple
-        Shapes of weights and biases.
-    activation : str
-        Name of the activation.
-    """
-
-    def __init__(self, flat: np.ndarray, out: np.ndarray, shapes: Sequence[tuple[int, ...]], activation: str) -> None:
-        self.gradient = out
-        self._theta, self._slots = cut(flat, shapes), cut(self.gradient, shapes)
+    def __init__(self, theta: list[np.ndarray], gradient: np.ndarray, activation: str) -> None:
+        self.gradient = gradient
+        self._theta, self._slots = theta, cut(gradient, [p.shape for p in theta])
         self._activation = ACTIVATIONS[activation]
-        self._widths = [shape[1] for shape in shapes[::2]] + [1]
+        self._widths = [p.shape[1] for p in theta[::2]] + [1]
         self._buffers: dict[int, _Buffers] = {}
 
-    def __call__(self, batch: Problem) -> float:
-        """Return the summed loss of a batch; fill `out`."""
-        x, d, y, w = (v.numpy() for v in (batch.x, batch.direction, batch.y, batch.weight))
-        a = None if batch.a is None else batch.a.numpy()
+    def run(self, rows: slice, batch: Arrays, factor: float) -> float:
+        """Return the summed loss of some rows of a batch; fill `gradient` with `factor` times half its gradient."""
+        x, d, a, y, w = batch
         self.gradient.fill(0.0)
-        factor = 2.0 / float(w.sum())
         total = 0.0
         with np.errstate(all="ignore"):  # a training that leaves the numbers is told by its loss
-            for i in range(0, len(y), BLOCK):
-                part = slice(i, i + BLOCK)
+            for i in range(rows.start, rows.stop, BLOCK):
+                part = slice(i, min(i + BLOCK, rows.stop))
                 residual = self._forward(x[part], d[part], None if a is None else a[part])
                 residual -= y[part]
                 scaled = w[part] * residual
@@ -170,6 +163,74 @@ class HostGradient:
             else:
                 slot += above.T @ rows
             self._slots[2 * layer + 1] += b.ones @ top
+
+
+class HostGradient:
+    """Loss and gradient of batches, for parameters that lie in one flat array.
+
+    Parameters
+    ----------
+    flat : ndarray, shape (n_parameters,)
+        Weights and biases in turn; read at every call.
+    out : ndarray, shape (n_parameters,)
+        Where every call puts the gradient of the batch's mean squared residual.
+    shapes : list of tuple
+        Shapes of weights and biases.
+    activation : str
+        Name of the activation.
+    threads : int, default=1
+        Threads among which the blocks of a batch are shared.
+    """
+
+    def __init__(
+        self,
+        flat: np.ndarray,
+        out: np.ndarray,
+        shapes: Sequence[tuple[int, ...]],
+        activation: str,
+        threads: int = 1,
+    ) -> None:
+        theta = cut(flat, shapes)
+        # The first share adds up in place.
+        sums = [out, *(np.empty_like(out) for _ in range(threads - 1))]
+        self._shares = [_Share(theta, gradient, activation) for gradient in sums]
+        self._controller = ThreadpoolController()
+        quiet = partial(self._controller.limit, limits=1, user_api="openmp")  # which each thread sets for itself
+        self._pool = ThreadPoolExecutor(threads - 1, initializer=quiet) if threads > 1 else None
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep the thread pools of numpy and of torch at one thread each.
+
+        Calls of both alternate within microseconds, and each library's idle threads would hold the cores that the
+        other one needs: a step then takes ten times as long.
+        """
+        with self._controller.limit(limits=1):
+            yield
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def __call__(self, batch: Problem) -> float:
+        """Return the summed loss of a batch; fill `out`."""
+        x, d, y, w = (v.numpy() for v in (batch.x, batch.direction, batch.y, batch.weight))
+        arrays = x, d, None if batch.a is None else batch.a.numpy(), y, w
+        factor = 2.0 / float(w.sum())
+        shares = self._shares[: max(1, len(y) // BLOCK)]
+        ends = [len(y) * k // len(shares) for k in range(len(shares) + 1)]
+        first, *others = (slice(*ends[k : k + 2]) for k in range(len(shares)))
+        waiting = [
+            self._pool.submit(share.run, rows, arrays, factor)
+            for share, rows in zip(shares[1:], others, strict=True)
+            if self._pool is not None
+        ]
+        total = shares[0].run(first, arrays, factor)
+        for share, result in zip(shares[1:], waiting, strict=True):
+            total += result.result()
+            shares[0].gradient += share.gradient
+        return total
 
 
 def cut(flat: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:
