@@ -161,6 +161,10 @@ class DivergedError(FitError):
     """A fit or a simulation left the finite numbers."""
 
 
+class UnreachableError(PamidError, ValueError):
+    """A wanted pair of force and contraction that no pressure within the limits brings about."""
+
+
 # --- simulator files ----------------------------------------------------------------------------------------
 class SimulatorFileError(PamidError, ValueError):
     """A simulator file (``sim.toml``) is not usable."""
@@ -219,6 +223,10 @@ class OutputError(PamidError, OSError):
     """An output cannot be written."""
 
 
+class ExportError(PamidError, ValueError):
+    """A model, or a part of it, has no form outside Python."""
+
+
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
     """Base of all warnings of the package."""
@@ -234,6 +242,10 @@ class ExcitationWarning(PamidWarning):
 
 class ExtrapolationWarning(PamidWarning):
     """A prediction is asked outside the range of the data of the fit."""
+
+
+class UnstableRunWarning(PamidWarning):
+    """A free run left the range of the data of the fit and was held at its edge."""
 
 
 class VolumeWarning(PamidWarning):

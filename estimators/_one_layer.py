@@ -1,0 +1,313 @@
+"""What `InverseModel` and `ForwardModel` share: one hidden layer, its fit, and where it had data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
+
+from pamid.errors import ParameterError, ShapeError
+
+from ._base import SignalEstimator
+from ._checks import check_counts, check_sizes, warn_of_still_columns
+from ._hidden_layer import (
+    Marquardt,
+    Normal,
+    flatten,
+    forward,
+    initial_weights,
+    marquardt_on_rows,
+    normal_equations,
+    squared_error,
+    unflatten,
+)
+from ._progress import ProgressMixin, fit_progress
+from ._sequences import SequenceMixin, last_direction
+from ._torch_loop import local_generator, standardisation
+
+CELL = 0.25
+"""Edge of the cells that note where the fit had data, in standard deviations of each input."""
+_CANDIDATE_STEPS = 15
+_UPDATE_STEPS = 4
+
+
+class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
+    """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs."""
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__partial_fit: ClassVar = {"groups": True}
+    __metadata_request__predict: ClassVar = {"groups": True}
+    __metadata_request__score: ClassVar = {"groups": True}
+
+    cells_: np.ndarray
+    target_low_: np.ndarray
+    target_high_: np.ndarray
+    _turning: ClassVar[str]
+    """The input whose last direction may be a further input."""
+
+    inputs: Sequence[str]
+    hidden: int
+    direction: bool
+    direction_step: float
+    alpha: float
+    max_iter: int
+    tol: float
+    n_starts: int
+    forget_rows: float
+    random_state: Any
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(self.inputs)
+
+    @property
+    def _sequential(self) -> bool:
+        return bool(self.direction)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
+        return tags
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Train the network from new weights.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Target.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights; a weight of 2 is the same row twice.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, read if `direction` is set; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+
+        Raises
+        ------
+        MissingTrajectoryError
+            If the direction of motion is asked for and nothing tells trajectories.
+        """
+        self._check_parameters()
+        rng = local_generator(self.random_state)
+        columns, target, weight = self._table(X, y, sample_weight, groups, reset=True)
+        used = weight > 0
+        warn_of_still_columns(columns[:, : len(self.inputs)], self.inputs, type(self).__name__)
+        self._set_scales(columns[used], target[used], weight[used])
+        x, z = self._scaled(columns[used], target[used])
+        share = weight[used]
+        shape = (x.shape[1], int(self.hidden), z.shape[1])
+        starts = [initial_weights(rng, *shape) for _ in range(int(self.n_starts))]
+        trials = [marquardt_on_rows(w, x, z, share, float(self.alpha)) for w in starts]
+        if len(trials) > 1:  # a few steps from each start, then on from the best
+            for trial in trials:
+                for _ in range(_CANDIDATE_STEPS):
+                    if not trial.step():
+                        break
+        best = min(trials, key=lambda t: t.loss)
+        total = float(share.sum())
+        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
+            slow = 0
+            for _ in progress:
+                before = best.loss
+                moved = best.step()
+                progress.report(
+                    best.loss / total, attributes=lambda: {"weights_": unflatten(best.x, *shape), "information_": None}
+                )
+                slow = slow + 1 if best.loss > before * (1.0 - float(self.tol)) else 0
+                if not moved or slow >= 5:
+                    break
+        self.weights_ = unflatten(best.x, *shape)
+        self.loss_curve_ = progress.losses
+        self.n_iter_ = max(progress.n_epochs, 1)
+        found = normal_equations(self.weights_, x, z, share)
+        # what the rows of the fit say about the weights, forgotten over `forget_rows` rows once more come in
+        self.information_ = found.matrix * min(1.0, float(self.forget_rows) / total)
+        return self
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Follow a muscle that drifts: fit further rows, and hold on to what earlier ones said, less and less.
+
+        The squared error of the new rows plus a quadratic memory of the earlier ones is lowered by a few steps; the
+        memory fades by 1/e over `forget_rows` rows and its size does not grow. The first call on an unfitted
+        estimator is a fit.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Target.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, as in fit.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+        """
+        if not hasattr(self, "weights_"):
+            return self.fit(X, y, sample_weight=sample_weight, groups=groups)
+        self._check_parameters()
+        columns, target, weight = self._table(X, y, sample_weight, groups, reset=False)
+        used = weight > 0
+        if not used.any():
+            return self
+        x, z = self._scaled(columns[used], target[used])
+        share = weight[used]
+        shape = (x.shape[1], int(self.hidden), z.shape[1])
+        old = flatten(self.weights_)
+        prior = self.information_ * np.exp(-float(share.sum()) / float(self.forget_rows))
+
+        def around(flat: np.ndarray) -> Normal:
+            here = normal_equations(unflatten(flat, *shape), x, z, share)
+            off = flat - old
+            return Normal(here.loss + off @ prior @ off, here.gradient + prior @ off, here.matrix + prior)
+
+        def value(flat: np.ndarray) -> float:
+            off = flat - old
+            return squared_error(unflatten(flat, *shape), x, z, share) + float(off @ prior @ off)
+
+        steps = Marquardt(old, around, value)
+        for _ in range(_UPDATE_STEPS):
+            if not steps.step():
+                break
+        self.weights_ = unflatten(steps.x, *shape)
+        self.information_ = prior + normal_equations(self.weights_, x, z, share).matrix
+        self.cells_ = np.unique(np.concatenate([self.cells_, self._cells(x)]), axis=0)
+        self.target_low_ = np.minimum(self.target_low_, target[used].min(axis=0))
+        self.target_high_ = np.maximum(self.target_high_, target[used].max(axis=0))
+        self.n_iter_ += 1
+        return self
+
+    def predict(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Evaluate the network; the answer stays within its bounds.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, read if `direction` is set.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, n_outputs)
+            Prediction in the units of y.
+        """
+        return self._bounded(*self._answer(X, groups))
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination of the prediction.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Measured target.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, read if `direction` is set.
+
+        Returns
+        -------
+        float
+            R², dimensionless.
+        """
+        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
+
+    # --- what a subclass gives ----------------------------------------------------------------------------------
+    def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        """Bound an answer, and warn or raise as the estimator says."""
+        raise NotImplementedError
+
+    @staticmethod
+    def _target(y: Any) -> np.ndarray:
+        return np.asarray(y, dtype=float)
+
+    # --- data ---------------------------------------------------------------------------------------------------
+    def _check_parameters(self) -> None:
+        check_counts(self, "hidden", "max_iter", "n_starts")
+        check_sizes(self, alpha=0.0, tol=0.0, direction_step=1e-12, forget_rows=1.0)
+        if self.direction and self._turning not in self.inputs:
+            raise ParameterError(
+                f"direction is set, and inputs are {tuple(self.inputs)!r}.",
+                f"{self._turning} among the inputs, whose direction it is",
+                f"Add {self._turning!r} to inputs, or set direction=False.",
+            )
+
+    def _table(
+        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if y is None:
+            raise ShapeError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None.", "a target", "Pass y."
+            )
+        table, y = self._read(X, y, reset=reset)
+        target = self._target(y)
+        if reset:
+            self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
+        target = target.reshape(len(target), -1)
+        if target.shape[1] != max(self.n_outputs_, 1):
+            raise ShapeError(
+                f"y has {target.shape[1]} columns.",
+                f"{max(self.n_outputs_, 1)}, as in the fit",
+                "Pass the same targets.",
+            )
+        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        return self._columns(X, table, groups), target, weight
+
+    def _columns(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
+        columns = [self._signal(table, name) for name in self.inputs]
+        if self.direction:
+            codes = self._codes(X, table, groups)
+            columns.append(last_direction(self._signal(table, self._turning), codes, float(self.direction_step)))
+        return np.column_stack(columns)
+
+    def _set_scales(self, columns: np.ndarray, target: np.ndarray, weight: np.ndarray) -> None:
+        self.input_mean_, self.input_scale_ = standardisation(columns, weight)
+        self.target_mean_, self.target_scale_ = standardisation(target, weight)
+        self.input_low_, self.input_high_ = columns.min(axis=0), columns.max(axis=0)
+        self.target_low_, self.target_high_ = target.min(axis=0), target.max(axis=0)
+        self.cells_ = self._cells((columns - self.input_mean_) / self.input_scale_)
+
+    def _scaled(self, columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return (columns - self.input_mean_) / self.input_scale_, (target - self.target_mean_) / self.target_scale_
+
+    # --- answers ------------------------------------------------------------------------------------------------
+    def _answer(self, X: Any, groups: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the network's bare answer (n, n_outputs) and which rows lie outside the data of the fit."""
+        check_is_fitted(self, "weights_")
+        table, _ = self._read(X, reset=False)
+        x = (self._columns(X, table, groups) - self.input_mean_) / self.input_scale_
+        return forward(self.weights_, x) * self.target_scale_ + self.target_mean_, self._outside(x)
+
+    @staticmethod
+    def _cells(x: np.ndarray) -> np.ndarray:
+        """Cells of the scaled input space that hold rows."""
+        return np.unique(np.round(np.clip(x, -1e6, 1e6) / CELL).astype(np.int64), axis=0)
+
+    def _outside(self, x: np.ndarray) -> np.ndarray:
+        """Rows that lie in no cell of the fit, nor beside one."""
+        here, which = np.unique(np.round(np.clip(x, -1e6, 1e6) / CELL).astype(np.int64), axis=0, return_inverse=True)
+        near = np.zeros(len(here), dtype=bool)
+        for start in range(0, len(here), 512):
+            part = here[start : start + 512, None, :] - self.cells_[None]
+            near[start : start + 512] = (np.abs(part).max(axis=2) <= 1).any(axis=1)
+        return ~near[which.ravel()]
+
+    def _shaped(self, values: np.ndarray) -> np.ndarray:
+        return values[:, 0] if self.n_outputs_ == 0 else values

@@ -1,0 +1,53 @@
+"""What estimators with a memory share: which rows form a run, and the last direction of a motion within each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import MissingColumnError
+
+from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
+
+
+class SequenceMixin:
+    """Numbers the trajectories of a table; needs the parameters `one_trajectory` and `trajectory_column`."""
+
+    one_trajectory: bool
+    trajectory_column: int | None
+
+    def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
+        """Trajectory number of each row, for rows in time order."""
+        if groups is None and not has_trajectory_column(X):
+            if self.trajectory_column is not None:
+                if not 0 <= self.trajectory_column < table.shape[1]:
+                    raise MissingColumnError(
+                        f"trajectory_column is {self.trajectory_column}, but X has {table.shape[1]} columns.",
+                        f"a position from 0 to {table.shape[1] - 1}",
+                        "Correct trajectory_column.",
+                    )
+                column = table[:, self.trajectory_column]
+                return np.cumsum(np.diff(column, prepend=column[:1]) != 0)
+            known = getattr(self, "_codes_of_fit", None)
+            if known is not None and len(known) == len(table):
+                return np.asarray(known)
+        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+        assert codes is not None  # needed_by raises instead
+        return codes
+
+
+def last_direction(values: np.ndarray, codes: np.ndarray, travel: float) -> np.ndarray:
+    """Return +1 where a signal last rose, −1 where it last fell, and what lies between while it turns.
+
+    A turn is complete once the signal has travelled `travel` the other way, as the play of a mechanism: noise that is
+    small against it turns nothing. Each trajectory starts at 0.
+    """
+    out = np.zeros(len(values))
+    for rows in trajectory_slices(codes):
+        way = 0.0
+        steps = np.diff(values[rows], prepend=values[rows.start]) * (2.0 / travel)
+        for k, step in enumerate(steps.tolist(), rows.start):
+            way = min(1.0, max(-1.0, way + step))
+            out[k] = way
+    return out

@@ -1,0 +1,187 @@
+"""From a pressure and a load to force and contraction at the same time."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pamid.errors import ExtrapolationWarning
+
+from ._base import Signals
+from ._one_layer import OneLayerRegressor
+
+_MARGIN = 0.05  # of an output's range, by which an answer may pass the outputs of the fit
+
+
+class ForwardAnswer(NamedTuple):
+    """What a forward model answers, row by row, and how far it is to be trusted.
+
+    Parameters
+    ----------
+    outputs : ndarray, shape (n_samples, n_outputs)
+        Outputs within their bounds.
+    saturated : ndarray of bool, shape (n_samples,)
+        Whether a bound is the answer.
+    extrapolated : ndarray of bool, shape (n_samples,)
+        Whether the fit had no rows near.
+    """
+
+    outputs: np.ndarray
+    saturated: np.ndarray
+    extrapolated: np.ndarray
+
+
+class ForwardModel(OneLayerRegressor):
+    r"""Integrated response of a loaded muscle: force and contraction together from pressure and load.
+
+    .. math:: (F, \varepsilon) = N\!\left(P, m\right)
+
+    with one hidden layer that both outputs share, trained by Levenberg–Marquardt. A force model needs the contraction
+    and a contraction model the force; under a load neither is known, and both follow from the pressure.
+
+    Parameters
+    ----------
+    inputs : sequence of str, default=("P", "load")
+        Signals that the network reads: absolute pressure (Pa), load (kg); also ``"dP"`` (Pa/s) or any other column.
+    hidden : int, default=20
+        Units of the hidden layer.
+    direction : bool, default=False
+        Whether the last direction of the pressure is an input, too; needs trajectories in time order.
+    direction_step : float, default=50000
+        Pressure that it must come back before its direction has turned, Pa; in between the input is in between.
+    alpha : float, default=0.01
+        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
+    max_iter : int, default=200
+        Most Levenberg–Marquardt steps.
+    tol : float, default=1e-5
+        Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
+    n_starts : int, default=3
+        Initial weights tried for a few steps, of which the best goes on.
+    forget_rows : float, default=5000
+        Rows over which `partial_fit` forgets.
+    one_trajectory : bool, default=False
+        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+    trajectory_column : int, optional
+        Position of the column that tells trajectories, for arrays that have no names.
+    random_state : int or RandomState, optional
+        Seed of the initial weights.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    weights_ : dict of str to ndarray
+        ``W0`` (n_inputs, hidden), ``b0``, ``W1`` (hidden, n_outputs), ``b1``.
+    input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
+        Mean, standard deviation and range of the inputs, in their units.
+    target_mean_, target_scale_, target_low_, target_high_ : ndarray, shape (n_outputs,)
+        The same of the outputs.
+    cells_ : ndarray of int, shape (n_cells, n_inputs)
+        Cells of the input space that held rows of the fit.
+    information_ : ndarray, shape (n_weights, n_weights)
+        What the rows seen so far say about the weights; `partial_fit` goes on from it.
+    loss_curve_ : list of float
+        Loss after each step, per row, in units of the targets' variances.
+    n_iter_ : int
+        Steps of the last fit, and calls of `partial_fit` since.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_outputs_ : int
+        Number of outputs; 0 for one without an axis of its own.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    InverseModel : The pressure for a wanted force and contraction.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import ForwardModel
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"P": rng.uniform(1e5, 7e5, 500), "load": rng.uniform(15, 100, 500)})
+    >>> force = 9.81 * X["load"]
+    >>> eps = 0.25 * (1 - np.exp(-(X["P"] - 1e5) / (3e3 * X["load"] + 1e5)))
+    >>> model = ForwardModel(random_state=0).fit(X, np.c_[force, eps])
+    >>> model.predict(X).shape, bool(model.score(X, np.c_[force, eps]) > 0.99)
+    ((500, 2), True)
+    """
+
+    _turning = "P"
+
+    def __init__(
+        self,
+        inputs: Sequence[str] = ("P", "load"),
+        *,
+        hidden: int = 20,
+        direction: bool = False,
+        direction_step: float = 5e4,
+        alpha: float = 0.01,
+        max_iter: int = 200,
+        tol: float = 1e-5,
+        n_starts: int = 3,
+        forget_rows: float = 5000,
+        one_trajectory: bool = False,
+        trajectory_column: int | None = None,
+        random_state: Any = None,
+        signals: Signals | None = None,
+    ) -> None:
+        self.inputs = inputs
+        self.hidden = hidden
+        self.direction = direction
+        self.direction_step = direction_step
+        self.alpha = alpha
+        self.max_iter = max_iter
+        self.tol = tol
+        self.n_starts = n_starts
+        self.forget_rows = forget_rows
+        self.one_trajectory = one_trajectory
+        self.trajectory_column = trajectory_column
+        self.random_state = random_state
+        self.signals = signals
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        return tags
+
+    def assess(self, X: Any, groups: Any = None) -> ForwardAnswer:
+        """Answer within bounds, and say of each row whether the answer is to be trusted.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, read if `direction` is set.
+
+        Returns
+        -------
+        ForwardAnswer
+            Outputs in the units of y, and flags.
+        """
+        bare, outside = self._answer(X, groups)
+        margin = _MARGIN * (self.target_high_ - self.target_low_)
+        held = np.clip(bare, self.target_low_ - margin, self.target_high_ + margin)
+        return ForwardAnswer(held, (held != bare).any(axis=1), outside)
+
+    def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        if outside.any():
+            warnings.warn(
+                f"ForwardModel: {int(outside.sum())} of {len(bare)} rows lie away from the data of the fit. Expected "
+                "pressures and loads that it had. The answer is bounded; assess() tells each row.",
+                ExtrapolationWarning,
+                stacklevel=3,
+            )
+        margin = _MARGIN * (self.target_high_ - self.target_low_)
+        return self._shaped(np.clip(bare, self.target_low_ - margin, self.target_high_ + margin))
+
+    @staticmethod
+    def _checked_instances() -> list[ForwardModel]:
+        return [ForwardModel(signals={"P": 0, "load": 0}, hidden=3, max_iter=4, n_starts=1, random_state=0)]

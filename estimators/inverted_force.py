@@ -1,0 +1,270 @@
+"""The inverse of a force model: the pressure at which it gives the wanted force."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin, clone
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
+
+from pamid.errors import IncompatibleError
+
+from ._base import SignalEstimator, Signals
+from ._checks import check_counts, check_option
+from ._trajectories import trajectory_codes
+from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
+
+_CHUNK = 20_000
+_HALVINGS = 40
+
+
+class InvertedForce(RegressorMixin, SignalEstimator):
+    r"""Inverse of a force model by bounded root finding: the pressure at which it gives the wanted force.
+
+    .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
+        P_\mathrm{low} \le P^\ast \le P_\mathrm{high}
+
+    The range of pressure is searched on a grid for a change of sign of F − F_wanted, which is then halved to
+    rounding. Where the force is not monotonic the lowest root counts; where there is none the answer is the pressure
+    of the grid whose force comes nearest, flagged.
+
+    Parameters
+    ----------
+    model : estimator, optional
+        Force model that reads ``eps``, ``P`` and perhaps ``deps``, ``dP``; `GeometricForce` by default. It is fitted
+        with the inverse; ``sklearn.frozen.FrozenEstimator(model)`` keeps one that is fitted already.
+    grid : int, default=33
+        Pressures at which roots are looked for.
+    pressure_limits : (float, float), optional
+        Least and largest answer, Pa absolute; by default the range of the fit.
+    on_unreachable : {"warn", "clip", "raise"}, default="warn"
+        What `predict` does about pairs that no pressure within the limits brings about: bound the answer and warn,
+        bound it silently, or raise `UnreachableError`.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    model_ : estimator
+        The fitted force model.
+    pressure_low_, pressure_high_ : float
+        Range of pressure of the fit, Pa.
+    eps_low_, eps_high_ : float
+        Range of contraction of the fit.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    InverseModel : The inverse learnt directly.
+
+    Notes
+    -----
+    A model that reads the rate of the pressure is asked for a resting pressure, ``dP`` = 0: the wanted pressure's own
+    rate is not known.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import GeometricForce, InvertedForce
+    >>> from pamid.volume.braided import chou_hannaford
+    >>> eps, P = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 0.2, 8), np.linspace(2e5, 6e5, 8)))
+    >>> X = pd.DataFrame({"F": chou_hannaford(P, eps, rest_diameter=0.021, braid_angle=0.45), "eps": eps})
+    >>> inverse = InvertedForce(GeometricForce()).fit(X, P)
+    >>> bool(abs(inverse.predict(X) - P).max() < 1.0)
+    True
+    >>> bool(inverse.assess(pd.DataFrame({"F": [1e5], "eps": [0.1]})).saturated[0])
+    True
+    """
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+
+    equations = ("inverse",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        from .geometric_force import GeometricForce
+        from .polynomial_force import PolynomialForce
+        from .static_pihm import StaticPIHM
+
+        return {
+            "chou_hannaford": {"model": GeometricForce(), "on_unreachable": "clip"},
+            "tondu_lopez": {"model": GeometricForce("tondu_lopez"), "on_unreachable": "clip"},
+            "surface": {"model": PolynomialForce(3, "surface"), "on_unreachable": "clip"},
+            "StaticPIHM": {"model": StaticPIHM(random_state=0), "on_unreachable": "clip"},
+        }
+
+    def __init__(
+        self,
+        model: Any = None,
+        *,
+        grid: int = 33,
+        pressure_limits: tuple[float, float] | None = None,
+        on_unreachable: str = "warn",
+        signals: Signals | None = None,
+    ) -> None:
+        self.model = model
+        self.grid = grid
+        self.pressure_limits = pressure_limits
+        self.on_unreachable = on_unreachable
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return ("F", "eps", *(("deps",) if "deps" in self._read_by_model() else ()))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def _own_model(self) -> Any:
+        if self.model is not None:
+            return self.model
+        from .geometric_force import GeometricForce
+
+        return GeometricForce()
+
+    def _read_by_model(self) -> tuple[str, ...]:
+        return tuple(getattr(self._own_model(), "_needs", ("eps", "P")))
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Fit the force model, and note the range of the pressure.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Columns ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
+        y : array_like, shape (n_samples,)
+            Absolute pressure, Pa.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights; a weight of 2 is the same row twice.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, handed on to the model.
+
+        Returns
+        -------
+        InvertedForce
+            The fitted estimator itself.
+
+        Raises
+        ------
+        IncompatibleError
+            If the model reads signals that an inverse does not have.
+        """
+        check_counts(self, "grid")
+        check_option(self, "on_unreachable", POLICIES)
+        checked_limits(self.pressure_limits)
+        model = self._own_model()
+        reads = self._read_by_model()
+        if (
+            "P" not in reads
+            or set(reads) - {"eps", "deps", "P", "dP"}
+            or getattr(model, "one_trajectory", None) is False
+        ):
+            raise IncompatibleError(
+                f"{type(model).__name__} reads {', '.join(reads)}.",
+                "a force model of single rows of eps, P and perhaps deps, dP",
+                "Choose for instance GeometricForce, PolynomialForce, StaticForceMap or StaticPIHM.",
+            )
+        clusters = None if groups is None else trajectory_codes(X, groups)
+        table, y = self._read(X, y, reset=True)
+        pressure = np.asarray(column_or_1d(y, warn=True), dtype=float)
+        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        eps, deps = self._motion(table)
+        self.model_ = clone(model)
+        given: dict[str, Any] = {}
+        if sample_weight is not None and has_fit_parameter(self.model_, "sample_weight"):
+            given["sample_weight"] = weight
+        if clusters is not None and has_fit_parameter(self.model_, "groups"):
+            given["groups"] = clusters
+        self.model_.fit(self._inputs(eps, deps, pressure), self._signal(table, "F"), **given)
+        used = weight > 0
+        self.pressure_low_, self.pressure_high_ = float(pressure[used].min()), float(pressure[used].max())
+        self.eps_low_, self.eps_high_ = float(eps[used].min()), float(eps[used].max())
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Return the pressure that brings the wanted force about.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Wanted ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Absolute pressure, Pa, within the limits.
+        """
+        return answer_within(*self.assess(X), self.on_unreachable, type(self).__name__)
+
+    def assess(self, X: Any) -> PressureAnswer:
+        """Answer within the limits, and say of each row whether the answer is to be trusted.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Wanted signals, as in `predict`.
+
+        Returns
+        -------
+        PressureAnswer
+            Pressure (Pa, absolute) and flags: ``saturated`` where there is no root, ``extrapolated`` where the
+            contraction lies outside that of the fit.
+        """
+        check_is_fitted(self, "model_")
+        table, _ = self._read(X, reset=False)
+        parts = [self._roots(table[k : k + _CHUNK]) for k in range(0, len(table), _CHUNK)]
+        return PressureAnswer(*(np.concatenate(p) for p in zip(*parts, strict=True)))
+
+    def _roots(self, table: np.ndarray) -> PressureAnswer:
+        wanted = self._signal(table, "F")
+        eps, deps = self._motion(table)
+        low, high = checked_limits(self.pressure_limits) or (self.pressure_low_, self.pressure_high_)
+        margin = 0.02 * (self.eps_high_ - self.eps_low_)
+        beyond = (eps < self.eps_low_ - margin) | (eps > self.eps_high_ + margin)
+        n, size = len(wanted), max(int(self.grid), 2)
+        levels = np.linspace(low, high, size)
+        force = self.model_.predict(
+            self._inputs(np.tile(eps, size), np.tile(deps, size), np.repeat(levels, n))
+        ).reshape(size, n)
+        off = force - wanted
+        crossing = (off[:-1] <= 0.0) != (off[1:] <= 0.0)
+        rooted = crossing.any(axis=0)
+        nearest = np.abs(off).argmin(axis=0)
+        first = np.where(rooted, crossing.argmax(axis=0), np.minimum(nearest, size - 2))
+        columns = np.arange(n)
+        a, b = levels[first], levels[first + 1]
+        below = off[first, columns] <= 0.0
+        for _ in range(_HALVINGS if rooted.any() else 0):
+            middle = 0.5 * (a + b)
+            same = (self.model_.predict(self._inputs(eps, deps, middle)) - wanted <= 0.0) == below
+            a, b = np.where(same, middle, a), np.where(same, b, middle)
+        near = np.abs(off[nearest, columns]) <= 1e-3 * max(float(np.abs(force).max()), 1e-12)
+        return PressureAnswer(np.where(rooted, 0.5 * (a + b), levels[nearest]), ~rooted & ~near, beyond)
+
+    def _motion(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        eps = self._signal(table, "eps")
+        return eps, self._signal(table, "deps") if "deps" in self._needs else np.zeros_like(eps)
+
+    def _inputs(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> Any:
+        """Return the table that the force model reads."""
+        import pandas as pd
+
+        columns = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
+        return pd.DataFrame({name: columns[name] for name in self._read_by_model()})
+
+    @staticmethod
+    def _checked_instances() -> list[InvertedForce]:
+        from .polynomial_force import PolynomialForce
+
+        return [
+            InvertedForce(signals={"F": 0, "eps": 0}),
+            InvertedForce(PolynomialForce(1), signals={"F": 0, "eps": 0}, grid=5),
+        ]
