@@ -20,7 +20,15 @@ from ._model_archive import hostile
 from .errors import HostileModelError
 
 MAX_DEPTH = 400
-_DATACLASS_PACKAGES = ("pamid.laws", "pamid.volume", "pamid.training", "pamid.signals", "pamid.effects", "pamid.bench")
+_DATACLASS_PACKAGES = (
+    "pamid.laws",
+    "pamid.volume",
+    "pamid.training",
+    "pamid.adapters",
+    "pamid.signals",
+    "pamid.effects",
+    "pamid.bench",
+)
 _PRIMITIVES = {"builtins.str", "builtins.int", "builtins.float", "builtins.bool", "builtins.NoneType"}
 _SIMPLE_LOADERS: dict[str, set[str]] = {
     "DictNode": {"builtins.dict", "collections.OrderedDict"},

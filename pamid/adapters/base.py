@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -11,7 +12,14 @@ Arrays = list[Any]
 
 
 class Adapter(Protocol):
-    """A reparametrisation ``theta = expand(source, psi)`` of a source network's parameters."""
+    r"""A reparametrisation ``theta = expand(source, psi)`` of a source network's parameters.
+
+    With :math:`E = \partial\theta/\partial\psi`: `pullback` is :math:`E^T g`, `pushforward` is :math:`E s`, and `gram`
+    is :math:`(J E)(J E)^T` for the Jacobian J of predictions by theta.
+    """
+
+    name: ClassVar[str]
+    """By which name estimators and searches ask for it."""
 
     def initial(self, source: Arrays, generator: np.random.Generator) -> Arrays:
         """Return the psi where the adaptation starts."""
@@ -25,9 +33,53 @@ class Adapter(Protocol):
         """Return the gradient by psi from the gradient by the network's parameters."""
         ...
 
+    def pushforward(self, source: Arrays, psi: Arrays, step: Arrays) -> Arrays:
+        """Return the change of the network's parameters that a change of psi makes."""
+        ...
+
+    def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return the Gram matrix of the predictions' gradients by psi, shape (n_samples, n_samples)."""
+        ...
+
     def rates(self, psi: Arrays) -> list[float]:
         """Return a factor on the learning rate for each array of psi."""
         ...
+
+
+@dataclass(frozen=True)
+class Bound:
+    """An adapter on its source, as a trainer takes it (`pamid.training.reparametrisation`).
+
+    Parameters
+    ----------
+    adapter : Adapter
+        The adapter.
+    source : list of arrays
+        Parameters of the source network, of the kind and on the device of the training.
+    """
+
+    adapter: Adapter
+    source: Arrays
+
+    def expand(self, psi: Arrays) -> Arrays:
+        """Return the network's parameters."""
+        return self.adapter.expand(self.source, psi)
+
+    def pullback(self, psi: Arrays, gradient: Arrays) -> Arrays:
+        """Return the gradient by psi."""
+        return self.adapter.pullback(self.source, psi, gradient)
+
+    def pushforward(self, psi: Arrays, step: Arrays) -> Arrays:
+        """Return the change of the network's parameters."""
+        return self.adapter.pushforward(self.source, psi, step)
+
+    def gram(self, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return the Gram matrix of the predictions' gradients by psi."""
+        return self.adapter.gram(self.source, psi, adjoint, tape)
+
+    def rates(self, psi: Arrays) -> list[float]:
+        """Return a factor on the learning rate for each array of psi."""
+        return self.adapter.rates(psi)
 
 
 def n_parameters(psi: Arrays) -> int:

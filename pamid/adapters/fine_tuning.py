@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ class FineTuning:
     """Train the named layers, counted from 0 at the input; ``None`` trains all of them."""
 
     layers: tuple[int, ...] | None = None
+
+    name: ClassVar[str] = "full"
 
     def _trained(self, source: Arrays) -> list[int]:
         n = len(source) // 2
@@ -41,6 +44,20 @@ class FineTuning:
     def pullback(self, source: Arrays, psi: Arrays, gradient: Arrays) -> Arrays:
         """Return the trained layers' part of the gradient."""
         return [gradient[i] for i in self._trained(source)]
+
+    def pushforward(self, source: Arrays, psi: Arrays, step: Arrays) -> Arrays:
+        """Return the step of the trained layers, zeros elsewhere."""
+        out = [0.0 * a for a in source]
+        for i, s in zip(self._trained(source), step, strict=True):
+            out[i] = s
+        return out
+
+    def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return the trained layers' part of the network's Gram matrix."""
+        from ..training.network import gram
+
+        trained = {i // 2 for i in self._trained(source)}
+        return gram(adjoint, tape, [k in trained for k in range(len(source) // 2)])
 
     def rates(self, psi: Arrays) -> list[float]:
         """Return 1 for each array."""

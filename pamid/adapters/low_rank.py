@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class LowRank:
     """
 
     ranks: tuple[int, ...] = (2, 4)
+
+    name: ClassVar[str] = "low_rank"
 
     def _layers(self, source: Arrays) -> list[tuple[int, int]]:
         n = len(source) // 2
@@ -63,6 +65,27 @@ class LowRank:
         out = []
         for j, (i, _) in enumerate(self._layers(source)):
             out += [psi[2 * j + 1].T @ gradient[i], gradient[i] @ psi[2 * j].T]
+        return out
+
+    def pushforward(self, source: Arrays, psi: Arrays, step: Arrays) -> Arrays:
+        """Return ``dB A + B dA`` in the adapted layers, zeros elsewhere."""
+        out = [0.0 * a for a in source]
+        for j, (i, _) in enumerate(self._layers(source)):
+            (A, B), (dA, dB) = psi[2 * j : 2 * j + 2], step[2 * j : 2 * j + 2]
+            out[i] = dB @ A + B @ dA
+        return out
+
+    def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return the Gram matrix of A and B: that of a layer with B before its adjoints, or A behind its inputs."""
+        from ..training.network import add_layer_gram, read_by_law
+
+        out = 0.0 * tape.y[:, None] * tape.y
+        pairs = read_by_law(adjoint, tape)
+        for j, (i, _) in enumerate(self._layers(source)):
+            G, H = pairs[i // 2]
+            A, B = psi[2 * j : 2 * j + 2]
+            add_layer_gram(out, G @ B, H, bias=False)
+            add_layer_gram(out, G, H @ A.T, bias=False)
         return out
 
     def rates(self, psi: Arrays) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ class Scalar:
     q0: float = 1.0
     base: Adapter = field(default_factory=FineTuning)
     rate: float = 0.2
+
+    name: ClassVar[str] = "scalar"
 
     def __post_init__(self) -> None:
         """Refuse a factor that makes no volume."""
@@ -43,6 +46,21 @@ class Scalar:
         by_q = sum((g * t).sum() for g, t in zip(gradient[-2:], theta[-2:], strict=True))
         inner = [*gradient[:-2], gradient[-2] * psi[0], gradient[-1] * psi[0]]
         return [by_q.reshape(1), *self.base.pullback(source, psi[1:], inner)]
+
+    def pushforward(self, source: Arrays, psi: Arrays, step: Arrays) -> Arrays:
+        """Return the change by Q, which the last layer alone feels, and by the base's arrays."""
+        theta = self.base.expand(source, psi[1:])
+        inner = self.base.pushforward(source, psi[1:], step[1:])
+        return [*inner[:-2], *(psi[0] * d + step[0] * t for d, t in zip(inner[-2:], theta[-2:], strict=True))]
+
+    def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return the base's Gram matrix with Q in the last layer, and the outer product of the gradient by Q."""
+        from ..training.network import jacobian_product
+
+        theta = self.base.expand(source, psi[1:])
+        by_q = jacobian_product(adjoint, tape, [*(0.0 * t for t in theta[:-2]), *theta[-2:]])
+        inner = self.base.gram(source, psi[1:], [*adjoint[:-1], psi[0] * adjoint[-1]], tape)
+        return inner + by_q[:, None] * by_q
 
     def rates(self, psi: Arrays) -> list[float]:
         """Return Q's share of the learning rate, then the base's."""

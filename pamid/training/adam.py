@@ -12,6 +12,7 @@ import torch
 from .host import BLOCK, HostGradient
 from .network import Parameters, forward, gradient
 from .problem import Problem
+from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
 
@@ -68,19 +69,20 @@ class Adam(Trainer):
         activation: str,
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
+        adapter: Reparametrisation = IDENTITY,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean loss of the epoch; the published decay knows no prior but zero."""
         # One flat vector holds all parameters: the optimiser is then a few operations, however many layers there are.
         flat = torch.cat([p.reshape(-1) for p in parameters])
         g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
-        theta, slots = views(flat, shapes), views(g, shapes)
+        net = _Network(flat, g, shapes, adapter)
         n, step = len(problem), 0
         with ExitStack() as stack:
             host = None
             if flat.device.type == "cpu":
                 threads = min(torch.get_num_threads(), self.batch_size // BLOCK)
-                host = HostGradient(flat.numpy(), g.numpy(), shapes, activation, threads)
+                host = HostGradient(net.flat.numpy(), net.gradient.numpy(), net.shapes, activation, threads)
                 stack.callback(host.close)
             for _ in range(self.max_iter):
                 total = torch.zeros_like(flat[0])
@@ -90,7 +92,9 @@ class Adam(Trainer):
                         drawn = problem.rows(torch.as_tensor(random_state.permutation(n), device=flat.device))
                     for start in range(0, n, self.batch_size):
                         batch = drawn.rows(slice(start, start + self.batch_size))
-                        total += host(batch) if host else device_gradient(theta, batch, activation, slots)
+                        net.expand()
+                        total += host(batch) if host else device_gradient(net.theta, batch, activation, net.slots)
+                        net.pull_back()
                         g.add_(flat, alpha=self.weight_decay)
                         step += 1
                         first.lerp_(g, 1.0 - self.beta1)
@@ -98,8 +102,52 @@ class Adam(Trainer):
                         # Both bias corrections are numbers, so they go into the step size and the division's guard.
                         unbiased = math.sqrt(1.0 - self.beta2**step)
                         rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
-                        flat.addcdiv_(first, torch.sqrt(second, out=g).add_(1e-8 * unbiased), value=-rate)
+                        torch.sqrt(second, out=g).add_(1e-8 * unbiased)
+                        flat.addcdiv_(first, g if net.shares is None else g.div_(net.shares), value=-rate)
                 yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
+
+
+class _Network:
+    """The network behind a flat vector of trained parameters, with its gradient; without an adapter, the same memory.
+
+    Parameters
+    ----------
+    psi, gradient : Tensor, shape (n_trained,)
+        Trained parameters and their gradient, each in one piece.
+    shapes : list of torch.Size
+        Shapes of the trained arrays.
+    adapter : Reparametrisation
+        What they stand for.
+    """
+
+    def __init__(
+        self, psi: torch.Tensor, gradient: torch.Tensor, shapes: list[torch.Size], adapter: Reparametrisation
+    ) -> None:
+        self._adapter = None if adapter is IDENTITY else adapter
+        self._psi, self._by_psi = views(psi, shapes), views(gradient, shapes)
+        self.flat, self.gradient, self.shapes, self.shares = psi, gradient, shapes, None
+        if self._adapter is not None:
+            theta = self._adapter.expand(self._psi)
+            self.flat, self.shapes = torch.cat([t.reshape(-1) for t in theta]), [t.shape for t in theta]
+            self.gradient = torch.empty_like(self.flat)
+            rates = self._adapter.rates(self._psi)
+            if any(r != 1.0 for r in rates):
+                self.shares = torch.cat(
+                    [torch.full_like(p.reshape(-1), r) for p, r in zip(self._psi, rates, strict=True)]
+                )
+        self.theta, self.slots = views(self.flat, self.shapes), views(self.gradient, self.shapes)
+
+    def expand(self) -> None:
+        """Bring the network up to the trained parameters."""
+        if self._adapter is not None:
+            for t, value in zip(self.theta, self._adapter.expand(self._psi), strict=True):
+                t.copy_(value)
+
+    def pull_back(self) -> None:
+        """Bring the network's gradient to the trained parameters."""
+        if self._adapter is not None:
+            for slot, value in zip(self._by_psi, self._adapter.pullback(self._psi, self.slots), strict=True):
+                slot.copy_(value)
 
 
 def device_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:

@@ -15,8 +15,9 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from .network import Parameters, Tape, adjoints, forward, gradient, gram, jacobian_product
+from .network import Parameters, Tape, adjoints, forward, gradient, jacobian_product
 from .problem import Problem
+from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
 AVERAGE = 0.1
@@ -76,11 +77,12 @@ class LevenbergMarquardt(Trainer):
         activation: str,
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
+        adapter: Reparametrisation = IDENTITY,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the loss of the step's samples after each step."""
-        theta = [p.clone() for p in parameters]
+        psi = [p.clone() for p in parameters]
         origin = [torch.zeros_like(p) for p in parameters] if prior is None else prior
-        mean = theta
+        mean = psi
         mu, n = self.damping, len(problem)
         full = n <= self.batch_size
         for _ in range(self.max_iter):
@@ -89,23 +91,26 @@ class LevenbergMarquardt(Trainer):
                 rows = random_state.choice(n, self.batch_size, replace=False)
                 batch = problem.rows(torch.as_tensor(rows, device=problem.y.device))
             root = (batch.weight / batch.weight.sum()).sqrt()
+            theta = adapter.expand(psi)
             tape = forward(theta, batch.x, batch.direction, batch.a, activation)
             r = root * (tape.y - batch.y)
-            before = float(r @ r) + self._penalty(theta, origin)
+            before = float(r @ r) + self._penalty(psi, origin)
             if not np.isfinite(before):
-                yield theta, before
+                yield psi, before
                 return
             adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-            K = gram(adjoint, tape)
+            K = adapter.gram(psi, adjoint, tape)
             scale = float(K.trace())
             accepted = False
             while mu < 1e8 and not accepted:
-                step = self._step(theta, origin, tape, adjoint, K, r, root, mu * scale + self.weight_decay)
+                c = mu * scale + self.weight_decay
+                step = self._step(psi, origin, tape, adjoint, K, r, root, c, adapter)
                 if step is None:
                     mu *= 4.0
                     continue
-                trial = [p + s for p, s in zip(theta, step, strict=True)]
-                r_new = root * (forward(trial, batch.x, batch.direction, batch.a, activation).y - batch.y)
+                trial = [p + s for p, s in zip(psi, step, strict=True)]
+                moved = forward(adapter.expand(trial), batch.x, batch.direction, batch.a, activation)
+                r_new = root * (moved.y - batch.y)
                 after = float(r_new @ r_new) + self._penalty(trial, origin)
                 accepted = after < before
                 mu = max(mu / 2.0, 1e-13) if accepted else mu * 4.0
@@ -114,19 +119,19 @@ class LevenbergMarquardt(Trainer):
                     return
                 mu = self.damping
                 continue
-            theta = trial
+            psi = trial
             # Steps on fresh draws scatter about the minimum; their running mean lies closer to it.
-            mean = theta if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, theta, strict=True)]
+            mean = psi if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, psi, strict=True)]
             yield mean, float(r_new @ r_new)
             if full and before - after < self.tolerance * before:
                 return
 
-    def _penalty(self, theta: Parameters, origin: Parameters) -> float:
-        return self.weight_decay * sum(float(((p - q) ** 2).sum()) for p, q in zip(theta, origin, strict=True))
+    def _penalty(self, psi: Parameters, origin: Parameters) -> float:
+        return self.weight_decay * sum(float(((p - q) ** 2).sum()) for p, q in zip(psi, origin, strict=True))
 
     def _step(
         self,
-        theta: Parameters,
+        psi: Parameters,
         origin: Parameters,
         tape: Tape,
         adjoint: list[torch.Tensor],
@@ -134,15 +139,16 @@ class LevenbergMarquardt(Trainer):
         r: torch.Tensor,
         root: torch.Tensor,
         c: float,
+        adapter: Reparametrisation = IDENTITY,
     ) -> Parameters | None:
         """Solve the damped normal equations for a step; None if the floating type is too coarse for this damping."""
-        pull = [self.weight_decay * (p - q) for p, q in zip(theta, origin, strict=True)]
-        rhs = r - jacobian_product(adjoint, tape, pull) / c
+        pull = [self.weight_decay * (p - q) for p, q in zip(psi, origin, strict=True)]
+        rhs = r - jacobian_product(adjoint, tape, adapter.pushforward(psi, pull)) / c
         A = K / c
         A.diagonal().add_(1.0)
         factor, failed = torch.linalg.cholesky_ex(A)
         if int(failed):
             return None
         u = torch.cholesky_solve(rhs[:, None], factor)[:, 0]
-        back = gradient(theta, tape, root * u)
+        back = adapter.pullback(psi, gradient(adapter.expand(psi), tape, root * u))
         return [-(p + q) / c for p, q in zip(pull, back, strict=True)]

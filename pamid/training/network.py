@@ -211,7 +211,7 @@ def gradient(parameters: Parameters, tape: Tape, upstream: Tensor, out: Paramete
 def jacobian_product(adjoint: list[Tensor], tape: Tape, v: Parameters) -> Tensor:
     """Return ``J v`` for a change of the parameters, from the adjoints of unit residuals; shape (n_samples,)."""
     out = torch.zeros_like(tape.y)
-    for layer, (G, H) in enumerate(_read_by_law(adjoint, tape)):
+    for layer, (G, H) in enumerate(read_by_law(adjoint, tape)):
         change = H @ v[2 * layer].T
         if len(H) == 2:
             change[0] += v[2 * layer + 1]
@@ -238,19 +238,24 @@ def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = N
     """
     n = tape.y.shape[0]
     out = torch.zeros((n, n), dtype=tape.y.dtype, device=tape.y.device)
-    for layer, (G, H) in enumerate(_read_by_law(adjoint, tape)):
-        if trainable is not None and not trainable[layer]:
-            continue
-        out += (G[-1] @ G[-1].T).mul_(H[-1] @ H[-1].T)
-        if len(H) == 2:
-            out += (G[0] @ G[0].T).mul_((H[0] @ H[0].T).add_(1.0))
-            cross = (G[0] @ G[1].T).mul_(H[0] @ H[1].T)
-            out += cross
-            out += cross.T
+    for layer, (G, H) in enumerate(read_by_law(adjoint, tape)):
+        if trainable is None or trainable[layer]:
+            add_layer_gram(out, G, H)
     return out
 
 
-def _read_by_law(adjoint: list[Tensor], tape: Tape) -> list[tuple[Tensor, Tensor]]:
+def add_layer_gram(out: Tensor, G: Tensor, H: Tensor, *, bias: bool = True) -> None:
+    """Add a layer's share of the Gram matrix, from adjoints G at its output and values H at its input."""
+    out += (G[-1] @ G[-1].T).mul_(H[-1] @ H[-1].T)
+    if len(H) == 2:
+        inputs = H[0] @ H[0].T
+        out += (G[0] @ G[0].T).mul_(inputs.add_(1.0) if bias else inputs)
+        cross = (G[0] @ G[1].T).mul_(H[0] @ H[1].T)
+        out += cross
+        out += cross.T
+
+
+def read_by_law(adjoint: list[Tensor], tape: Tape) -> list[tuple[Tensor, Tensor]]:
     """Pair adjoints and inputs of the layers, without the last value where the law does not read it."""
     pairs = list(zip(adjoint, tape.pairs, strict=True))
     if tape.a is None:

@@ -12,6 +12,7 @@ from sklearn.base import BaseEstimator
 from ..errors import ParameterError
 from .network import Parameters, forward
 from .problem import Problem
+from .reparametrisation import IDENTITY, Reparametrisation
 from .result import BestSoFar, Callback, Status, TrainingResult
 
 EVALUATION_ROWS = 8192
@@ -45,6 +46,7 @@ class Trainer(BaseEstimator):
         activation: str,
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
+        adapter: Reparametrisation = IDENTITY,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean squared residual after each iteration."""
 
@@ -75,6 +77,7 @@ class Trainer(BaseEstimator):
         prior: Parameters | None = None,
         validation: Problem | None = None,
         callback: Callback | None = None,
+        adapter: Reparametrisation = IDENTITY,
     ) -> TrainingResult:
         """Train a network.
 
@@ -94,6 +97,9 @@ class Trainer(BaseEstimator):
             Held-out trajectories: the parameters that are best on them are returned, and training stops early.
         callback : callable, optional
             Called with the loss and the parameters after every iteration; returns whether to stop.
+        adapter : Reparametrisation, optional
+            What the parameters stand for; the network's own weights and biases by default. With one, `parameters`,
+            `prior`, and the parameters that are returned and given to the callback are its psi.
 
         Returns
         -------
@@ -110,14 +116,15 @@ class Trainer(BaseEstimator):
                 rows = random_state.choice(len(problem), most, replace=False)
                 judged = problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
         best = BestSoFar(self.patience)
-        best.offer(mean_squared_residual(parameters, judged, activation), parameters)
+        best.offer(mean_squared_residual(adapter.expand(parameters), judged, activation), parameters)
         losses: list[float] = []
         held_out: list[float] = []
         status = Status.FINISHED
+        through = () if adapter is IDENTITY else (adapter,)
         try:
-            for current, loss in self.steps(problem, parameters, activation, random_state, prior):
+            for current, loss in self.steps(problem, parameters, activation, random_state, prior, *through):
                 own = judged is problem and self.loss_covers(len(problem))
-                score = loss if own else mean_squared_residual(current, judged, activation)
+                score = loss if own else mean_squared_residual(adapter.expand(current), judged, activation)
                 losses.append(loss)
                 if validation is not None:
                     held_out.append(score)

@@ -1,0 +1,41 @@
+"""Nothing of the network is trained: what stands over it, such as a factor on the volume, is adapted alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .base import Arrays
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """Leave the network as it is."""
+
+    name: ClassVar[str] = "frozen"
+
+    def initial(self, source: Arrays, generator: np.random.Generator) -> Arrays:
+        """Return no arrays."""
+        return []
+
+    def expand(self, source: Arrays, psi: Arrays) -> Arrays:
+        """Return the source."""
+        return list(source)
+
+    def pullback(self, source: Arrays, psi: Arrays, gradient: Arrays) -> Arrays:
+        """Return no arrays."""
+        return []
+
+    def pushforward(self, source: Arrays, psi: Arrays, step: Arrays) -> Arrays:
+        """Return zeros."""
+        return [0.0 * a for a in source]
+
+    def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
+        """Return zeros."""
+        return 0.0 * tape.y[:, None] * tape.y
+
+    def rates(self, psi: Arrays) -> list[float]:
+        """Return no rates."""
+        return []

@@ -1,0 +1,54 @@
+"""Which adapters there are: found in the modules of this folder, so that a new one is one new file and no list."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from functools import cache
+from typing import Any
+
+from ..errors import UnknownOptionError
+from .base import Adapter, Bound
+
+
+@cache
+def adapters() -> dict[str, Any]:
+    """Return the adapters of the package by their names."""
+    package = importlib.import_module(__package__ or "pamid.adapters")
+    found: dict[str, Any] = {}
+    for module in sorted(m.name for m in pkgutil.iter_modules(package.__path__)):
+        for _, c in inspect.getmembers(importlib.import_module(f"{package.__name__}.{module}"), inspect.isclass):
+            if c.__module__ == f"{package.__name__}.{module}" and hasattr(c, "expand") and c not in (Adapter, Bound):
+                found[getattr(c, "name", c.__name__)] = c
+    return found
+
+
+def adapter_named(adapter: Any) -> Any:
+    """Return an adapter by its name, with its default parameters, or the adapter itself.
+
+    Parameters
+    ----------
+    adapter : str or Adapter
+        A name of `adapters`, or an adapter.
+
+    Raises
+    ------
+    UnknownOptionError
+        If it is neither.
+
+    Examples
+    --------
+    >>> from pamid.adapters.registry import adapter_named
+    >>> adapter_named("low_rank")
+    LowRank(ranks=(2, 4))
+    """
+    if isinstance(adapter, str) and adapter in adapters():
+        return adapters()[adapter]()
+    if isinstance(adapter, str) or inspect.isclass(adapter) or not hasattr(adapter, "expand"):
+        raise UnknownOptionError(
+            f"adapter={adapter!r} is not known.",
+            f"one of {', '.join(adapters())}, or an adapter such as LowRank(ranks=(1, 2))",
+            "Choose one of these.",
+        )
+    return adapter
