@@ -1,45 +1,42 @@
-"""Play between muscle and joint."""
+"""Play between the joint and the muscle."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals
+from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
 
 
 class Backlash(Effect):
-    r"""Play: after a reversal the driven side stands still until the play is used up.
+    r"""Lost motion between joint and muscle: after a reversal the muscle stands still until the play is used up.
 
-    .. math:: y = \mathrm{play}_w(x), \qquad \Delta F = -k\,(x - y)
-
-    with the play operator of half width w, |x − y| ≤ w: within the play the force has slope k, outside it stays.
+    .. math:: y = \mathrm{play}_w(\varepsilon), \qquad
+        \Delta F = \frac{P - P_\mathrm{atm}}{L_0}\,\big(V'(y) - V'(\varepsilon)\big), \qquad
+        \Delta\dot m = \frac{\dot P\,(V(y) - V(\varepsilon))}{\gamma R T} +
+        \frac{P\,(V'(y)\,\dot y - V'(\varepsilon)\,\dot\varepsilon)}{R T}
 
     Parameters
     ----------
     **values : float
-        ``half_width`` w (unit of the position), ``stiffness`` k (N per unit of the position).
+        ``half_width`` w (unit of the position).
 
     References
     ----------
-    M. Brokate, J. Sprekels, "Hysteresis and Phase Transitions", Springer, 1996.
-    https://doi.org/10.1007/978-1-4612-4048-8
+    M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
+    https://doi.org/10.1016/S0005-1098(02)00047-X
     """
 
     name = "backlash"
     family = "hysteresis"
-    equations = ("force",)
-    roles = ("position",)
-    source = "10.1007/978-1-4612-4048-8"
+    equations = ("force", "flow")
+    roles = ("position", "velocity", "pressure")
+    source = "10.1016/S0005-1098(02)00047-X"
     n_states = 1
     path_dependent = True
-    parameters = (
-        Parameter("half_width", "-", 1e-5, 0.2, 2e-3, "half the play"),
-        Parameter("stiffness", "N", 0.0, 1e7, 2e3, "slope within the play", linear=True),
-    )
+    parameters = (Parameter("half_width", "-", 0.0, 0.1, 2e-3, "half the play"),)
     half_width: float
-    stiffness: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return the middle of the play."""
@@ -50,5 +47,15 @@ class Backlash(Effect):
         return np.clip(x, s1.position - self.half_width, s1.position + self.half_width)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return −k (x − y), N."""
-        return -self.stiffness * (s.position - x[0])
+        """Return the tension at the driven side's contraction less that at the joint's, N."""
+        slope = plant.volume_slope(x[0]) - plant.volume_slope(s.position)
+        return (s.pressure - plant.atmospheric_pressure) / plant.rest_length * slope
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return the flow of the driven side's volume less that of the joint's."""
+        y = x[0]
+        lost = s.position - y
+        engaged = (np.abs(lost) >= (1.0 - 1e-9) * self.half_width) & (lost * s.velocity >= 0.0)
+        rate = plant.volume_slope(y) * np.where(engaged, s.velocity, 0.0) - plant.volume_slope(s.position) * s.velocity
+        room = plant.volume(y) - plant.volume(s.position)
+        return Step(s.pressure * rate / plant.RT, room / (plant.heat_capacity_ratio * plant.RT))

@@ -13,15 +13,16 @@ from .plant import Plant
 class CoulombFriction(Effect):
     r"""Dry friction against the motion, independent of speed, regularised by presliding.
 
-    .. math:: \Delta F = -F_c\, z, \qquad \frac{\mathrm{d}z}{\mathrm{d}x} =
+    .. math:: \Delta F = -(F_c + \mu\,(P - P_\mathrm{atm}))\, z, \qquad \frac{\mathrm{d}z}{\mathrm{d}x} =
         \frac{1}{\delta}\left(1 - z\,\mathrm{sgn}\,\dot x\right)
 
-    with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal.
+    with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal. The threads' share
+    grows with the pressure that presses them onto each other; 0 by default.
 
     Parameters
     ----------
     **values : float
-        ``amplitude`` F_c (N), ``presliding`` δ (unit of the position).
+        ``amplitude`` F_c (N), ``per_pressure`` μ (N/Pa), ``presliding`` δ (unit of the position).
 
     References
     ----------
@@ -32,15 +33,17 @@ class CoulombFriction(Effect):
     name = "coulomb_friction"
     family = "friction"
     equations = ("force",)
-    roles = ("position",)
+    roles = ("position", "pressure")
     source = "10.2514/3.61511"
     n_states = 1
     path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
+        Parameter("per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over"),
     )
     amplitude: float
+    per_pressure: float
     presliding: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
@@ -52,5 +55,8 @@ class CoulombFriction(Effect):
         return dahl(x, s1.position - s0.position, self.presliding)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return −F_c z, N."""
-        return -self.amplitude * x[0]
+        """Return −(F_c + μ p) z, N."""
+        level = self.amplitude
+        if self.per_pressure:
+            level = level + self.per_pressure * np.maximum(s.pressure - plant.atmospheric_pressure, 0.0)
+        return -level * x[0]

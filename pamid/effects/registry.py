@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+from functools import cache
 
 from ..errors import UnknownOptionError
 from .base import Effect
@@ -26,12 +27,18 @@ def all_effects() -> dict[str, type[Effect]]:
     >>> all_effects()["leakage"].equations
     ('flow',)
     """
+    _load_library()
+    return dict(sorted(Effect.registry.items()))
+
+
+@cache
+def _load_library() -> None:
+    """Import the modules of this package once, so that they enter themselves in the registry."""
     from .. import effects as package
 
     for module in pkgutil.iter_modules(package.__path__):
         if not module.name.startswith("_") and module.name not in _NOT_EFFECTS:
             importlib.import_module(f"{package.__name__}.{module.name}")
-    return dict(sorted(Effect.registry.items()))
 
 
 def make_effect(name: str, **values: float) -> Effect:

@@ -12,12 +12,14 @@ from .plant import Plant
 class ValveDeadZone(Effect):
     r"""Overlap of the spool: small commands open nothing, larger ones less than they should.
 
-    .. math:: u' = \mathrm{sgn}(u)\,\max(|u| - d,\, 0)
+    .. math:: u' = \mathrm{sgn}(u)\,\max(|u| - d,\, 0)\,\Big(1 + \frac{\kappa\, d}{1 - d}\Big)
+
+    With κ = 1 a full command still opens the valve fully, with κ = 0 it opens it by d less.
 
     Parameters
     ----------
     **values : float
-        ``width`` d (dimensionless).
+        ``width`` d, ``stretch`` κ (both dimensionless).
 
     References
     ----------
@@ -30,9 +32,14 @@ class ValveDeadZone(Effect):
     equations = ("valve",)
     roles = ("command",)
     source = "10.1115/1.1286336"
-    parameters = (Parameter("width", "-", 0.0, 0.5, 0.04, "command below which the valve is shut"),)
+    parameters = (
+        Parameter("width", "-", 0.0, 0.5, 0.04, "command below which the valve is shut"),
+        Parameter("stretch", "-", 0.0, 1.0, 0.0, "share of the lost travel that larger commands make up for"),
+    )
     width: float
+    stretch: float
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command less the dead zone."""
-        return u - np.clip(u, -self.width, self.width)
+        steeper = 1.0 + self.stretch * self.width / (1.0 - self.width)
+        return (u - np.clip(u, -self.width, self.width)) * steeper

@@ -156,7 +156,10 @@ class _Sums:
         }
 
 
-def _chosen(names: Sequence[str] | None, log: pd.DataFrame) -> tuple[dict[str, Equation], dict[str, str]]:
+def allowed_equations(
+    log: pd.DataFrame, names: Sequence[str] | None = None
+) -> tuple[dict[str, Equation], dict[str, str]]:
+    """Return the equations that the columns of a log allow, and for each other one what it lacks."""
     known = all_equations()
     if lacking := [column for column in ("time", "q") if column not in log.columns]:
         raise MissingColumnError(
@@ -207,7 +210,7 @@ def residuals(
     residual : Residual
         Its windows; a stretch too short for one window gives none.
     """
-    allowed, _ = _chosen(equations, log)
+    allowed, _ = allowed_equations(log, equations)
     if not allowed:
         return
     channels = sorted({c for e in allowed.values() for c in e.channels} - {"q"})
@@ -223,12 +226,13 @@ def residuals(
         wanted = sorted({c for e in batch for c in e.channels} - {"q"} | set(extra))
         for run in runs(log, model, wanted):
             for equation in batch:
-                residual = _residual(equation, run)
+                residual = window_residual(equation, run)
                 if residual is not None:
                     yield run.trajectory, equation.name, residual
 
 
-def _residual(equation: Equation, run: Any) -> Residual | None:
+def window_residual(equation: Equation, run: Any) -> Residual | None:
+    """Return the residual of an equation on a run, None if the run is too short for a window."""
     if len(run.time) < equation.order * run.n + equation.order + sum(run.margins):
         return None
     residual = equation.residual(run)
@@ -283,7 +287,7 @@ def evaluate_log(
     >>> result.skipped["joint"]
     'joint needs q, F1, F2; the log lacks F1, F2'
     """
-    allowed, skipped = _chosen(equations, log)
+    allowed, skipped = allowed_equations(log, equations)
     sums: dict[str, dict[str, _Sums]] = {name: {} for name in allowed}
     trajectory_rows(log)
     begun = ""

@@ -45,9 +45,13 @@ class Model:
     ----------
     params : BenchParameters
         The simulator.
+    settled : bool, default=False
+        Whether the ends of every stretch are left out, as they are for effects with memory, so that simulators with
+        and without memory are held against the same windows.
     """
 
-    def __init__(self, params: BenchParameters) -> None:
+    def __init__(self, params: BenchParameters, settled: bool = False) -> None:
+        self.settled = settled
         self.params = params.adjusted() if params.effects else params
         self.effects: list[Effect] = self.params.make_effects()
         self.plant: Plant = self.params.plant()
@@ -85,17 +89,32 @@ class Run:
     model: Model
     noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
     responses: dict[str, np.ndarray] = field(default_factory=dict)
+    smoothed: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
+
+    def under(self, model: Model) -> Run:
+        """Return the same stretch of the log held against another simulator."""
+        channels = {name: x for name, x in self.readings.items() if name != "q"}
+        other = Run(self.trajectory, self.time, self.dt, self.readings["q"], channels, model, self.noises)
+        if not self.model.with_hook("measure") and not model.with_hook("measure"):
+            other.smoothed = self.smoothed  # what a filter makes of the same readings is the same
+        return other
 
     def __post_init__(self) -> None:
+        self.readings = {"q": self.q, **self.channels}
         self.n = samples_per_window(self.dt)
         faults = self.model.with_hook("measure")
         remembering = any(effect.n_states for effect in self.model.effects)
         rows = round(_SETTLING / self.dt)
-        self.margins = (rows if remembering else 0, rows if any(f.n_states for f in faults) else 0)
+        settled = self.model.settled
+        self.margins = (
+            rows if remembering or settled else 0,
+            rows if settled or any(f.n_states for f in faults) else 0,
+        )
         start = np.zeros(1, dtype=int)
         for name in ("q", *self.channels):
             series = self.q[:, None] if name == "q" else self.channels[name]
-            self.noises[name] = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
+            if name not in self.noises:
+                self.noises[name] = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
             self.responses[name] = np.ones(1)
             for effect in faults:
                 if effect.channel != name:
@@ -146,14 +165,26 @@ class Run:
         return np.asarray(self.model.plant.volume_slope(self.eps))
 
     # --- effects --------------------------------------------------------------------------------------------
-    def _smooth(self, x: np.ndarray, deriv: int) -> np.ndarray:
-        """Smooth or differentiate by a local fit of fourth degree; the signals that effects read."""
-        from scipy.signal import savgol_filter
+    def smooth(self, channel: str, deriv: int) -> np.ndarray:
+        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; shape (n_samples, k)."""
+        key = (channel, deriv)
+        if key not in self.smoothed:
+            from scipy.signal import savgol_filter
 
-        width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
-        if width < 7:
-            return np.gradient(x, self.dt, axis=0) if deriv else x
-        return savgol_filter(x, width, 4, deriv=deriv, delta=self.dt, axis=0)
+            x = self.q[:, None] if channel == "q" else self.channels[channel]
+            width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
+            if width < 7:
+                self.smoothed[key] = np.gradient(x, self.dt, axis=0) if deriv else x
+            else:
+                self.smoothed[key] = savgol_filter(x, width, 4, deriv=deriv, delta=self.dt, axis=0)
+        return self.smoothed[key]
+
+    def still(self) -> np.ndarray:
+        """Return the joint angle with its noise taken off: noise is motion to and fro, which memory would believe."""
+        key = ("still", 0)
+        if key not in self.smoothed:
+            self.smoothed[key] = play(self.smooth("q", 0), self.noises["q"][0].white)
+        return self.smoothed[key]
 
     def _signals(self, effect: Effect) -> Signals:
         from ..effects import Signals
@@ -164,14 +195,14 @@ class Run:
         P = self.channels.get("P")
         s = Signals(time=self.time[:, None], position=position, pressure=P, command=self.channels.get("u"))
         s.flow, s.force = self.channels.get("mdot"), self.channels.get("F")
+        p = self.model.params
+        turn = np.ones(1) if joint else SIGNS * p.joint.pulley_radius / p.muscle.rest_length
         if "velocity" in roles:
-            s.velocity = self._smooth(position, 1)
+            s.velocity = turn * self.smooth("q", 1)
         if "pressure_rate" in roles and P is not None:
-            s.pressure_rate = self._smooth(P, 1)
+            s.pressure_rate = self.smooth("P", 1)
         if effect.n_states and "position" in roles:
-            # An encoder's noise is motion to and fro, in which friction and hysteresis would lose what they remember.
-            gain = 1.0 if joint else self.model.params.joint.pulley_radius / self.model.params.muscle.rest_length
-            s.position = play(self._smooth(position, 0), gain * self.noises["q"][0].white)
+            s.position = (0.0 if joint else p.muscle.initial_contraction) + turn * self.still()
         return s
 
     @cached_property
