@@ -85,7 +85,8 @@ def fit_nonlinear(
             "Check the units of the signals and the starting values.",
         )
     width = upper - lower
-    inside = np.clip(start, lower + 1e-6 * width, upper - 1e-6 * width)
+    margin = 1e-6 * np.where(np.isfinite(width), width, np.maximum(np.abs(start), 1e-12))
+    inside = np.clip(start, lower + margin, upper - margin)
     moved = np.ones(len(start), dtype=bool) if held is None else ~held
 
     def whole(x: np.ndarray) -> np.ndarray:

@@ -107,8 +107,8 @@ def make_estimator(name: str, settings: dict[str, Any], params: BenchParameters 
 
     from pamid.estimators import all_estimators
 
-    # What simulates predicts rates of states, and not a force or a flow.
-    known = {n: c for n, c in all_estimators() if hasattr(c, "predict") and not hasattr(c, "simulate")}
+    # Others predict rates of states, pressures or several outputs, and not a force or a flow.
+    known = {n: c for n, c in all_estimators() if set(getattr(c, "equations", ())) & set(TARGETS)}
     if name not in known:
         close = difflib.get_close_matches(name, known, n=3)
         raise UnknownOptionError(

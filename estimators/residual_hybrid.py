@@ -1,0 +1,265 @@
+"""A geometric force and a small network for what it leaves: the plain way to a hybrid model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin, clone
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
+
+from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.errors import IncompatibleError
+
+from ._base import SignalEstimator, Signals
+from ._checks import check_counts, check_sizes
+from ._hidden_layer import forward, initial_weights, marquardt_on_rows, unflatten
+from ._progress import ProgressMixin, fit_progress
+from ._torch_loop import local_generator, standardisation
+from ._trajectories import trajectory_codes
+
+
+class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
+    r"""Hybrid of a force model and a network: the model is identified first, the network learns what it leaves.
+
+    .. math:: F = F_\mathrm{model}(\varepsilon, P; \theta) + \frac{p}{\bar p}\, N(s)
+
+    with the gauge pressure p in front of the network, so that a muscle without pressure pulls as the model says. The
+    network has one hidden layer, trained by Levenberg–Marquardt.
+
+    Parameters
+    ----------
+    model : estimator, optional
+        Force model of single rows; ``GeometricForce("tondu_lopez")`` by default.
+    inputs : sequence of str, default=("eps", "deps", "P", "dP")
+        Signals that the network reads.
+    hidden : int, default=12
+        Units of the hidden layer.
+    vanishing : bool, default=True
+        Whether the network's share vanishes with the gauge pressure.
+    alpha : float, default=0.01
+        Weight decay: factor of the squared weights in the sum of squares of the standardised residual, dimensionless.
+    max_iter : int, default=100
+        Most Levenberg–Marquardt steps.
+    tol : float, default=1e-5
+        Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
+    atmospheric_pressure : float, default=101325
+        Pa, absolute.
+    random_state : int or RandomState, optional
+        Seed of the initial weights.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    model_ : estimator
+        The fitted force model.
+    parameters_, standard_errors_, units_ : dict
+        Those of the force model, where it has them; empty otherwise.
+    weights_ : dict of str to ndarray
+        ``W0`` (n_inputs, hidden), ``b0``, ``W1`` (hidden, 1), ``b1``.
+    input_mean_, input_scale_ : ndarray, shape (n_inputs,)
+        Mean and standard deviation of the inputs, in their units.
+    residual_scale_ : float
+        Root mean square of what the model leaves, N.
+    gauge_scale_ : float
+        Root mean square of the gauge pressure, Pa.
+    loss_curve_ : list of float
+        Loss after each step, per row, in units of the residual's mean square.
+    n_iter_ : int
+        Steps of the fit.
+    n_parameters_ : int
+        Weights of the network and fitted parameters of the model.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    StaticPIHM : A hybrid whose network is the volume, so that force and flow share it.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import GeometricForce, ResidualHybrid
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"eps": rng.uniform(0, 0.2, 500), "deps": rng.normal(0, 0.1, 500),
+    ...                   "P": rng.uniform(1.2e5, 6e5, 500), "dP": rng.normal(0, 1e5, 500)})
+    >>> F = 6e-4 * (X["P"] - 101325) * (2.5 * (1 - X["eps"]) ** 2 - 1.1 - 0.1 * np.tanh(20 * X["deps"]))
+    >>> hybrid = ResidualHybrid(random_state=0).fit(X, F)
+    >>> alone = GeometricForce("tondu_lopez").fit(X[["eps", "P"]], F)
+    >>> bool(1 - hybrid.score(X, F) < 0.05 * (1 - alone.score(X[["eps", "P"]], F)))
+    True
+    """
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+
+    equations = ("force",)
+
+    def __init__(
+        self,
+        model: Any = None,
+        *,
+        inputs: Sequence[str] = ("eps", "deps", "P", "dP"),
+        hidden: int = 12,
+        vanishing: bool = True,
+        alpha: float = 0.01,
+        max_iter: int = 100,
+        tol: float = 1e-5,
+        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
+        random_state: Any = None,
+        signals: Signals | None = None,
+    ) -> None:
+        self.model = model
+        self.inputs = inputs
+        self.hidden = hidden
+        self.vanishing = vanishing
+        self.alpha = alpha
+        self.max_iter = max_iter
+        self.tol = tol
+        self.atmospheric_pressure = atmospheric_pressure
+        self.random_state = random_state
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(dict.fromkeys((*self.inputs, *self._read_by_model(), *(("P",) if self.vanishing else ()))))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def _own_model(self) -> Any:
+        if self.model is not None:
+            return self.model
+        from .geometric_force import GeometricForce
+
+        return GeometricForce("tondu_lopez", atmospheric_pressure=self.atmospheric_pressure)
+
+    def _read_by_model(self) -> tuple[str, ...]:
+        return tuple(getattr(self._own_model(), "_needs", ("eps", "P")))
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Identify the model, then train the network on what it leaves.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units, absolute pressure.
+        y : array_like, shape (n_samples,)
+            Tension, N.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights; a weight of 2 is the same row twice.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, handed on to the model.
+
+        Returns
+        -------
+        ResidualHybrid
+            The fitted estimator itself.
+
+        Raises
+        ------
+        IncompatibleError
+            If the model needs the order of time.
+        """
+        check_counts(self, "hidden", "max_iter")
+        check_sizes(self, alpha=0.0, tol=0.0)
+        model = self._own_model()
+        if "one_trajectory" in model.get_params():
+            raise IncompatibleError(
+                f"{type(model).__name__} learns sequences.", "a force model of single rows", "Choose another model."
+            )
+        clusters = None if groups is None else trajectory_codes(X, groups)
+        table, y = self._read(X, y, reset=True)
+        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
+        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        self.model_ = clone(model)
+        given: dict[str, Any] = {}
+        if sample_weight is not None and has_fit_parameter(self.model_, "sample_weight"):
+            given["sample_weight"] = weight
+        if clusters is not None and has_fit_parameter(self.model_, "groups"):
+            given["groups"] = clusters
+        self.model_.fit(self._model_table(table), target, **given)
+        self.parameters_, self.standard_errors_, self.units_ = (
+            dict(getattr(self.model_, name, {})) for name in ("parameters_", "standard_errors_", "units_")
+        )
+        used = weight > 0
+        residual = target - self.model_.predict(self._model_table(table))
+        share = weight[used]
+        inputs = self._inputs(table)[used]
+        self.input_mean_, self.input_scale_ = standardisation(inputs, share)
+        p = self._signal(table, "P")[used] - self.atmospheric_pressure if self.vanishing else np.ones(used.sum())
+        self.gauge_scale_ = float(np.sqrt(np.average(p * p, weights=share))) or 1.0
+        factor = p / self.gauge_scale_
+        self.residual_scale_ = float(np.sqrt(np.average(residual[used] ** 2, weights=share))) or 1.0
+        # A row counts by the square of what stands before the network there, and asks for residual over that.
+        small = np.abs(factor) < 1e-3
+        safe = np.where(small, 1.0, factor)
+        wanted = np.where(small, 0.0, residual[used] / self.residual_scale_ / safe)[:, None]
+        x, share = (inputs - self.input_mean_) / self.input_scale_, np.where(small, 0.0, share * safe**2)
+        shape = (x.shape[1], int(self.hidden), 1)
+        steps = marquardt_on_rows(
+            initial_weights(local_generator(self.random_state), *shape), x, wanted, share, float(self.alpha)
+        )
+        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
+            slow = 0
+            for _ in progress:
+                before = steps.loss
+                moved = steps.step()
+                progress.report(
+                    steps.loss / float(weight.sum()), attributes=lambda: {"weights_": unflatten(steps.x, *shape)}
+                )
+                slow = slow + 1 if steps.loss > before * (1.0 - float(self.tol)) else 0
+                if not moved or slow >= 5:
+                    break
+        self.weights_ = unflatten(steps.x, *shape)
+        self.loss_curve_ = progress.losses
+        self.n_iter_ = max(progress.n_epochs, 1)
+        self.n_parameters_ = int(steps.x.size) + len(getattr(self.model_, "fitted_names_", ()))
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict the force.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Tension, N.
+        """
+        check_is_fitted(self, "weights_")
+        table, _ = self._read(X, reset=False)
+        x = (self._inputs(table) - self.input_mean_) / self.input_scale_
+        share = self.residual_scale_ * forward(self.weights_, x)[:, 0]
+        if self.vanishing:
+            share *= (self._signal(table, "P") - self.atmospheric_pressure) / self.gauge_scale_
+        return np.asarray(self.model_.predict(self._model_table(table)), dtype=float) + share
+
+    def _inputs(self, table: np.ndarray) -> np.ndarray:
+        return np.column_stack([self._signal(table, name) for name in self.inputs])
+
+    def _model_table(self, table: np.ndarray) -> Any:
+        import pandas as pd
+
+        return pd.DataFrame({name: self._signal(table, name) for name in self._read_by_model()})
+
+    @staticmethod
+    def _checked_instances() -> list[ResidualHybrid]:
+        from .polynomial_force import PolynomialForce
+
+        one = {"eps": 0, "P": 0}
+        small: dict[str, Any] = {"hidden": 3, "max_iter": 4, "signals": one, "random_state": 0}
+        return [
+            ResidualHybrid(PolynomialForce(1), inputs=("eps",), **small),
+            ResidualHybrid(inputs=("P",), vanishing=False, **small),
+        ]
