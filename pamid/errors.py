@@ -248,6 +248,10 @@ class UnstableRunWarning(PamidWarning):
     """A free run left the range of the data of the fit and was held at its edge."""
 
 
+class AdaptationWarning(PamidWarning):
+    """Source and target of an adaptation hardly belong together, or the geometry contradicts the data."""
+
+
 class VolumeWarning(PamidWarning):
     """The identified volume does not make physical sense."""
 

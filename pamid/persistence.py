@@ -7,11 +7,8 @@ never runs code from the file: every type it names is checked against a closed l
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
-import os
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -25,10 +22,10 @@ from .errors import (
     HostileModelError,
     ModelFileError,
     ModelVersionError,
-    OutputError,
     ParameterError,
     TruncatedModelError,
 )
+from .files import write_whole
 
 FORMAT_VERSION = 1
 """Version of the file format that `save` writes; `load` reads this one and every earlier one."""
@@ -102,8 +99,7 @@ def save(
             "an estimator made of scikit-learn's and pamid's types, numbers, text and arrays",
             "Replace functions and objects of your own by names or numbers, or pass trusted=[type] here and to load.",
         ) from None
-    _write(path, packed)
-    return path
+    return write_whole(path, packed)
 
 
 def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: int = MAX_BYTES) -> Any:
@@ -270,37 +266,6 @@ def _pack(estimator: Any, head: dict[str, Any]) -> bytes:
     with zipfile.ZipFile(buffer, "a", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(METADATA, json.dumps(head, indent=1, ensure_ascii=False))
     return buffer.getvalue()
-
-
-def _write(path: Path, data: bytes) -> None:
-    temporary: str | None = None
-    try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)  # mkstemp keeps the file to its owner
-        Path(temporary).replace(path)
-        temporary = None
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror or error}.",
-            "a file name in a folder that can be written to",
-            "Create the folder, free some space, or choose another path.",
-        ) from None
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                Path(temporary).unlink()
-    with contextlib.suppress(OSError):  # the rename itself is durable only once the folder is flushed
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 # --- reading ------------------------------------------------------------------------------------------------

@@ -1,0 +1,275 @@
+"""A plan as C99: fixed code from `templates`, tables of numbers, and a self-test with reference values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from ..volume.contact import _NODES, _WEIGHTS
+from .expression import Symbol, in_order
+from .plan import JET, UNITS, Plan
+from .reference import SERIES_BELOW, Reference
+
+REALS = {"float64": "double", "float32": "float"}
+"""Floating types of C by those of numpy."""
+
+_ACTIVATIONS = {"softplus": 0, "tanh": 1, "silu": 2}
+_EXP_DEGREE = {"float64": 13, "float32": 7}
+_LOG_TERMS = {"float64": 16, "float32": 8}
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "gt": ">", "ge": ">=", "lt": "<", "le": "<=", "and": "&&"}
+
+
+def c_sources(plan: Plan, reference: Reference, dtype: str = "float64") -> dict[str, str]:
+    """Write a plan as C.
+
+    Parameters
+    ----------
+    plan : Plan
+        The model.
+    reference : Reference
+        Inputs and outputs for the self-test.
+    dtype : {"float64", "float32"}, default="float64"
+        ``double`` or ``float`` in the code.
+
+    Returns
+    -------
+    dict of str to str
+        Texts by file name: header, code, tables, self-test.
+    """
+    write = _Writer(dtype)
+    tables = write.tables(plan)
+    values = {
+        "NAME_UPPER": plan.name.upper(),
+        "NAME": plan.name,
+        "REAL": REALS[dtype],
+        "WHAT": f"{' and '.join(o.name for o in plan.outputs)} of a pneumatic artificial muscle, from a "
+        f"{plan.estimator} by pamid",
+        "NOTES": "\n * ".join(
+            [
+                "Inputs:  " + ", ".join(f"{n} ({u})" for n, u in UNITS.items()),
+                "Outputs: " + ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs),
+                *plan.notes,
+            ]
+        ),
+        "N_OUTPUTS": len(plan.outputs),
+        "OUTPUTS_TEXT": ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs),
+        "STACK": write.stack(plan),
+        "CONSTANTS": write.constants,
+        "PROTOTYPES": "\n".join(
+            f"/* {o.name} alone, {o.unit} */\n{plan.name}_real {plan.name}_{o.name}(const {plan.name}_state *s);"
+            for o in plan.outputs
+        ),
+        "FUNCTIONS": _functions(plan, write),
+    } | _reference_values(plan, reference, dtype)
+    sources = {f"{plan.name}{ending}": fill(name, values) for ending, name in _FILES.items()}
+    sources[f"{plan.name}_parameters.h"] = tables
+    return sources
+
+
+_FILES = {".h": "model.h", ".c": "model.c", "_selftest.c": "selftest.c"}
+
+
+def fill(template: str, values: Mapping[str, Any]) -> str:
+    """Return a template with its ``@NAMES@`` replaced."""
+    text = (files(__package__) / "templates" / template).read_text(encoding="utf-8")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", str(value))
+    return text
+
+
+def _reference_values(plan: Plan, reference: Reference, dtype: str) -> dict[str, Any]:
+    names = [o.name for o in plan.outputs] + ["V", "dV/deps", "dV/dP"]
+    return {
+        "ROWS": len(reference.inputs),
+        "INPUT_ROWS": _rows(reference.inputs),
+        "EXPECTED_ROWS": _rows(reference.expected),
+        "TOLERANCES": ", ".join(f"{v:.3g}" for v in reference.tolerance(dtype)),
+        "COLUMN_NAMES": ", ".join(f'"{n}"' for n in names),
+    }
+
+
+def _rows(values: np.ndarray) -> str:
+    return ",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values)
+
+
+class _Writer:
+    """Numbers of one floating type; counts the bytes of its tables."""
+
+    def __init__(self, dtype: str) -> None:
+        self.type = np.dtype(dtype)
+        self.constants = 0
+
+    def number(self, value: float) -> str:
+        """Return a literal."""
+        rounded = self.type.type(value)
+        text = repr(float(rounded)) if self.type.itemsize == 8 else f"{rounded:.9g}"
+        text = text if any(c in text for c in ".en") else f"{text}.0"
+        return text if self.type.itemsize == 8 else f"{text}f"
+
+    def table(self, name: str, values: np.ndarray, const: str = "static const real") -> str:
+        """Return the definition of an array."""
+        flat = np.ravel(values)
+        self.constants += flat.size * self.type.itemsize
+        body = ", ".join(self.number(v) for v in flat)
+        return f"{const} {name}[{flat.size}] = {{{_wrapped(body)}}};"
+
+    def define(self, name: str, value: float) -> str:
+        """Return a constant."""
+        return f"#define {name} ({self.number(value)})"
+
+    def stack(self, plan: Plan) -> int:
+        """Return how many bytes a call keeps on the stack, rounded up."""
+        widths = [len(b) for b in plan.network.weights[1:-1:2]] if plan.network else []
+        return 512 + (2 + len(widths)) * max(widths, default=0) * self.type.itemsize
+
+    def tables(self, plan: Plan) -> str:
+        """Return the header with all numbers of a model."""
+        exp = "1"
+        for k in range(_EXP_DEGREE[self.type.name], 0, -1):
+            exp = f"1 + (q) * {self.number(1 / k)} * ({exp})"
+        log = self.number(1 / (2 * _LOG_TERMS[self.type.name] - 1))
+        for k in range(_LOG_TERMS[self.type.name] - 2, -1, -1):
+            log = f"{self.number(1 / (2 * k + 1))} + (r) * ({log})"
+        root = "sqrt" if self.type.itemsize == 8 else "sqrtf"
+        lines = [
+            f"/* Numbers of {plan.name}, included by {plan.name}.c alone. */",
+            "#define INPUTS 4",
+            f"#define SQUARE_ROOT(x) {root}(x)",
+            self.define("EXP_LIMIT", 44.0),
+            f"#define EXP_SERIES(q) {_wrapped(exp, continued=True)}",
+            f"#define LOG_SERIES(r) {_wrapped(log, continued=True)}",
+            self.define("VOLUME_FACTOR", plan.factor),
+            f"#define HAS_ANCHOR {int(plan.anchor is not None)}",
+            f"#define HAS_NETWORK {int(plan.network is not None)}",
+        ]
+        if plan.anchor is not None:
+            lines += self._anchor(plan.anchor)
+        if plan.network is not None:
+            lines += self._network(plan.network)
+        return "\n".join(lines) + "\n"
+
+    def _anchor(self, anchor: Any) -> list[str]:
+        return [
+            f"#define POINTS {len(_NODES) + 1}",
+            self.define("CONTACT_SMALL", SERIES_BELOW[self.type.name]),
+            self.define("ANCHOR_AMBIENT", anchor.atmospheric_pressure),
+            self.define("ANCHOR_LENGTH_AREA", anchor.rest_length * anchor.area),
+            self.define("ANCHOR_MAX_CONTRACTION", anchor.max_contraction),
+            self.define("ANCHOR_CURVATURE", anchor.curvature),
+            self.define("ANCHOR_CONTACT_PRESSURE", anchor.contact_pressure / anchor.contact_width),
+            self.define("ANCHOR_CONTACT_CONTRACTION", anchor.contact_contraction),
+            self.define("ANCHOR_CONTACT_WIDTH", anchor.contact_width),
+            self.define("ANCHOR_REST_VOLUME", anchor.rest_volume),
+            self.define("ANCHOR_STRETCH", anchor._stretch),
+            self.table("anchor_nodes", np.append(_NODES, 1.0)),
+            self.table("anchor_weights", np.append(_WEIGHTS, 0.0)),
+        ]
+
+    def _network(self, network: Any) -> list[str]:
+        weights, scale = network.weights, network.scale
+        hidden = list(zip(weights[:-2:2], weights[1:-2:2], strict=True))
+        saturated = ", ".join(str(int(s)) for s in scale.saturated)
+        far = 1e30  # beyond any standardised input, and a finite float
+        lines = [
+            f"#define HIDDEN_LAYERS {len(hidden)}",
+            f"#define ACTIVATION {_ACTIVATIONS[network.activation]}",
+            f"#define ACTIVATION_STRETCH {2 if network.activation == 'tanh' else 1}",
+            self.define("INPUT_FADE", scale.fade),
+            self.define("VOLUME_SCALE", network.volume_scale),
+            self.table("input_mean", scale.mean),
+            self.table("input_spread", scale.spread),
+            self.table("input_lower", np.maximum(scale.lower, -far)),
+            self.table("input_upper", np.minimum(scale.upper, far)),
+            f"static const int input_saturated[{len(scale.saturated)}] = {{{saturated}}};",
+            self.table("last_weights", weights[-2]),
+            f"static const real last_bias = {self.number(float(np.ravel(weights[-1])[0]))};",
+        ]
+        if hidden:
+            widths = [4, *(len(b) for _, b in hidden)]
+            lines += [
+                f"#define WIDEST {max(widths[1:])}",
+                f"static const int widths[{len(widths)}] = {{{', '.join(map(str, widths))}}};",
+            ]
+            for k, (W, b) in enumerate(hidden):
+                lines += [self.table(f"weights_{k}", np.asarray(W).T), self.table(f"biases_{k}", b)]
+            for kind in ("weights", "biases"):
+                names = ", ".join(f"{kind}_{k}" for k in range(len(hidden)))
+                lines.append(f"static const real *const {kind}[{len(hidden)}] = {{{names}}};")
+        return lines
+
+
+def _wrapped(body: str, continued: bool = False) -> str:
+    """Return a long text on lines of readable length."""
+    words, lines, line = body.split(" "), [], ""
+    for word in words:
+        if len(line) + len(word) > 110:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}".strip()
+    return (" \\\n    " if continued else "\n    ").join([*lines, line])
+
+
+# --- formulas -----------------------------------------------------------------------------------------------
+def _functions(plan: Plan, write: _Writer) -> str:
+    name, upper = plan.name, plan.name.upper()
+    names = {s: f"s->{s}" for s in UNITS} | {v: f"jet->{v}" for v in JET}
+    lines, results = _formulas([o.formula for o in plan.outputs], names, write)
+    out = [
+        f"void {name}_predict(const {name}_state *s, {name}_real y[{upper}_OUTPUTS], {name}_jet *jet)",
+        "{",
+        f"    {name}_jet own;",
+        "    if (!jet)",
+        "        jet = &own;",
+        f"    {name}_volume(s, jet);",
+        "    {",
+        *(f"        {line}" for line in lines),
+        *(f"        y[{k}] = {r};" for k, r in enumerate(results)),
+        "    }",
+        "}",
+    ]
+    for k, output in enumerate(plan.outputs):
+        out += [
+            "",
+            f"{name}_real {name}_{output.name}(const {name}_state *s)",
+            "{",
+            f"    {name}_real y[{upper}_OUTPUTS];",
+            f"    {name}_predict(s, y, 0);",
+            f"    return y[{k}];",
+            "}",
+        ]
+    return "\n".join(out)
+
+
+def _formulas(roots: Sequence[Symbol], names: Mapping[str, str], write: _Writer) -> tuple[list[str], list[str]]:
+    """Return a C statement for each operation, and what holds each result."""
+    lines: list[str] = []
+    known: dict[int, str] = {}
+    for s in in_order(list(roots)):
+        if s.op == "input":
+            known[id(s)] = names[s.args[0]]
+        elif s.op == "const":
+            known[id(s)] = f"({write.number(s.args[0])})"
+        else:
+            a = [known[id(x)] for x in s.args]
+            kind = "int" if s.op in ("gt", "ge", "lt", "le", "and") else "real"
+            lines.append(f"const {kind} t{len(lines)} = {_operation(s.op, a)};")
+            known[id(s)] = f"t{len(lines) - 1}"
+    return lines, [known[id(r)] for r in roots]
+
+
+def _operation(op: str, a: Sequence[str]) -> str:
+    if op in _INFIX:
+        return f"{a[0]} {_INFIX[op]} {a[1]}"
+    if op == "neg":
+        return f"-{a[0]}"
+    if op == "abs":
+        return f"{a[0]} < 0 ? -{a[0]} : {a[0]}"
+    if op in ("min", "max"):
+        # A NaN in the first place stays one, as in numpy.
+        return f"{a[0]} {'>' if op == 'min' else '<'} {a[1]} ? {a[1]} : {a[0]}"
+    if op == "where":
+        return f"{a[0]} ? {a[1]} : {a[2]}"
+    return f"(real){op}({', '.join(f'(double){x}' for x in a)})"

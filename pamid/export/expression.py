@@ -1,0 +1,207 @@
+r"""Formulas as data: what a law or an effect computes from its signals, recorded once, written in any language.
+
+A law's `coefficients` and an effect's hooks are plain arithmetic on arrays. Called with a `Symbol` in place of each
+array they leave the graph of their formula, which `pamid.export` writes as C or as ONNX nodes; a law or effect that
+somebody adds is exported without another line, as long as it calculates with the operations below.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import ExportError
+
+_UFUNCS: dict[Any, str] = {
+    np.add: "add",
+    np.subtract: "sub",
+    np.multiply: "mul",
+    np.true_divide: "div",
+    np.negative: "neg",
+    np.absolute: "abs",
+    np.exp: "exp",
+    np.log: "log",
+    np.tanh: "tanh",
+    np.sqrt: "sqrt",
+    np.minimum: "min",
+    np.maximum: "max",
+    np.greater: "gt",
+    np.greater_equal: "ge",
+    np.less: "lt",
+    np.less_equal: "le",
+    np.logical_and: "and",
+    np.bitwise_and: "and",
+    np.power: "pow",
+}
+
+
+class Symbol:
+    """A value that is not known yet: a signal, or what operations make of signals.
+
+    Parameters
+    ----------
+    op : str
+        ``"input"``, ``"const"`` or the name of an operation.
+    args : tuple
+        Name of the input, value of the constant, or the operands.
+    """
+
+    __slots__ = ("args", "op")
+    __array_priority__ = 100.0
+
+    def __init__(self, op: str, args: tuple[Any, ...]) -> None:
+        self.op = op
+        self.args = args
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Symbol:
+        if ufunc is np.square:
+            return inputs[0] * inputs[0]
+        if method != "__call__" or ufunc not in _UFUNCS or kwargs.get("out") is not None:
+            raise ExportError(f"The formula uses numpy.{ufunc.__name__}.", _KNOWN, "Write the formula with these.")
+        return node(_UFUNCS[ufunc], *inputs)
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Symbol:
+        if func is np.where:
+            return node("where", *args)
+        if func is np.clip:
+            return node("min", node("max", args[0], args[1]), args[2])
+        raise ExportError(f"The formula uses numpy.{func.__name__}.", _KNOWN, "Write the formula with these.")
+
+    def __bool__(self) -> bool:
+        raise ExportError(
+            "The formula decides by the value of a signal.", _KNOWN, "Write the decision with numpy.where."
+        )
+
+    def __add__(self, other: Any) -> Symbol:
+        return node("add", self, other)
+
+    def __radd__(self, other: Any) -> Symbol:
+        return node("add", other, self)
+
+    def __sub__(self, other: Any) -> Symbol:
+        return node("sub", self, other)
+
+    def __rsub__(self, other: Any) -> Symbol:
+        return node("sub", other, self)
+
+    def __mul__(self, other: Any) -> Symbol:
+        return node("mul", self, other)
+
+    def __rmul__(self, other: Any) -> Symbol:
+        return node("mul", other, self)
+
+    def __truediv__(self, other: Any) -> Symbol:
+        return node("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Symbol:
+        return node("div", other, self)
+
+    def __gt__(self, other: Any) -> Symbol:
+        return node("gt", self, other)
+
+    def __ge__(self, other: Any) -> Symbol:
+        return node("ge", self, other)
+
+    def __lt__(self, other: Any) -> Symbol:
+        return node("lt", self, other)
+
+    def __le__(self, other: Any) -> Symbol:
+        return node("le", self, other)
+
+    def __and__(self, other: Any) -> Symbol:
+        return node("and", self, other)
+
+    def __pow__(self, power: Any) -> Symbol:
+        if isinstance(power, int) and 1 <= power <= 4:
+            out = self
+            for _ in range(power - 1):
+                out = out * self
+            return out
+        return node("sqrt", self) if power == 0.5 else node("pow", self, power)
+
+    def __neg__(self) -> Symbol:
+        return node("neg", self)
+
+    def __abs__(self) -> Symbol:
+        return node("abs", self)
+
+
+_KNOWN = "arithmetic, abs, exp, log, tanh, sqrt, power, minimum, maximum, clip, where and comparisons"
+
+
+_FOLD: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+    "abs": abs,
+    "exp": math.exp,
+    "log": math.log,
+    "tanh": math.tanh,
+    "sqrt": math.sqrt,
+    "pow": operator.pow,
+    "min": min,
+    "max": max,
+}
+
+
+def symbol(name: str) -> Symbol:
+    """Return the symbol of an input."""
+    return Symbol("input", (name,))
+
+
+def as_symbol(value: Any) -> Symbol:
+    """Return a symbol for a value that may be a number."""
+    if isinstance(value, Symbol):
+        return value
+    if np.ndim(value) != 0:
+        raise ExportError(
+            f"The formula holds an array of shape {np.shape(value)}.", "numbers and signals", "Write it by numbers."
+        )
+    return Symbol("const", (float(value),))
+
+
+def node(op: str, *operands: Any) -> Symbol:
+    """Return an operation on symbols and numbers; numbers alone are computed at once, zeros and ones vanish."""
+    args = tuple(as_symbol(a) for a in operands)
+    known = [a.args[0] if a.op == "const" else None for a in args]
+    if op in _FOLD and None not in known:
+        return as_symbol(_FOLD[op](*known))
+    if op == "mul":
+        if 0.0 in known:
+            return as_symbol(0.0)
+        if 1.0 in known:
+            return args[1 - known.index(1.0)]
+    if op == "add" and 0.0 in known:
+        return args[1 - known.index(0.0)]
+    if op in ("sub", "div") and known[1] == (0.0 if op == "sub" else 1.0):
+        return args[0]
+    if op == "div" and known[0] == 0.0:
+        return as_symbol(0.0)
+    if op == "where" and args[1].op == args[2].op == "const" and args[1].args == args[2].args:
+        return args[1]
+    return Symbol(op, args)
+
+
+def in_order(roots: list[Symbol]) -> list[Symbol]:
+    """Return all nodes under some roots, each once, operands before what uses them."""
+    seen: set[int] = set()
+    out: list[Symbol] = []
+
+    def visit(s: Symbol) -> None:
+        if id(s) in seen:
+            return
+        seen.add(id(s))
+        for a in s.args:
+            if isinstance(a, Symbol):
+                visit(a)
+        out.append(s)
+
+    for root in roots:
+        visit(root)
+    return out

@@ -1,0 +1,254 @@
+"""A plan as an ONNX graph: one input of shape (n, 4), predictions, volume and its derivatives as outputs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import ExportError
+from ..volume.contact import _NODES, _WEIGHTS
+from .expression import Symbol, in_order
+from .plan import JET, UNITS, Plan
+from .reference import SERIES_BELOW
+
+OPSET = 17
+"""Version of the operators; runtimes since 2022 know it."""
+
+_OPERATORS = {
+    "add": "Add",
+    "sub": "Sub",
+    "mul": "Mul",
+    "div": "Div",
+    "neg": "Neg",
+    "abs": "Abs",
+    "exp": "Exp",
+    "log": "Log",
+    "tanh": "Tanh",
+    "sqrt": "Sqrt",
+    "pow": "Pow",
+    "min": "Min",
+    "max": "Max",
+    "where": "Where",
+    "gt": "Greater",
+    "ge": "GreaterOrEqual",
+    "lt": "Less",
+    "le": "LessOrEqual",
+    "and": "And",
+}
+
+
+def onnx_model(plan: Plan, dtype: str = "float64") -> Any:
+    """Write a plan as an ONNX model.
+
+    Parameters
+    ----------
+    plan : Plan
+        The model.
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of inputs, weights and outputs.
+
+    Returns
+    -------
+    onnx.ModelProto
+        Input ``X`` of shape (n, 4): eps, deps, P (Pa, absolute), dP. Outputs of shape (n, 1): the predictions by the
+        names of their equations, then ``V``, ``V_eps`` and ``V_P``.
+
+    Raises
+    ------
+    ExportError
+        onnx is not installed.
+    """
+    try:
+        import onnx
+    except ImportError:
+        raise ExportError(
+            "onnx is not installed.", "the package", 'Install with pip install "pamid[export]".'
+        ) from None
+    helper = onnx.helper
+    kind = onnx.TensorProto.DOUBLE if dtype == "float64" else onnx.TensorProto.FLOAT
+    graph = _Graph(onnx, np.dtype(dtype))
+    parts = []
+    if plan.anchor is not None:
+        parts.append(_anchor(graph, plan.anchor))
+    if plan.network is not None:
+        parts.append(_network(graph, plan.network))
+    jet = parts[0] if len(parts) == 1 else [graph("Add", a, b) for a, b in zip(*parts, strict=True)]
+    jet = [graph("Mul", v, graph.constant(plan.factor)) for v in jet]
+    names = {s: graph.column(k) for k, s in enumerate(UNITS)} | dict(zip(JET, jet, strict=True))
+    results = _formulas(graph, [o.formula for o in plan.outputs], names) + jet
+    outputs = [o.name for o in plan.outputs] + list(JET)
+    for name, result in zip(outputs, results, strict=True):
+        graph.nodes.append(helper.make_node("Identity", [result], [name]))
+    made = helper.make_graph(
+        graph.nodes,
+        plan.name,
+        [helper.make_tensor_value_info("X", kind, ["n", 4])],
+        [helper.make_tensor_value_info(name, kind, ["n", 1]) for name in outputs],
+        graph.tensors,
+        doc_string="; ".join(
+            [f"Inputs: {', '.join(f'{n} ({u})' for n, u in UNITS.items())}"]
+            + [f"{o.name}: {o.unit}" for o in plan.outputs]
+            + ["V: m^3", "V_eps: m^3", "V_P: m^3/Pa", *plan.notes]
+        ),
+    )
+    model = helper.make_model(made, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="pamid")
+    model.ir_version = 8
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+class _Graph:
+    """Nodes and constants of a graph; calling it adds a node and returns the name of its result."""
+
+    def __init__(self, onnx: Any, dtype: np.dtype) -> None:
+        self.onnx = onnx
+        self.dtype = dtype
+        self.nodes: list[Any] = []
+        self.tensors: list[Any] = []
+        self._known: dict[bytes, str] = {}
+
+    def __call__(self, op: str, *inputs: str, **attributes: Any) -> str:
+        name = f"{op.lower()}_{len(self.nodes)}"
+        self.nodes.append(self.onnx.helper.make_node(op, list(inputs), [name], **attributes))
+        return name
+
+    def constant(self, value: Any, dtype: Any = None) -> str:
+        """Return the name of a constant; a number takes the graph's floating type."""
+        array = np.ascontiguousarray(value, dtype=dtype or self.dtype).reshape(np.shape(value))
+        key = array.tobytes() + str((array.shape, array.dtype)).encode()
+        if key not in self._known:
+            self._known[key] = f"constant_{len(self.tensors)}"
+            self.tensors.append(self.onnx.numpy_helper.from_array(array, self._known[key]))
+        return self._known[key]
+
+    def column(self, k: int) -> str:
+        """Return the k-th signal, shape (n, 1)."""
+        return self("Gather", "X", self.constant([k], np.int64), axis=1)
+
+    def one_minus(self, x: str) -> str:
+        return self("Sub", self.constant(1.0), x)
+
+    def plus_one(self, x: str) -> str:
+        return self("Add", x, self.constant(1.0))
+
+    def scaled(self, x: str, factor: Any) -> str:
+        return self("Mul", x, self.constant(factor))
+
+    def ramp(self, x: str) -> str:
+        """Return max(x, 0)."""
+        return self("Max", x, self.constant(0.0))
+
+    def logistic(self, x: str) -> tuple[str, str]:
+        """Return σ(x) and e^(−|x|)."""
+        e = self("Exp", self("Neg", self("Abs", x)))
+        positive = self("GreaterOrEqual", x, self.constant(0.0))
+        above = self("Where", positive, self.constant(1.0), e)
+        return self("Div", above, self.plus_one(e)), e
+
+    def softplus(self, x: str, e: str) -> str:
+        """Return ln(1 + e^x) from x and e^(−|x|), by 2 artanh where ln(1 + e) would lose digits."""
+        s = self("Div", e, self("Add", e, self.constant(2.0)))
+        r = self("Mul", s, s)
+        small = self.constant(1.0 / 13.0)
+        for k in range(5, -1, -1):
+            small = self("Add", self.constant(1.0 / (2 * k + 1)), self("Mul", r, small))
+        small = self.scaled(self("Mul", s, small), 2.0)
+        log = self("Where", self("Less", e, self.constant(0.05)), small, self("Log", self.plus_one(e)))
+        return self("Add", self.ramp(x), log)
+
+
+def _network(g: _Graph, network: Any) -> list[str]:
+    """Add the network: values forwards, gradient backwards."""
+    scale, weights = network.scale, network.weights
+    z = g("Div", g("Sub", "X", g.constant(scale.mean)), g.constant(scale.spread))
+    far = 1e30
+    lower, upper = g.constant(np.maximum(scale.lower, -far)), g.constant(np.minimum(scale.upper, far))
+    over, under = g.ramp(g("Sub", z, upper)), g.ramp(g("Sub", lower, z))
+    bend = [g("Tanh", g.scaled(v, 1.0 / scale.fade)) for v in (over, under)]
+    inside = g("Min", g("Max", z, lower), upper)
+    xi = g("Add", inside, g.scaled(g("Sub", *bend), scale.fade))
+    slope = g.one_minus(g("Add", g("Mul", bend[0], bend[0]), g("Mul", bend[1], bend[1])))
+    if scale.saturated.any():
+        mask = g.constant(scale.saturated, bool)
+        root = g("Sqrt", g.plus_one(g("Mul", z, z)))
+        xi = g("Where", mask, g("Div", z, root), xi)
+        slope = g("Where", mask, g("Div", g.constant(1.0), g("Mul", root, g("Mul", root, root))), slope)
+    slope = g("Div", slope, g.constant(scale.spread))
+    slopes, h = [], xi
+    for k in range(0, len(weights) - 2, 2):
+        h, s = _activation(g, g("Gemm", h, g.constant(weights[k]), g.constant(weights[k + 1]), transB=1), network)
+        slopes.append(s)
+    value = g("Gemm", h, g.constant(weights[-2]), g.constant(weights[-1]), transB=1)
+    gradient = g.constant(weights[-2])
+    for k in range(len(slopes) - 1, -1, -1):
+        gradient = g("MatMul", g("Mul", gradient, slopes[k]), g.constant(weights[2 * k]))
+    gradient = g("Mul", gradient, slope)
+    parts = [g("Gather", gradient, g.constant([j], np.int64), axis=1) for j in (0, 2)]
+    return [g.scaled(v, network.volume_scale) for v in (value, *parts)]
+
+
+def _activation(g: _Graph, z: str, network: Any) -> tuple[str, str]:
+    if network.activation == "tanh":
+        t = g("Tanh", z)
+        return t, g.one_minus(g("Mul", t, t))
+    s, e = g.logistic(z)
+    if network.activation == "softplus":
+        return g.softplus(z, e), s
+    return g("Mul", z, s), g("Add", s, g("Mul", z, g("Sub", s, g("Mul", s, s))))
+
+
+def _anchor(g: _Graph, anchor: Any) -> list[str]:
+    """Add the geometric volume; the last point of the quadrature, with no weight, is the contraction itself."""
+    eps = g.column(0)
+    p = g("Sub", g.column(2), g.constant(anchor.atmospheric_pressure))
+    at = g("Mul", eps, g.constant(np.append(_NODES, 1.0)[None]))
+    v = g.scaled(at, 1.0 / anchor.max_contraction)
+    braid = g("Mul", g.one_minus(v), g.plus_one(g.scaled(v, anchor.curvature)))
+    braid = g.scaled(braid, anchor.rest_length * anchor.area)
+    fall = g("Exp", g.scaled(g.ramp(at), -1.0 / anchor.contact_contraction))
+    x = g.scaled(g("Sub", fall, g.constant(1.0)), anchor.contact_pressure / anchor.contact_width)
+    phi, slope = _contact(g, x, g.scaled(p, 1.0 / anchor.contact_width))
+    weights = np.append(_WEIGHTS, 0.0)[:, None]
+    mean = g("MatMul", g("Mul", braid, phi), g.constant(weights))
+    # The width goes into the weights: onnxruntime joins a product and a factor after it in single precision.
+    rise = g("MatMul", g("Mul", braid, slope), g.constant(weights / anchor.contact_width))
+    left = g.scaled(g.one_minus(eps), anchor._stretch)
+    V = g("Add", g.constant(anchor.rest_volume), g("Add", g("Mul", left, p), g("Mul", eps, mean)))
+    end = g("Gather", g("Mul", braid, phi), g.constant([len(_NODES)], np.int64), axis=1)
+    V_eps = g("Sub", end, g.scaled(p, anchor._stretch))
+    return [V, V_eps, g("Add", left, g("Mul", eps, rise))]
+
+
+def _contact(g: _Graph, x: str, u: str) -> tuple[str, str]:
+    """Add the share of the pressure that reaches the braid, and its derivative by u."""
+    small = g("Less", g("Abs", u), g.constant(SERIES_BELOW[g.dtype.name]))
+    safe = g("Where", small, g.constant(1.0), u)
+    y = g("Add", x, u)
+    above, e = g.logistic(y)
+    phi = g("Div", g("Sub", g.softplus(y, e), g.softplus(x, g.logistic(x)[1])), safe)
+    slope = g("Div", g("Sub", above, phi), safe)
+    m, _ = g.logistic(g("Add", x, g.scaled(u, 0.5)))
+    a, odd, v = g("Mul", m, g.one_minus(m)), g.one_minus(g.scaled(m, 2.0)), g("Mul", u, u)
+    twelve = g.one_minus(g.scaled(a, 12.0))
+    first = g(
+        "Mul", g.scaled(g("Mul", g("Mul", a, odd), v), 1.0 / 24.0), g.plus_one(g.scaled(g("Mul", twelve, v), 1 / 80))
+    )
+    fourth = g.plus_one(g("Mul", a, g("Sub", g.scaled(a, 120.0), g.constant(30.0))))
+    even = g("Add", g.constant(0.5), g.scaled(g("Mul", g.one_minus(g.scaled(a, 6.0)), v), 1.0 / 48.0))
+    even = g("Add", even, g.scaled(g("Mul", fourth, g("Mul", v, v)), 1.0 / 3840.0))
+    tilt = g("Add", g.constant(1.0 / 12.0), g.scaled(g("Mul", twelve, v), 1.0 / 480.0))
+    second = g("Mul", a, g("Add", even, g("Mul", g("Mul", odd, u), tilt)))
+    return g("Where", small, g("Add", m, first), phi), g("Where", small, second, slope)
+
+
+def _formulas(g: _Graph, roots: list[Symbol], names: dict[str, str]) -> list[str]:
+    known: dict[int, str] = {}
+    for s in in_order(roots):
+        if s.op == "input":
+            known[id(s)] = names[s.args[0]]
+        elif s.op == "const":
+            known[id(s)] = g.constant(s.args[0])
+        else:
+            known[id(s)] = g(_OPERATORS[s.op], *(known[id(a)] for a in s.args))
+    return [known[id(r)] for r in roots]

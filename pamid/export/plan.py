@@ -1,0 +1,274 @@
+"""What is exported: a fitted model taken apart into a geometric volume, a network, formulas and their inputs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..effects.base import Effect, Signals
+from ..effects.plant import Plant
+from ..errors import ExportError
+from ..laws.base import Law
+from ..signals.state import STATE_SIGNALS, State
+from ..volume.anchored import AnchoredVolume
+from ..volume.contact import ContactVolume
+from ..volume.neural import NeuralVolume
+from .expression import Symbol, as_symbol, symbol
+
+UNITS = {"eps": "-", "deps": "1/s", "P": "Pa, absolute", "dP": "Pa/s"}
+"""Units of the inputs."""
+
+JET = ("V", "V_eps", "V_P")
+"""Names under which formulas read the volume and its derivatives."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """One thing that the exported model predicts.
+
+    Parameters
+    ----------
+    name : str
+        Name of the equation: ``"force"`` or ``"flow"``.
+    column : str
+        Its column in a log.
+    unit : str
+        Its unit.
+    formula : Symbol
+        The prediction from the inputs, V, ∂V/∂ε and ∂V/∂P.
+    """
+
+    name: str
+    column: str
+    unit: str
+    formula: Symbol
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A model ready to be written in another language.
+
+    Parameters
+    ----------
+    name : str
+        A C identifier.
+    estimator : str
+        What it was.
+    anchor : ContactVolume or None
+        The geometric part of the volume.
+    network : NeuralVolume or None
+        The learnt part.
+    factor : float
+        Factor on the volume.
+    outputs : tuple of Output
+        What it predicts.
+    predict : callable
+        The model's own ``predict`` on an array of shape (n_samples, 4), for reference values.
+    volume : callable
+        Its volume, likewise.
+    centre, width : ndarray, shape (4,)
+        Where the inputs of the fit lay.
+    notes : tuple of str
+        What a user of the export must know.
+    """
+
+    name: str
+    estimator: str
+    anchor: ContactVolume | None
+    network: NeuralVolume | None
+    factor: float
+    outputs: tuple[Output, ...]
+    predict: Callable[[np.ndarray], np.ndarray]
+    volume: Callable[[np.ndarray], tuple[np.ndarray, ...]]
+    centre: np.ndarray
+    width: np.ndarray
+    notes: tuple[str, ...] = ()
+
+
+def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> Plan:
+    """Take a fitted model apart.
+
+    Parameters
+    ----------
+    model : estimator or Pipeline
+        A fitted hybrid model, or a pipeline of rates and one.
+    name : str, default="muscle"
+        Prefix of all names in the exported code, a C identifier.
+    effects : sequence of Effect
+        Effects without memory that are added to the predictions.
+    plant : Plant, optional
+        The bench that effects refer to.
+
+    Returns
+    -------
+    Plan
+        What the writers write.
+
+    Raises
+    ------
+    ExportError
+        Some part of the model has no form outside Python; the message names it.
+    """
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
+        raise ExportError(
+            f"The name {name[:60]!r} is no C identifier.", "letters, digits and _", "Pass another --name."
+        )
+    last, notes = _last_step(model)
+    laws, volume = getattr(last, "_laws", None), _fitted_volume(last)
+    if laws is None or volume is None:
+        raise ExportError(
+            f"{type(last).__name__} has no gas volume of a form that can be written elsewhere.",
+            "StaticPIHM, ThermodynamicPIHM or JointPIHM, or a model around one",
+            "Fit one of them; trees, sparse regressions and recurrent networks stay in Python.",
+        )
+    anchor, network, factor = _parts(volume)
+    notes += [f"{e!r} is part of the predictions." for e in effects]
+    outputs = tuple(_output(law, effects, plant) for law in laws())
+    centre, width = (network.scale.mean, network.scale.spread) if network else _typical(anchor)
+
+    def volumes(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        return tuple(np.asarray(v) for v in volume.jet(State(*x.T)))
+
+    def predict(x: np.ndarray) -> np.ndarray:
+        state, jet = State(*x.T), volumes(x)
+        predicted = [np.asarray(law.predict(*jet, state)) for law in laws()]
+        return np.column_stack(
+            [y + _added(law, effects, plant, state) for y, law in zip(predicted, laws(), strict=True)]
+        )
+
+    return Plan(
+        name,
+        type(last).__name__,
+        anchor,
+        network,
+        factor,
+        outputs,
+        predict,
+        volumes,
+        np.asarray(centre),
+        np.asarray(width),
+        tuple(notes),
+    )
+
+
+def _last_step(model: Any) -> tuple[Any, list[str]]:
+    """Return the hybrid model of a pipeline; steps that only estimate rates stay outside, anything else is refused."""
+    steps = getattr(model, "steps", None)
+    if steps is None:
+        best = getattr(model, "best_estimator_", None)
+        return (model, []) if best is None else _last_step(best)
+    notes = []
+    for label, step in steps[:-1]:
+        if step in (None, "passthrough"):
+            continue
+        if type(step).__name__ != "RateTransformer":
+            raise ExportError(
+                f"The step '{label}' ({type(step).__name__}) of the pipeline has no form outside Python.",
+                "a hybrid model, after no more than a RateTransformer",
+                "Fit the hybrid model on the signals themselves: it scales its inputs.",
+            )
+        notes.append("deps and dP are inputs: the pipeline's rates look at later samples, which a controller has not.")
+    return steps[-1][1], notes
+
+
+def _fitted_volume(model: Any) -> Any:
+    from sklearn.exceptions import NotFittedError
+
+    if not hasattr(type(model), "volume_") and "volume_" not in vars(model):
+        return None
+    try:
+        return model.volume_
+    except NotFittedError:
+        raise ExportError(
+            f"The {type(model).__name__} is not fitted.", "a fitted model", "Fit it before exporting it."
+        ) from None
+
+
+def _parts(volume: Any) -> tuple[ContactVolume | None, NeuralVolume | None, float]:
+    """Return anchor, network and factor of a volume."""
+    if isinstance(volume, AnchoredVolume):
+        anchor, _, one = _parts(volume.anchor)
+        _, network, two = _parts(volume.correction)
+        if anchor is not None and network is not None and one == two:
+            return anchor, network, one
+    if isinstance(volume, ContactVolume):
+        return volume, None, 1.0
+    if isinstance(volume, NeuralVolume):
+        return None, volume, 1.0
+    inner, factor = getattr(volume, "volume", None), getattr(volume, "factor", None)
+    if inner is not None and isinstance(factor, float):
+        anchor, network, own = _parts(inner)
+        return anchor, network, own * factor
+    raise ExportError(
+        f"The volume is a {type(volume).__name__}, which has no form outside Python.",
+        "a network, a ContactVolume, or one of them as an anchored volume",
+        'Fit with volume_model="anchored" or "neural".',
+    )
+
+
+def _typical(anchor: ContactVolume | None) -> tuple[np.ndarray, np.ndarray]:
+    reach = anchor.max_contraction if anchor else 0.3
+    ambient = anchor.atmospheric_pressure if anchor else 1e5
+    return np.array([reach / 2, 0.0, ambient + 2e5, 0.0]), np.array([reach / 5, 0.3, 1e5, 5e5])
+
+
+# --- formulas -----------------------------------------------------------------------------------------------
+def _output(law: Law, effects: Sequence[Effect], plant: Plant | None) -> Output:
+    state = State(*(symbol(s) for s in STATE_SIGNALS))
+    c = _traced(lambda: law.coefficients(state), f"The {law.equation} law {type(law).__name__}")
+    V, V_eps, V_P = (symbol(n) for n in JET)
+    formula = as_symbol(c.V) * V + as_symbol(c.V_eps) * V_eps + as_symbol(c.V_P) * V_P
+    formula = as_symbol(formula + as_symbol(_added(law, effects, plant, state)))
+    return Output(law.equation, law.target, law.unit, formula)
+
+
+def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: State) -> Any:
+    """Return what the effects add to a law's prediction."""
+    total: Any = 0.0
+    for effect in effects:
+        if law.equation not in effect.equations:
+            continue
+        hooks = set(effect.hooks())
+        if effect.n_states or effect.sampled or not hooks <= {"force", "flow"}:
+            why = "remembers what was before" if effect.n_states or effect.sampled else "changes more than a prediction"
+            raise ExportError(
+                f"The effect {effect.name} {why}, and the exported model is a function of the present signals.",
+                "effects without memory on force or flow",
+                "Leave it out, or keep it in Python.",
+            )
+        if plant is None and hooks & {"force", "flow"}:
+            raise ExportError(
+                f"The effect {effect.name} needs the numbers of the bench.", "a simulator file", "Add --sim SIM.toml."
+            )
+        total = total + _traced(partial(_share, effect, law, plant, state), f"The effect {effect.name}")
+    return total
+
+
+def _share(effect: Effect, law: Law, plant: Any, state: State) -> Any:
+    s = Signals(position=state.eps, velocity=state.deps, pressure=state.P, pressure_rate=state.dP, time=0.0 * state.P)
+    if law.equation == "force" and "force" in effect.hooks():
+        return effect.force(s, np.zeros(0), plant)
+    if law.equation == "flow" and "flow" in effect.hooks():
+        step = effect.flow(s, np.zeros(0), plant)
+        return step.a + step.b * state.dP
+    return 0.0
+
+
+def _traced(call: Callable[[], Any], what: str) -> Any:
+    try:
+        return call()
+    except ExportError as error:
+        if error.found.startswith("The effect"):
+            raise
+        raise ExportError(f"{what} has no form outside Python: {error.found}", error.expected, error.remedy) from None
+    except (TypeError, AttributeError, ValueError) as error:
+        raise ExportError(
+            f"{what} has no form outside Python: {str(error)[:160]}",
+            "arithmetic and elementary functions of the signals",
+            "Leave it out, or write it with numpy's functions.",
+        ) from None

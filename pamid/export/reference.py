@@ -1,0 +1,52 @@
+"""Reference values: states around the data of a fit and at its edges, with what the model answers to them in Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .plan import Plan
+
+TOLERANCES = {"float64": 1e-11, "float32": 2e-5}
+"""Largest deviation from ``predict`` that an export may show, as a share of the largest magnitude of each output."""
+
+SERIES_BELOW = {"float64": 0.05, "float32": 0.3}
+"""Gauge pressure, in widths of the contact, below which its factor is a series; the quotient loses digits there."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Inputs and expected outputs.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n_rows, 4)
+        States, exactly representable in single precision.
+    expected : ndarray, shape (n_rows, n_outputs + 3)
+        Predictions, then V, ∂V/∂ε and ∂V/∂P.
+    """
+
+    inputs: np.ndarray
+    expected: np.ndarray
+
+    def tolerance(self, dtype: str) -> np.ndarray:
+        """Return the largest deviation of each column that passes."""
+        largest = np.max(np.abs(self.expected), axis=0)
+        return TOLERANCES[dtype] * np.where(largest > 0, largest, 1.0)
+
+
+def reference_of(plan: Plan, n_rows: int = 64, seed: int = 0) -> Reference:
+    """Evaluate a plan in Python at states inside its data, outside, at standstill and at ambient pressure."""
+    rng = np.random.default_rng(seed)
+    x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, 4))
+    ambient = plan.anchor.atmospheric_pressure if plan.anchor else 101_325.0
+    x[:, 2] = np.maximum(x[:, 2], 0.5 * ambient)
+    x[0] = plan.centre
+    x[1] = [0.0, 0.0, ambient, 0.0]
+    x[2] = [plan.centre[0], 0.0, ambient + 10.0, 0.0]
+    x[3] = plan.centre + 20.0 * plan.width
+    x[4, [1, 3]] = 0.0
+    x[5, 0] = -0.02
+    x = x.astype(np.float32).astype(float)
+    return Reference(x, np.column_stack([plan.predict(x), *plan.volume(x)]))

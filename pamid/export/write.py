@@ -1,0 +1,102 @@
+"""Export a fitted model to a folder: C99, ONNX or an FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..effects.base import Effect
+from ..effects.plant import Plant
+from ..errors import ExportError, OutputError, UnknownOptionError
+from ..files import write_whole
+from .c_source import REALS, c_sources
+from .plan import plan_of
+from .reference import reference_of
+
+TARGETS = ("c", "onnx", "fmu")
+"""What a model can be exported to."""
+
+
+def export(
+    model: Any,
+    folder: str | Path,
+    to: str = "c",
+    *,
+    name: str = "muscle",
+    dtype: str = "float64",
+    effects: Sequence[Effect] = (),
+    plant: Plant | None = None,
+) -> list[Path]:
+    """Write a fitted hybrid model in another language.
+
+    Parameters
+    ----------
+    model : estimator or Pipeline
+        `StaticPIHM`, `ThermodynamicPIHM` or `JointPIHM`, fitted, also as the last step of a pipeline with rates.
+    folder : path-like
+        Where to write; made if it does not exist.
+    to : {"c", "onnx", "fmu"}, default="c"
+        Dependency-free C99 with a self-test, an ONNX graph, or an FMU (FMI 3.0) built from the C code.
+    name : str, default="muscle"
+        Name of the files and prefix of all names in the code, a C identifier.
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of the exported model. Reference values of the self-test hold to 1e-11 of the largest value of
+        each output with float64, to 2e-5 with float32.
+    effects : sequence of Effect, optional
+        Effects without memory that are added to the predictions, such as leakage or viscous friction.
+    plant : Plant, optional
+        The bench that the effects refer to, ``BenchParameters.plant()``.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ExportError
+        A part of the model has no form outside Python; the message names the part and why.
+    OutputError
+        A file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from pamid.estimators import StaticPIHM
+    >>> from pamid.export import export
+    >>> X = np.random.default_rng(0).uniform([0, -1, 2e5, -1e6], [0.2, 1, 5e5, 1e6], (60, 4))
+    >>> F = (X[:, 2] - 101325) * 5e-4 * (1 - 3 * X[:, 0])
+    >>> model = StaticPIHM(hidden_layer_sizes=(4,), max_iter=5, random_state=0).fit(X, F)
+    >>> [file.name for file in export(model, tempfile.mkdtemp(), name="force")]
+    ['force.h', 'force.c', 'force_selftest.c', 'force_parameters.h']
+    """
+    if to not in TARGETS:
+        raise UnknownOptionError(f"to={to!r} is not known.", f"one of {', '.join(TARGETS)}", "Choose one of them.")
+    if dtype not in REALS:
+        raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
+    plan = plan_of(model, name, effects, plant)
+    files: dict[str, str | bytes]
+    if to == "onnx":
+        from .onnx_graph import onnx_model
+
+        files = {f"{name}.onnx": onnx_model(plan, dtype).SerializeToString()}
+    else:
+        sources = c_sources(plan, reference_of(plan), dtype)
+        files = dict(sources)
+        if to == "fmu":
+            from .fmu import fmu
+
+            files = {f"{name}.fmu": fmu(plan, sources)}
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"The folder {target} cannot be made: {error.strerror}.", "a folder", "Choose another path."
+        ) from None
+    return [write_whole(target / file, content) for file, content in files.items()]
+
+
+__all__ = ["TARGETS", "ExportError", "export"]
