@@ -102,8 +102,9 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         self.target_scale_ = np.array([_spread(Y[:, k], train) for k in range(len(laws))])
         self.anchor_: VolumeModel | None = None
         if anchored:
+            # A handful of parameters needs every run; what is held out judges the correction alone.
             self.anchor_ = fit_anchor(
-                [(law, state, Y[:, k], train) for k, law in enumerate(laws)],
+                [(law, state, Y[:, k], weight) for k, law in enumerate(laws)],
                 rest_length=self.rest_length,
                 rest_diameter=self.rest_diameter,
                 atmospheric_pressure=self._atmosphere,

@@ -20,6 +20,7 @@ from ..errors import (
     TooFewTrajectoriesError,
 )
 from .entries import EQUATIONS, target_of
+from .timing import flow_steps, held_share
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,6 +116,11 @@ def prepare(
         Length of windows (s) over which all signals are averaged once the rates are taken; 0 for none. ``"auto"`` is
         0.02 for a flow sampled every 5 ms or faster, whose law is linear in the noisy rates, and 0 elsewhere.
 
+    Notes
+    -----
+    A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
+    share would hide what tells them apart.
+
     Returns
     -------
     Prepared
@@ -165,9 +171,19 @@ def prepare(
             raise EmptyLogError("No row counts.", "rows that meet the condition", "Loosen the condition.")
         notes.append(f"{int(usable.sum())} of {len(out)} rows count.")
     source = out
+    if equation == "flow":
+        out = out.assign(step=flow_steps(out, column))
     if length:
         out, usable = _averaged(out, usable, length)
         notes.append(f"All signals are averages over windows of {1e3 * length:g} ms, rates taken before.")
+    if equation == "flow":
+        step = out.pop("step").to_numpy(dtype=float)
+        share = held_share(out[usable], out[column].to_numpy(dtype=float)[usable], step[usable])
+        if share:
+            out[column] -= share / 2.0 * step
+            notes.append(
+                f"The flow was taken to hold for {share:.2f} of the time from a sample to the next, as fits best."
+            )
     names = out["trajectory"].to_numpy(dtype=object)
     n_trajectories = len(pd.unique(out["trajectory"]))
     if score_rows < n_trajectories:
@@ -175,8 +191,8 @@ def prepare(
             f"score_rows is {score_rows} for {n_trajectories} trajectories.", "at least one a trajectory", "Raise it."
         )
     # rows that do not count are skipped, not paid for
-    share = usable.mean()
-    even = thinned_rows(names, n_rows=min(len(out), max(n_trajectories, int(score_rows / share))))
+    wanted = int(score_rows / usable.mean())
+    even = thinned_rows(names, n_rows=min(len(out), max(n_trajectories, wanted)))
     return Prepared(
         out, equation, column, out["run"].to_numpy(dtype=object), usable, even, cutoffs, smooth, source, length, notes
     )

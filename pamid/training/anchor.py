@@ -18,10 +18,14 @@ Share = tuple[Law, State, np.ndarray, np.ndarray]
 FIRST_STRENGTH = 0.02
 """Weight of the prior in the first pass: a parameter one prior width away costs like a misfit of 2 % of the spread."""
 
-STRENGTH = 1.5
-"""Weight of the prior in the second pass, relative to what the first one could not explain."""
+STRENGTH, STRENGTH_OF_FLOW = 1.5, 0.15
+"""Weight of the prior in the second pass, relative to what the first one could not explain.
 
-ROWS = 2000
+What a geometry leaves of a force is friction and hysteresis, which hold on for whole runs, so that many samples tell
+little more than one; what it leaves of a flow is the noise of rates, which every further sample averages out.
+"""
+
+ROWS = 5000
 """Samples that the few parameters are fitted on; more would not tell more."""
 
 BAR = 1e5
@@ -59,6 +63,9 @@ the data at less cost is taken, so the choice is the data's.
 """
 
 _CONTACT = ("contact_bar", "log_contact_contraction", "log_width_bar")
+
+FIRM = 100.0
+"""Width of the contact where no force tells of it, Pa: narrow, so that the geometry alone fills the muscle with gas."""
 
 
 def fit_anchor(
@@ -119,7 +126,7 @@ def _fit_family(
             curvature=float(v["curvature"]),
             contact_pressure=float(v.get("contact_bar", 0.0) * BAR),
             contact_contraction=float(np.exp(v.get("log_contact_contraction", prior["log_contact_contraction"][0]))),
-            contact_width=float(np.exp(v.get("log_width_bar", prior["log_width_bar"][0])) * BAR),
+            contact_width=float(np.exp(v["log_width_bar"]) * BAR) if has_force else FIRM,
             rest_volume=float(typical_volume * np.exp(v["log_rest_volume"])),
             thread_compliance=float(v["compliance"] * COMPLIANCE),
             atmospheric_pressure=atmospheric_pressure,
@@ -148,7 +155,8 @@ def _fit_family(
             gtol=1e-9,
             max_nfev=100,
         )
-        q, strength = np.clip(fit.x, lower, upper), STRENGTH * float(np.sqrt(np.sum(misfit(fit.x) ** 2) / len(shares)))
+        left = float(np.sqrt(np.sum(misfit(fit.x) ** 2) / len(shares)))
+        q, strength = np.clip(fit.x, lower, upper), (STRENGTH if has_force else STRENGTH_OF_FLOW) * left
     return float(fit.cost), model(q)
 
 
