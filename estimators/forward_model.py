@@ -49,9 +49,10 @@ class ForwardModel(OneLayerRegressor):
     hidden : int, default=20
         Units of the hidden layer.
     direction : bool, default=False
-        Whether the last direction of the pressure is an input, too; needs trajectories in time order.
+        Whether the last direction of the first input is an input, too; needs trajectories in time order.
     direction_step : float, default=50000
-        Pressure that it must come back before its direction has turned, Pa; in between the input is in between.
+        By how much it must come back before its direction has turned, in its unit (Pa); in between the input is in
+        between.
     alpha : float, default=0.01
         Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     max_iter : int, default=200
@@ -113,7 +114,15 @@ class ForwardModel(OneLayerRegressor):
     ((500, 2), True)
     """
 
-    _turning = "P"
+    equations = ("dynamic",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "direction": {"direction": True}}
+
+    @property
+    def _turning(self) -> str:  # type: ignore[override]
+        return str(next(iter(self.inputs)))
 
     def __init__(
         self,

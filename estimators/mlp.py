@@ -132,10 +132,12 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
 
     __metadata_request__fit: ClassVar = {"groups": True}
 
-    equations = ("force", "flow")
+    equations = ("force", "flow", "dynamic")
 
     @classmethod
     def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        if equation == "dynamic":  # the comparison says what drives the output
+            return {"": {}}
         return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # what the hybrid models see, too
 
     def __init__(

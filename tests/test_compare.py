@@ -95,7 +95,7 @@ def test_every_estimator_of_an_equation_takes_part():
 def test_every_predictor_says_what_it_learns():
     """A new estimator that predicts a force or a flow must not be forgotten by a comparison."""
     silent = [n for n, c in all_estimators() if hasattr(c, "predict") and not getattr(c, "equations", ())]
-    assert silent == ["ForwardModel", "SINDyModel"]  # several outputs at once; rates of states
+    assert silent == ["SINDyModel"]  # rates of states, neither force nor flow
 
 
 def test_a_joint_estimator_needs_both_sides():
@@ -322,3 +322,45 @@ def test_command(log, tmp_path, capsys):
     for bad in (["--where", "F = 3"], ["--where", "G > 3"], ["--folds", "1"], ["--estimators", "Nothing"]):
         assert main([*arguments, *bad]) == 2
         assert "Traceback" not in capsys.readouterr().err
+
+
+# --- the inverse and free runs --------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def lifts():
+    from pamid.bench.single import LiftSettings, simulate_lift
+
+    quick = LiftSettings(frequency=0.25)
+    return simulate_lift(loads=(15.0, 30.0, 50.0, 75.0, 100.0), every=20, settings=quick)
+
+
+def test_the_inverse_is_compared_on_unseen_loads(lifts):
+    found = compare(lifts, "inverse", ["InverseModel", "InvertedForce(tondu_lopez)"], cv=3, n_draws=50)
+    assert found.unit == "Pa" and not np.isfinite(found.noise_floor)
+    assert found["InverseModel"].rmse < 0.5 * found["baseline (mean)"].rmse
+    np.testing.assert_allclose(found.rows["measured"], found.rows["P"])
+    with pytest.raises(MissingColumnError, match="lacks F"):
+        compare(lifts.drop(columns="F"), "inverse")
+
+
+def test_free_runs_of_a_contraction_under_load(lifts):
+    names = ["PolynomialNARX(one step)", "ForwardModel(direction)"]
+    found = compare(lifts, "dynamic", names, cv=5, output="eps", n_draws=50)
+    assert found.unit == "-"
+    assert not [s.error for s in found.scores if s.error]
+    assert found.best.rmse < 0.4 * found["baseline (mean)"].rmse
+    assert found.fitted["PolynomialNARX(one step)"].start == "initial"
+    (plain,) = candidates("dynamic", ["MLP"], output="P")
+    assert plain.columns == ("u", "eps", "deps")
+    with pytest.raises(UnknownOptionError, match="output"):
+        compare(lifts, "dynamic", output="F")
+
+
+def test_free_runs_of_a_pressure_under_the_valve(table):
+    found = compare(table, "dynamic", ["PolynomialNARX(one step)"], cv=2, output="P", n_draws=50)
+    assert found.unit == "Pa" and {"u", "deps"} <= set(found.fitted["PolynomialNARX(one step)"].feature_names_in_)
+    assert np.isfinite(found["PolynomialNARX(one step)"].rmse)
+
+
+def test_geometry_reaches_the_model_within():
+    (entry,) = candidates("inverse", ["InvertedForce(tondu_lopez)"], parameters={"rest_diameter": 0.031})
+    assert entry.estimator.model.rest_diameter == 0.031

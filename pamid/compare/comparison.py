@@ -75,7 +75,7 @@ class Comparison:
     Parameters
     ----------
     equation : str
-        ``"force"`` or ``"flow"``.
+        ``"force"``, ``"flow"``, ``"inverse"`` or ``"dynamic"``.
     unit : str
         Unit of the target.
     scores : list of Score

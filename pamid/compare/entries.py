@@ -16,6 +16,15 @@ from ..errors import IncompatibleError, ParameterError, UnknownOptionError
 EQUATIONS = {"force": ("F", "N"), "flow": ("mdot", "kg/s")}
 """Equations that can be compared: column and unit of their measured side."""
 
+PROBLEMS = (*EQUATIONS, "inverse", "dynamic")
+"""What can be compared: an equation, the pressure for a force and contraction, an output in free run."""
+
+OUTPUTS = {"eps": ("-", ("P", "load")), "P": ("Pa", ("u", "eps", "deps"))}
+"""Outputs of the dynamic problem: unit, and what drives them."""
+
+START = "initial"
+"""Column of the dynamic problem: the output measured in the first row of the trajectory."""
+
 SIGNALS = ("eps", "deps", "P", "dP")
 """Columns that an estimator is offered which does not say what it reads."""
 
@@ -52,16 +61,17 @@ def candidates(
     parameters: Mapping[str, Any] | None = None,
     targets: Sequence[str] | None = None,
     random_state: int = 0,
+    output: str = "eps",
 ) -> list[Candidate]:
-    """Collect what can learn an equation.
+    """Collect what can learn an equation, the inverse, or an output in free run.
 
     An estimator of `pamid.estimators` takes part if its class attribute ``equations`` names the equation; a new one
     takes part without an entry anywhere.
 
     Parameters
     ----------
-    equation : {"force", "flow"}
-        The equation.
+    equation : {"force", "flow", "inverse", "dynamic"}
+        The equation or problem.
     estimators : "all", sequence of str, or mapping of str to estimator, default="all"
         Labels (``"StaticPIHM"``, ``"GeometricForce(tondu_lopez)"``), classes (``"GeometricForce"``, with all its
         settings) or patterns (``"StaticPIHM*"``); or estimators of your own by the name they shall have. Those read the
@@ -74,6 +84,8 @@ def candidates(
         measured. By default that of the equation alone.
     random_state : int, default=0
         Seed of every estimator that takes one.
+    output : {"eps", "P"}, default="eps"
+        Output of the dynamic problem.
 
     Returns
     -------
@@ -93,11 +105,15 @@ def candidates(
     >>> [c.label for c in candidates("flow", ["PolynomialFlow"])]
     ['PolynomialFlow(contraction)', 'PolynomialFlow(contraction, pressure)']
     """
-    column = target_of(equation)[0]
+    column = target_of(equation, output)[0]
+    driven = (*OUTPUTS[output][1], START) if equation == "dynamic" else SIGNALS
+    offered_columns = ("F", "eps", "deps") if equation == "inverse" else driven
     if isinstance(estimators, Mapping):
-        return [_own(label, model, column) for label, model in estimators.items()]
+        return [_own(label, model, column, offered_columns) for label, model in estimators.items()]
     measured = tuple(targets or (column,))
     values = {"random_state": random_state, **(parameters or {})}
+    if equation == "dynamic":
+        values |= {"inputs": OUTPUTS[output][1], "start": START}
     found = _registered(equation, column, measured, values)
     if isinstance(estimators, str):
         if estimators != "all":
@@ -116,10 +132,16 @@ def candidates(
     return chosen
 
 
-def target_of(equation: str) -> tuple[str, str]:
-    """Return column and unit of an equation's measured side."""
+def target_of(equation: str, output: str = "eps") -> tuple[str, str]:
+    """Return column and unit of what is predicted."""
+    if equation == "inverse":
+        return "P", "Pa"
+    if equation == "dynamic":
+        if output not in OUTPUTS:
+            raise UnknownOptionError(f"output is {output!r}.", f"one of {', '.join(OUTPUTS)}", "Correct the name.")
+        return output, OUTPUTS[output][0]
     if equation not in EQUATIONS:
-        raise UnknownOptionError(f"equation is {equation!r}.", f"one of {', '.join(EQUATIONS)}", "Correct the name.")
+        raise UnknownOptionError(f"equation is {equation!r}.", f"one of {', '.join(PROBLEMS)}", "Correct the name.")
     return EQUATIONS[equation]
 
 
@@ -142,25 +164,32 @@ def _registered(
         group = []
         for setting, own in offered._compared(equation).items():
             model = offered(**(common | own))
+            inner = {f"model__{k}": v for k, v in values.items() if f"model__{k}" in model.get_params()}
+            model.set_params(**inner)  # what is built around another estimator hands its geometry on
             group.append(_candidate(f"{name}({setting})" if setting else name, model, wanted))
         found[name] = group
     return found
 
 
 def _candidate(label: str, model: Any, targets: tuple[str, ...]) -> Candidate:
-    sequential = "one_trajectory" in model.get_params()
+    sequential = is_sequential(model)
     columns = tuple(model._needs)
     return Candidate(label, model, ("trajectory", *columns) if sequential else columns, targets, sequential)
 
 
-def _own(label: str, model: Any, column: str) -> Candidate:
+def is_sequential(model: Any) -> bool:
+    """Tell whether an estimator reads the sequence of samples, as it says itself or by its parameters."""
+    return bool(getattr(model, "_sequential", "one_trajectory" in model.get_params()))
+
+
+def _own(label: str, model: Any, column: str, columns: tuple[str, ...] = SIGNALS) -> Candidate:
     if not (hasattr(model, "fit") and hasattr(model, "predict")):
         raise IncompatibleError(
             f"{label} is a {type(model).__name__}.", "an estimator with fit and predict", "Pass an instance of one."
         )
     if hasattr(model, "_needs"):
         return _candidate(label, model, (column,))
-    return Candidate(label, model, SIGNALS, (column,))
+    return Candidate(label, model, columns, (column,))
 
 
 def _not_offered(name: str, equation: str, found: Mapping[str, list[Candidate]]) -> Exception:
@@ -168,7 +197,7 @@ def _not_offered(name: str, equation: str, found: Mapping[str, list[Candidate]])
 
     labels = [*found, *(c.label for group in found.values() for c in group)]
     if name in (others := {n: getattr(c, "equations", ()) for n, c in all_estimators()}):
-        learns = " and ".join(others[name]) or "neither force nor flow"
+        learns = " and ".join(others[name]) or "none of the problems"
         together = " together, and the log has not both" if equation in others[name] else ""
         return IncompatibleError(
             f"{name} learns {learns}{together}.", f"an estimator of {equation}", f"Choose among {', '.join(found)}."

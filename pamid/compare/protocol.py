@@ -19,7 +19,7 @@ from ..errors import (
     ShortTrajectoryError,
     TooFewTrajectoriesError,
 )
-from .entries import EQUATIONS, target_of
+from .entries import EQUATIONS, OUTPUTS, START, target_of
 from .timing import flow_steps, held_share
 
 if TYPE_CHECKING:
@@ -29,6 +29,12 @@ RATES = {"deps": "eps", "dP": "P"}
 
 FLOW_WINDOW = 0.02
 """Windows over which the flow equation is averaged, s: they take most of the noise that a rate of pressure brings."""
+
+RUN_WINDOW = 0.01
+"""Windows over which a free run is averaged, s: its steps are then worth taking."""
+
+_COMMANDS = ("u", "load")
+"""Columns that drive a free run and are handed on where a table has them."""
 
 
 @dataclass
@@ -90,6 +96,7 @@ def prepare(
     method: str = "savgol",
     smooth_target: bool | None = None,
     window: float | str = "auto",
+    output: str = "eps",
 ) -> Prepared:
     """Take rates within trajectories, average where that is due, and choose the rows to score.
 
@@ -98,8 +105,8 @@ def prepare(
     table : DataFrame
         One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute) and ``F`` (N) or
         ``mdot`` (kg/s); a column ``run`` where several trajectories belong to one run; ``deps`` (1/s) and ``dP``
-        (Pa/s) if they are known.
-    equation : {"force", "flow"}, default="force"
+        (Pa/s) if they are known; what drives a free run, ``load`` (kg) or the valve command ``u``.
+    equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is compared.
     rows : array_like of bool, shape (n_rows,), optional
         Rows that count; the others serve only to take rates from.
@@ -114,12 +121,10 @@ def prepare(
         is not averaged over windows: it is compared with a smoothed rate, and should have gone through the same filter.
     window : float or "auto", default="auto"
         Length of windows (s) over which all signals are averaged once the rates are taken; 0 for none. ``"auto"`` is
-        0.02 for a flow sampled every 5 ms or faster, whose law is linear in the noisy rates, and 0 elsewhere.
-
-    Notes
-    -----
-    A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
-    share would hide what tells them apart.
+        0.02 for a flow sampled every 5 ms or faster, whose law is linear in the noisy rates, 0.01 for a free run
+        sampled every 2.5 ms or faster, and 0 elsewhere.
+    output : {"eps", "P"}, default="eps"
+        Output of the dynamic problem.
 
     Returns
     -------
@@ -130,15 +135,21 @@ def prepare(
     ------
     MissingColumnError, MissingTrajectoryError, NonFiniteError, EmptyLogError
         The table cannot be used as it is.
+
+    Notes
+    -----
+    A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
+    share would hide what tells them apart.
     """
     import pandas as pd
 
     from ..signals import thinned_rows
 
-    column, _ = target_of(equation)
-    _require(table, column)
+    column, _ = target_of(equation, output)
+    drivers = tuple(c for c in OUTPUTS[output][1] if c in _COMMANDS) if equation == "dynamic" else ()
+    _require(table, column, *(("F",) if equation == "inverse" else ()), *drivers)
     notes: list[str] = []
-    measured = [c for c, _ in EQUATIONS.values() if c in table.columns]
+    measured = [c for c in (*(c for c, _ in EQUATIONS.values()), *drivers) if c in table.columns]
     kept = ["trajectory", *(["run"] if "run" in table.columns else []), "time", "eps", "P"]
     given = [r for r in RATES if r in table.columns]
     out = table[[*kept, *given, *measured]].reset_index(drop=True)
@@ -176,6 +187,9 @@ def prepare(
     if length:
         out, usable = _averaged(out, usable, length)
         notes.append(f"All signals are averages over windows of {1e3 * length:g} ms, rates taken before.")
+    if equation == "dynamic":
+        out[START] = out.groupby("trajectory", sort=False)[column].transform("first")
+        notes.append(f"{column} runs freely from its first value; {', '.join(OUTPUTS[output][1])} drive it.")
     if equation == "flow":
         step = out.pop("step").to_numpy(dtype=float)
         share = held_share(out[usable], out[column].to_numpy(dtype=float)[usable], step[usable])
@@ -202,7 +216,8 @@ def _window(table: pd.DataFrame, equation: str, window: float | str) -> float:
     """Return the length of the windows, s; 0 for none."""
     if window == "auto":
         step = float(np.median(np.abs(np.diff(table["time"].to_numpy(dtype=float))))) if len(table) > 1 else np.inf
-        return FLOW_WINDOW if equation == "flow" and step <= FLOW_WINDOW / 4 else 0.0
+        length = {"flow": FLOW_WINDOW, "dynamic": RUN_WINDOW}.get(equation, 0.0)
+        return length if step <= length / 4 else 0.0
     if isinstance(window, str) or not (np.isfinite(window) and window >= 0):
         raise ParameterError(f"window is {window!r}.", "'auto', or a length in s that is not negative", "Correct it.")
     return float(window)
@@ -221,20 +236,21 @@ def _averaged(table: pd.DataFrame, usable: np.ndarray, length: float) -> tuple[p
     return out, counts
 
 
-def _require(table: pd.DataFrame, column: str) -> None:
+def _require(table: pd.DataFrame, *columns: str) -> None:
     if "trajectory" not in table.columns:
         raise MissingTrajectoryError(
             "The table has no column 'trajectory'.", "the name of its run in each row", "Add the column."
         )
     if not len(table):
         raise EmptyLogError("The table has no rows.", "at least two trajectories", "Check how it was read.")
-    if lacking := [c for c in ("time", "eps", "P", column) if c not in table.columns]:
+    wanted = tuple(dict.fromkeys(("time", "eps", "P", *columns)))
+    if lacking := [c for c in wanted if c not in table.columns]:
         raise MissingColumnError(
             f"The table lacks {', '.join(lacking)}; it has {', '.join(map(str, table.columns[:20]))}.",
-            f"trajectory, time, eps, P and {column}",
+            f"trajectory, {', '.join(wanted)}",
             "Rename your columns, or unfold a log of the bench with pamid.bench.unfold.",
         )
-    for name in ("time", "eps", "P", column):
+    for name in wanted:
         if not np.isfinite(table[name].to_numpy(dtype=float)).all():
             raise NonFiniteError(
                 f"The column '{name}' holds NaN or infinite values.", "finite values", "Drop or fill those rows first."

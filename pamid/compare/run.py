@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import FitError, IncompatibleError, PamidError, ParameterError
 from .bootstrap import ClusterBootstrap
 from .comparison import BASELINE, Comparison, Score, ranked
-from .entries import SIGNALS, Candidate, candidates, parameter_count, target_of
+from .entries import EQUATIONS, SIGNALS, Candidate, candidates, is_sequential, parameter_count, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
 
@@ -42,6 +42,7 @@ def compare(
     n_draws: int = 2000,
     random_state: int = 0,
     progress: Callable[[str], None] | None = None,
+    output: str = "eps",
 ) -> Comparison:
     """Compare estimators on runs that their fits have not seen.
 
@@ -54,8 +55,9 @@ def compare(
     table : DataFrame
         One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute), ``F`` (N) and/or
         ``mdot`` (kg/s), and ``run`` where several trajectories belong to one run: what `pamid.bench.unfold` returns.
-    equation : {"force", "flow"}, default="force"
-        What is predicted.
+    equation : {"force", "flow", "inverse", "dynamic"}, default="force"
+        What is predicted: a force (N), a mass flow (kg/s), the pressure (Pa) for a force and a contraction, or an
+        output in free run from its first value.
     estimators : "all", sequence of str, or mapping of str to estimator, default="all"
         Which, see `pamid.compare.candidates`.
     cv : int or splitter, default=5
@@ -78,13 +80,17 @@ def compare(
     smooth_target : bool, optional
         Whether the measured side goes through the pressure's filter, too. By default a flow without windows does.
     window : float or "auto", default="auto"
-        Length of windows over which everything is averaged, s; 0 for none. ``"auto"`` is 0.02 for a flow.
+        Length of windows over which everything is averaged, s; 0 for none. ``"auto"`` is 0.02 for a flow, 0.01
+        for a free run.
     n_draws : int, default=2000
         Draws of the bootstrap over runs.
     random_state : int, default=0
         Seed of folds, estimators and draws.
     progress : callable, optional
         Called with a label after each fit.
+    output : {"eps", "P"}, default="eps"
+        Output of the dynamic problem: the contraction under pressure and ``load`` (kg), or the pressure (Pa) under the
+        valve command ``u`` and the contraction.
 
     Returns
     -------
@@ -111,7 +117,7 @@ def compare(
     for name, number in (("fit_rows", fit_rows), ("score_rows", score_rows), ("n_draws", n_draws)):
         if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
             raise ParameterError(f"{name} is {number!r}.", "a whole number of at least 1", "Correct it.")
-    column, unit = target_of(equation)
+    column, unit = target_of(equation, output)
     ready = prepare(
         table,
         equation,
@@ -121,8 +127,16 @@ def compare(
         method=method,
         smooth_target=smooth_target,
         window=window,
+        output=output,
     )
-    entries = candidates(equation, estimators, parameters=parameters, targets=ready.measured, random_state=random_state)
+    entries = candidates(
+        equation,
+        estimators,
+        parameters=parameters,
+        targets=(column, *ready.measured),
+        random_state=random_state,
+        output=output,
+    )
     splits = list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state))
     scored = np.concatenate([fold.score_rows for fold in splits])
     order = np.argsort(scored, kind="stable")
@@ -150,7 +164,7 @@ def compare(
     _judge(scores, predictions, y, draws)
     kept = ready.table[["trajectory", "run", "time", *SIGNALS]].iloc[scored].reset_index(drop=True)
     ranking = ranked(scores)
-    floor = _floor(ready, table, ranking, fitted, scored, method)
+    floor = _floor(ready, table, ranking, fitted, scored, method) if equation in EQUATIONS else float("nan")
     if any(entry.sequential for entry in entries):
         ready.notes.append(
             "What learns sequences is fitted on all evenly spaced rows, at the spacing of the scored ones."
@@ -299,7 +313,7 @@ def _floor(
     target = table[ready.target].to_numpy(dtype=float)
     for score in ranking:
         model = fitted.get(score.estimator)
-        if model is None or "one_trajectory" in model.get_params() or getattr(model, "joint", False):
+        if model is None or is_sequential(model) or getattr(model, "joint", False):
             continue
         columns = list(getattr(model, "_needs", SIGNALS))
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9"
 INK, GREY, FAINT = "#222222", "#7F7F7F", "#CFCFCF"
 
-SHOWN = {"N": (1.0, "N"), "kg/s": (1e6, "mg/s")}
+SHOWN = {"N": (1.0, "N"), "kg/s": (1e6, "mg/s"), "Pa": (1e-3, "kPa"), "-": (100.0, "%")}
 """Factor and unit in which a plot shows a quantity of an SI unit."""
 
-NAMES = {"force": "force", "flow": "mass flow"}
-"""What the measured side of an equation is called."""
+NAMES = {"force": "force", "flow": "mass flow", "inverse": "pressure", "dynamic": "free run"}
+"""What is predicted is called in each problem."""
 
 _STYLE: dict[str, Any] = {
     "font.family": "sans-serif",

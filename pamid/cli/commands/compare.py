@@ -26,12 +26,17 @@ Both muscles of a run stay in one fold. Rates are taken run by run before the sp
 rows, evenly thinned; the whole table takes a few minutes. One estimator that fails is one line.
 
 A flow is compared over windows of 20 ms, because its law reads rates, and those of single samples are mostly noise.
+
+The inverse problem is the pressure for a measured force and contraction. The dynamic problem is a free run from the
+first sample: the contraction of a muscle under its pressure and load, or the pressure under the valve's command.
 """
 _EXAMPLES = """\
   pamid compare log.parquet --sim sim.toml --out results
   pamid compare log.parquet --sim sim.toml --equation flow --estimators ThermodynamicPIHM,GeometricFlow,MLP
   pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --rest-diameter 0.01 --where "F > 5"
   pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --where "F > 5" --split kind
+  pamid compare log.parquet --sim sim.toml --problem inverse
+  pamid compare log.parquet --sim sim.toml --problem dynamic --split kind --out results
 """
 
 
@@ -40,7 +45,18 @@ def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "compare", "all estimators of one equation in one table", _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(
-        "--equation", choices=("force", "flow"), default="force", help="what is predicted (default: force)"
+        "--equation",
+        "--problem",
+        choices=("force", "flow", "inverse", "dynamic"),
+        default="force",
+        help="what is predicted: force, flow, the pressure for a force and contraction (inverse), or an output in free "
+        "run (dynamic) (default: force)",
+    )
+    parser.add_argument(
+        "--predict",
+        choices=("eps", "P"),
+        help="output of the dynamic problem: contraction under pressure and load, or pressure under the command of the "
+        "valve (default: eps if the log has a load)",
     )
     parser.add_argument(
         "--sim",
@@ -96,20 +112,26 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...compare import candidates, compare
-    from .._tables import TARGETS, signal_table
+    from ...compare.entries import target_of
+    from .._tables import TARGETS, Target, signal_table
 
     if args.folds < 2:
         raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
     folder = _folder(args.out)
     started = time.perf_counter()
     params = simulator_of(args)
-    signals = signal_table(load_log(args, nan="drop"), params, TARGETS[args.equation])
+    log = load_log(args, nan="drop")
+    output = args.predict or ("eps" if "load" in log.columns else "P")
+    target = TARGETS.get(args.equation) or Target(args.equation, *target_of(args.equation, output))
+    signals = signal_table(log, params, target)
     parameters = dict(params.values()) if params is not None else {}
     own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}
     parameters |= {name: value for name, value in own.items() if value is not None}
     chosen = "all" if args.estimators == "all" else _names(args.estimators)
-    measured = [t.column for t in TARGETS.values() if t.column in signals.columns]
-    entries = candidates(args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed)
+    measured = [target.column, *(t.column for t in TARGETS.values() if t.column in signals.columns)]
+    entries = candidates(
+        args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed, output=output
+    )
     n_runs = signals["run"].nunique()
     rows = _rows(signals, args.where)
     with progress(args, "Comparing", len(entries) * min(args.folds, n_runs) if args.split == "run" else None) as step:
@@ -127,6 +149,7 @@ def run(args: argparse.Namespace) -> int:
             window=args.window if args.window is not None else "auto",
             random_state=args.seed,
             progress=step,
+            output=output,
         )
     files: list[Path] = []
     if folder is not None:

@@ -1,0 +1,380 @@
+"""What autoregressive models with inputs share: lags within runs, one step ahead, free runs, and the fit to both."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import check_is_fitted, column_or_1d
+
+from pamid.errors import UnstableRunWarning
+
+from ._base import SignalEstimator
+from ._checks import check_counts, check_sizes, warn_of_still_columns
+from ._hidden_layer import Marquardt, Normal
+from ._progress import ProgressMixin, fit_progress
+from ._sequences import SequenceMixin
+from ._torch_loop import standardisation
+from ._trajectories import trajectory_slices
+
+_FAR = 20.0  # standard deviations at which a run is held while a fit looks for better parameters
+
+
+class FreeRun(NamedTuple):
+    """A free run: outputs that follow from the inputs and the start alone.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples,)
+        Outputs, in the unit of the target, within the bounds of the run.
+    held : ndarray of bool, shape (n_samples,)
+        Samples at which the run would have left the outputs of the fit and was held at their edge: it is unstable
+        there, or was never asked so much.
+    extrapolated : ndarray of bool, shape (n_samples,)
+        Samples whose inputs lie outside the range of the fit.
+    """
+
+    y: np.ndarray
+    held: np.ndarray
+    extrapolated: np.ndarray
+
+
+class _Segments(NamedTuple):
+    """Stretches of equal length that run side by side: inputs, outputs, lags before them, and what counts."""
+
+    inputs: np.ndarray
+    wanted: np.ndarray
+    before: np.ndarray
+    counts: np.ndarray
+
+
+class NARXRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
+    """An output from its own past and that of the inputs; subclasses give the function of the lags."""
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__predict: ClassVar = {"groups": True}
+    __metadata_request__score: ClassVar = {"groups": True}
+
+    equations = ("dynamic",)
+
+    inputs: Sequence[str]
+    output_lags: int
+    input_lags: int
+    horizon: int
+    start: str | None
+    alpha: float
+    margin: float
+    max_iter: int
+    tol: float
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
+        return tags
+
+    # --- what a subclass gives ----------------------------------------------------------------------------------
+    @abstractmethod
+    def _one_step(self, phi: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Fit the function to single steps, set its structure, and return its parameters as a vector."""
+
+    @abstractmethod
+    def _function(self, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        """Return the scaled step (n,) from scaled lags (n, n_lags)."""
+
+    @abstractmethod
+    def _derivatives(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the step (n,), ∂step/∂φ (n, n_lags) and ∂step/∂θ (n, n_parameters)."""
+
+    @abstractmethod
+    def _keep(self, theta: np.ndarray, covariance: np.ndarray) -> None:
+        """Store the parameters as fitted attributes."""
+
+    @abstractmethod
+    def _theta(self) -> np.ndarray:
+        """Return the stored parameters as a vector."""
+
+    # --- fit ----------------------------------------------------------------------------------------------------
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Fit to single steps, then to free runs over `horizon` rows.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Inputs, SI units, in time order within each trajectory, at one sampling period throughout.
+        y : array_like, shape (n_samples,)
+            Output, for instance absolute pressure (Pa) or contraction ratio.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+
+        Raises
+        ------
+        MissingTrajectoryError
+            If nothing tells which rows form a trajectory.
+        InterleavedTrajectoryError
+            If the rows of a trajectory are not contiguous.
+        """
+        self._check_parameters()
+        table, y = self._read(X, y, reset=True)
+        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
+        codes = self._codes(X, table, groups)
+        columns = self._columns(table)
+        warn_of_still_columns(columns, self.inputs, type(self).__name__)
+        ones = np.ones(len(target))
+        self.input_mean_, self.input_scale_ = standardisation(columns, ones)
+        mean, scale = standardisation(target[:, None], ones)
+        self.output_mean_, self.output_scale_ = float(mean[0]), float(scale[0])
+        self.input_low_, self.input_high_ = columns.min(axis=0), columns.max(axis=0)
+        self.output_low_, self.output_high_ = float(target.min()), float(target.max())
+        slices = trajectory_slices(codes)
+        self.start_mean_ = float(np.mean([target[s.start] for s in slices]))
+        u, z = (columns - self.input_mean_) / self.input_scale_, (target - self.output_mean_) / self.output_scale_
+        phi, previous = self._lags(u, z, slices)
+        step = z - previous
+        self.step_scale_ = float(np.sqrt(np.mean(step * step))) or 1.0
+        theta = self._one_step(phi, step / self.step_scale_)
+        segments = self._segments(u, z, slices, int(self.horizon))
+        self._codes_of_fit = codes  # lets a callback score on the rows of the fit without being told trajectories
+        steps = Marquardt(
+            theta,
+            lambda at: self._normal(at, segments),
+            lambda at: self._loss(at, segments),
+            float(self.alpha) * len(target) * 1e-6,
+        )
+        try:
+            with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
+                slow = 0
+                for _ in progress:
+                    before = steps.loss
+                    moved = steps.step()
+                    progress.report(steps.loss / len(target), attributes=lambda: self._attributes(steps.x))
+                    slow = slow + 1 if steps.loss > before * (1.0 - float(self.tol)) else 0
+                    if not moved or slow >= 3:
+                        break
+        finally:
+            del self._codes_of_fit
+        found = self._normal(steps.x, segments)
+        variance = found.loss / max(len(target) - len(theta), 1)
+        covariance = variance * np.linalg.pinv(found.matrix, hermitian=True)
+        self._keep(steps.x, covariance)
+        self.loss_curve_ = progress.losses
+        self.n_iter_ = max(progress.n_epochs, 1)
+        self.n_parameters_ = len(theta)
+        return self
+
+    # --- prediction ---------------------------------------------------------------------------------------------
+    def predict(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Run freely along each trajectory, and warn where the run had to be held.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Inputs and, if `start` names it, the output before the first row; as in fit.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Output, in the unit of y.
+        """
+        run = self.simulate(X, groups=groups)
+        if run.held.any():
+            warnings.warn(
+                f"{type(self).__name__} left the outputs of the fit at {int(run.held.sum())} of {len(run.y)} rows. "
+                "Expected a free run within them. It was held at their edge; simulate() tells where.",
+                UnstableRunWarning,
+                stacklevel=2,
+            )
+        return run.y
+
+    def simulate(self, X: Any, groups: Any = None) -> FreeRun:
+        """Run freely along each trajectory.
+
+        The output before the first row is the signal `start`, or the mean of the first outputs of the fit. A run that
+        leaves the outputs of the fit by more than `margin` of their range is held at that edge and flagged.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Inputs, as in fit.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        FreeRun
+            Outputs and flags.
+        """
+        check_is_fitted(self, "start_mean_")
+        table, _ = self._read(X, reset=False)
+        slices = trajectory_slices(self._codes(X, table, groups))
+        columns = self._columns(table)
+        span = 1e-9 * (self.input_high_ - self.input_low_)
+        beyond = ((columns < self.input_low_ - span) | (columns > self.input_high_ + span)).any(axis=1)
+        first = np.array([s.start for s in slices])
+        start = self._signal(table, self.start)[first] if self.start else np.full(len(first), self.start_mean_)
+        y, held = self._free(
+            (columns - self.input_mean_) / self.input_scale_,
+            (start - self.output_mean_) / self.output_scale_,
+            slices,
+        )
+        return FreeRun(y * self.output_scale_ + self.output_mean_, held, beyond)
+
+    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
+        """Predict each row from the measured outputs before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Inputs, as in fit.
+        y : array_like, shape (n_samples,)
+            Measured output.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Output one row ahead, in the unit of y.
+        """
+        check_is_fitted(self, "start_mean_")
+        table, y = self._read(X, y, reset=False)
+        slices = trajectory_slices(self._codes(X, table, groups))
+        z = (np.asarray(column_or_1d(y), dtype=float) - self.output_mean_) / self.output_scale_
+        phi, previous = self._lags((self._columns(table) - self.input_mean_) / self.input_scale_, z, slices)
+        ahead = previous + self.step_scale_ * self._function(self._theta(), phi)
+        return np.asarray(ahead * self.output_scale_ + self.output_mean_)
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination of the free run.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Inputs, as in fit.
+        y : array_like, shape (n_samples,)
+            Measured output.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        float
+            R², dimensionless.
+        """
+        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
+
+    # --- data ---------------------------------------------------------------------------------------------------
+    def _check_parameters(self) -> None:
+        check_counts(self, "output_lags", "input_lags", "horizon", "max_iter")
+        check_sizes(self, alpha=0.0, margin=0.0, tol=0.0)
+
+    def _columns(self, table: np.ndarray) -> np.ndarray:
+        return np.column_stack([self._signal(table, name) for name in self.inputs])
+
+    def _input_lags(self, u: np.ndarray, slices: list[slice]) -> np.ndarray:
+        """Inputs of a row and of the rows before it, the first held before the start: (n, input_lags · n_inputs)."""
+        rows = np.arange(len(u))
+        first = np.concatenate([np.full(s.stop - s.start, s.start) for s in slices])
+        return np.concatenate([u[np.maximum(rows - k, first)] for k in range(int(self.input_lags))], axis=1)
+
+    def _output_lags(self, z: np.ndarray, slices: list[slice]) -> np.ndarray:
+        rows = np.arange(len(z))
+        first = np.concatenate([np.full(s.stop - s.start, s.start) for s in slices])
+        return np.stack([z[np.maximum(rows - k, first)] for k in range(1, int(self.output_lags) + 1)], axis=1)
+
+    def _lags(self, u: np.ndarray, z: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lags of each row and the output before it."""
+        past = self._output_lags(z, slices)
+        return np.concatenate([past, self._input_lags(u, slices)], axis=1), past[:, 0]
+
+    def _segments(self, u: np.ndarray, z: np.ndarray, slices: list[slice], length: int) -> _Segments:
+        inputs, past = self._input_lags(u, slices), self._output_lags(z, slices)
+        starts = np.concatenate([np.arange(s.start, s.stop, length) for s in slices])
+        stops = np.concatenate([np.full(len(range(s.start, s.stop, length)), s.stop) for s in slices])
+        table = starts[:, None] + np.arange(min(length, max(s.stop - s.start for s in slices)))
+        counts = table < stops[:, None]
+        table = np.minimum(table, stops[:, None] - 1)
+        return _Segments(inputs[table], z[table], past[starts], counts.astype(float))
+
+    # --- runs ---------------------------------------------------------------------------------------------------
+    def _loss(self, theta: np.ndarray, segments: _Segments) -> float:
+        past, total = segments.before.copy(), 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k in range(segments.wanted.shape[1]):
+                phi = np.concatenate([past, segments.inputs[:, k]], axis=1)
+                z = np.clip(past[:, 0] + self.step_scale_ * self._function(theta, phi), -_FAR, _FAR)
+                total += float(np.sum(segments.counts[:, k] * (z - segments.wanted[:, k]) ** 2))
+                past = np.concatenate([z[:, None], past[:, :-1]], axis=1)
+        return total
+
+    def _normal(self, theta: np.ndarray, segments: _Segments) -> Normal:
+        """Loss, gradient and Gauss–Newton matrix of free runs, by carrying ∂y/∂θ along."""
+        past = segments.before.copy()
+        n_past, size = past.shape[1], len(theta)
+        carried = np.zeros((len(past), n_past, size))
+        loss, gradient, matrix = 0.0, np.zeros(size), np.zeros((size, size))
+        for k in range(segments.wanted.shape[1]):
+            phi = np.concatenate([past, segments.inputs[:, k]], axis=1)
+            f, to_phi, to_theta = self._derivatives(theta, phi)
+            z = np.clip(past[:, 0] + self.step_scale_ * f, -_FAR, _FAR)
+            share = to_theta
+            if k:
+                share = share + np.einsum("ni,nip->np", to_phi[:, :n_past], carried)
+            J = carried[:, 0] + self.step_scale_ * share
+            counts = segments.counts[:, k]
+            r = counts * (z - segments.wanted[:, k])
+            loss += float(r @ r)
+            gradient += J.T @ r
+            weighed = counts[:, None] * J
+            matrix += weighed.T @ weighed
+            past = np.concatenate([z[:, None], past[:, :-1]], axis=1)
+            carried = np.concatenate([J[:, None], carried[:, :-1]], axis=1)
+        return Normal(loss, gradient, matrix)
+
+    def _free(self, u: np.ndarray, start: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
+        """Run all trajectories side by side; return scaled outputs and where they were held."""
+        theta, lags = self._theta(), self._input_lags(u, slices)
+        room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
+        low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
+        high = (self.output_high_ + room - self.output_mean_) / self.output_scale_
+        y, held = np.empty(len(u)), np.zeros(len(u), dtype=bool)
+        lengths = np.array([s.stop - s.start for s in slices])
+        order = np.argsort(-lengths, kind="stable")
+        first = np.array([s.start for s in slices])[order]
+        past = np.repeat(start[order][:, None], int(self.output_lags), axis=1)
+        longest_first = lengths[order]
+        active = len(order)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k in range(int(longest_first[0])):
+                while longest_first[active - 1] <= k:
+                    active -= 1
+                rows = first[:active] + k
+                past = past[:active]
+                z = past[:, 0] + self.step_scale_ * self._function(theta, np.concatenate([past, lags[rows]], axis=1))
+                inside = np.clip(np.nan_to_num(z, nan=high, posinf=high, neginf=low), low, high)
+                held[rows] = inside != z
+                y[rows] = inside
+                past = np.concatenate([inside[:, None], past[:, :-1]], axis=1)
+        return y, held
+
+    def _attributes(self, theta: np.ndarray) -> dict[str, Any]:
+        """What a callback needs for a fitted copy."""
+        self._keep(theta, np.zeros((len(theta), len(theta))))
+        return {name: value for name, value in vars(self).items() if name.endswith("_") and not name.startswith("_")}
