@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator
-from sklearn.utils.validation import validate_data
+from sklearn.utils.validation import check_array, column_or_1d, validate_data
 
 from pamid.errors import MissingColumnError, ParameterError, ShapeError
 
@@ -43,6 +43,8 @@ class SignalEstimator(BaseEstimator):
 
         Returns the table as a float array, and y (None if none was given).
         """
+        if y is None and not reset and not checks and (plain := self._plain(X)) is not None:
+            return plain, None
         X = encode_trajectory_column(X)
         if y is None and not reset:
             X, y = validate_data(self, X, reset=False, dtype=np.float64, **checks), None
@@ -53,6 +55,41 @@ class SignalEstimator(BaseEstimator):
         if reset:
             self.signal_columns_ = self._locate(X.shape[1])
         return X, y
+
+    def _read_targets(self, X: Any, y: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Validate X and y, the latter as columns; a target of two columns may hold NaN."""
+        shape = np.shape(np.asarray(y)) if y is not None else ()
+        if len(shape) != 2 or shape[1] == 1:
+            table, target = self._read(X, y, reset=reset)
+            return table, column_or_1d(target, warn=True)[:, None]
+        table, _ = self._read(X, reset=reset)
+        target = check_array(y, dtype=np.float64, ensure_all_finite="allow-nan", input_name="y")
+        if target.shape != (len(table), 2):
+            raise ShapeError(
+                f"y has shape {target.shape} for {len(table)} rows.",
+                "two columns, force (N) and flow (kg/s), one row a sample",
+                "Pass np.column_stack([F, mdot]).",
+            )
+        return table, target
+
+    def _plain(self, X: Any) -> np.ndarray | None:
+        """Return X if it is already what validation would return, None if that is not plain to see.
+
+        In a control loop, on one row, the validation would take longer than the model.
+        """
+        names = getattr(self, "feature_names_in_", None)
+        if type(X) is np.ndarray:
+            table = X if names is None else None
+        elif names is not None and hasattr(X, "to_numpy") and X.shape[1] == len(names):
+            same = all(a is b or a == b for a, b in zip(X.columns, names, strict=True))
+            table = X.to_numpy() if same and TRAJECTORY not in names else None
+        else:
+            table = None
+        if table is None or table.dtype != np.float64 or table.ndim != 2 or not len(table):
+            return None
+        if table.shape[1] != self.n_features_in_ or not np.isfinite(table).all():
+            return None
+        return table
 
     def _locate(self, n_columns: int) -> dict[str, int]:
         """Find the column of each needed signal."""

@@ -29,6 +29,7 @@ from pamid.export.reference import TOLERANCES, reference_of
 from pamid.laws.base import Coefficients
 from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.laws.valve import flow_function
+from pamid.signals.state import State
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2"]
 COMPILER = shutil.which("gcc") or shutil.which("cc")
@@ -152,6 +153,26 @@ def test_effects_without_memory_come_along(models, to, tmp_path):
         session = runtime.InferenceSession(str(files[0]), providers=["CPUExecutionProvider"])
         (flow,) = session.run(["flow"], {"X": X})
         assert np.allclose(flow, plan.predict(X), rtol=0, atol=1e-11 * np.abs(flow).max())
+
+
+@needs_compiler
+def test_a_volume_scaled_to_another_muscle_comes_along(models, tmp_path):
+    fitted = models["both"]
+    scaled = SimpleNamespace(source=fitted.volume_, factor=1.3, dead_volume=2e-6)
+
+    def jet(state):
+        V, V_eps, V_P = fitted.volume_.jet(state)
+        return 1.3 * V + 2e-6, 1.3 * V_eps, 1.3 * V_P
+
+    scaled.jet = jet
+    model = SimpleNamespace(_laws=fitted._laws, volume_=scaled)
+    export(model, tmp_path)
+    assert run_self_test(tmp_path).returncode == 0
+    (file,) = export(model, tmp_path, "onnx")
+    runtime = pytest.importorskip("onnxruntime", reason="onnxruntime comes with pamid[export]")
+    X = reference_of(plan_of(model)).inputs
+    (V,) = runtime.InferenceSession(str(file), providers=["CPUExecutionProvider"]).run(["V"], {"X": X})
+    assert np.allclose(V[:, 0], jet(State(*X.T))[0], rtol=1e-11)
 
 
 # --- ONNX ---------------------------------------------------------------------------------------------------

@@ -142,6 +142,7 @@ class _Writer:
             f"#define EXP_SERIES(q) {_wrapped(exp, continued=True)}",
             f"#define LOG_SERIES(r) {_wrapped(log, continued=True)}",
             self.define("VOLUME_FACTOR", plan.factor),
+            self.define("VOLUME_OFFSET", plan.offset),
             f"#define HAS_ANCHOR {int(plan.anchor is not None)}",
             f"#define HAS_NETWORK {int(plan.network is not None)}",
         ]

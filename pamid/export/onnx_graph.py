@@ -75,6 +75,7 @@ def onnx_model(plan: Plan, dtype: str = "float64") -> Any:
         parts.append(_network(graph, plan.network))
     jet = parts[0] if len(parts) == 1 else [graph("Add", a, b) for a, b in zip(*parts, strict=True)]
     jet = [graph("Mul", v, graph.constant(plan.factor)) for v in jet]
+    jet[0] = graph("Add", jet[0], graph.constant(plan.offset))
     names = {s: graph.column(k) for k, s in enumerate(UNITS)} | dict(zip(JET, jet, strict=True))
     results = _formulas(graph, [o.formula for o in plan.outputs], names) + jet
     outputs = [o.name for o in plan.outputs] + list(JET)

@@ -63,8 +63,8 @@ class Plan:
         The geometric part of the volume.
     network : NeuralVolume or None
         The learnt part.
-    factor : float
-        Factor on the volume.
+    factor, offset : float
+        Factor on the volume, dimensionless, and what is added to it, m³.
     outputs : tuple of Output
         What it predicts.
     predict : callable
@@ -82,6 +82,7 @@ class Plan:
     anchor: ContactVolume | None
     network: NeuralVolume | None
     factor: float
+    offset: float
     outputs: tuple[Output, ...]
     predict: Callable[[np.ndarray], np.ndarray]
     volume: Callable[[np.ndarray], tuple[np.ndarray, ...]]
@@ -126,7 +127,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
             "StaticPIHM, ThermodynamicPIHM or JointPIHM, or a model around one",
             "Fit one of them; trees, sparse regressions and recurrent networks stay in Python.",
         )
-    anchor, network, factor = _parts(volume)
+    anchor, network, factor, offset = _parts(volume)
     notes += [f"{e!r} is part of the predictions." for e in effects]
     outputs = tuple(_output(law, effects, plant) for law in laws())
     centre, width = (network.scale.mean, network.scale.spread) if network else _typical(anchor)
@@ -147,6 +148,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
         anchor,
         network,
         factor,
+        offset,
         outputs,
         predict,
         volumes,
@@ -189,21 +191,20 @@ def _fitted_volume(model: Any) -> Any:
         ) from None
 
 
-def _parts(volume: Any) -> tuple[ContactVolume | None, NeuralVolume | None, float]:
-    """Return anchor, network and factor of a volume."""
+def _parts(volume: Any) -> tuple[ContactVolume | None, NeuralVolume | None, float, float]:
+    """Return anchor, network, factor and constant of a volume."""
     if isinstance(volume, AnchoredVolume):
-        anchor, _, one = _parts(volume.anchor)
-        _, network, two = _parts(volume.correction)
-        if anchor is not None and network is not None and one == two:
-            return anchor, network, one
+        anchor, inner, *first = _parts(volume.anchor)
+        other, network, *second = _parts(volume.correction)
+        if inner is None and other is None and first == second:
+            return anchor, network, first[0], first[1] + second[1]
     if isinstance(volume, ContactVolume):
-        return volume, None, 1.0
+        return volume, None, 1.0, 0.0
     if isinstance(volume, NeuralVolume):
-        return None, volume, 1.0
-    inner, factor = getattr(volume, "volume", None), getattr(volume, "factor", None)
-    if inner is not None and isinstance(factor, float):
-        anchor, network, own = _parts(inner)
-        return anchor, network, own * factor
+        return None, volume, 1.0, 0.0
+    if hasattr(volume, "source") and hasattr(volume, "factor"):  # a similar muscle's volume, scaled
+        anchor, network, factor, offset = _parts(volume.source)
+        return anchor, network, volume.factor * factor, volume.factor * offset + getattr(volume, "dead_volume", 0.0)
     raise ExportError(
         f"The volume is a {type(volume).__name__}, which has no form outside Python.",
         "a network, a ContactVolume, or one of them as an anchored volume",

@@ -66,11 +66,10 @@ class InputScale:
     def apply(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the clamped standardised inputs and their slope dξ/dx, both of shape (n_samples, 4)."""
         z = (x - self.mean) / self.spread
-        over, under = np.maximum(z - self.upper, 0.0), np.maximum(self.lower - z, 0.0)
-        bounded = np.clip(z, self.lower, self.upper) + self.fade * (
-            np.tanh(over / self.fade) - np.tanh(under / self.fade)
-        )
-        slope = 1.0 - np.tanh((over + under) / self.fade) ** 2
+        inside = np.minimum(np.maximum(z, self.lower), self.upper)
+        past = np.tanh((z - inside) / self.fade)
+        bounded = inside + self.fade * past
+        slope = 1.0 - past * past
         if self.saturated.any():
             root = np.sqrt(1.0 + z * z)
             bounded = np.where(self.saturated, z / root, bounded)
@@ -134,15 +133,17 @@ def network_jet(
     derivatives : list of ndarray, shape (n_samples,)
         Its derivative with respect to each of `inputs`.
     """
-    W, c = weights[0], weights[1]
-    z = x @ W.T + c
-    dz = [np.broadcast_to(W[:, j], z.shape) for j in inputs]
-    for layer in range(2, len(weights), 2):
-        h, slope = _activate(z, activation)
-        W, c = weights[layer], weights[layer + 1]
-        z = h @ W.T + c
-        dz = [(slope * d) @ W.T for d in dz]
-    return z[:, 0], [d[:, 0] for d in dz]
+    h, slopes = x, []
+    for layer in range(0, len(weights) - 2, 2):
+        h, slope = _activate(h @ weights[layer].T + weights[layer + 1], activation)
+        slopes.append(slope)
+    value = h @ weights[-2][0] + weights[-1][0]
+    # Backwards a layer costs one product, forwards one for each of the inputs.
+    back = weights[-2]
+    for k in range(len(slopes) - 1, -1, -1):
+        back = (back * slopes[k]) @ (weights[2 * k] if k else weights[0][:, inputs])
+    gradient = back if slopes else np.broadcast_to(back[:, inputs], (len(x), len(inputs)))
+    return value, list(gradient.T)
 
 
 def _activate(z: np.ndarray, activation: str) -> tuple[np.ndarray, np.ndarray]:

@@ -234,7 +234,7 @@ void @NAME@_volume(const @NAME@_state *s, @NAME@_jet *jet)
         V_P += by_P;
     }
 #endif
-    jet->V = VOLUME_FACTOR * V;
+    jet->V = VOLUME_FACTOR * V + VOLUME_OFFSET;
     jet->V_eps = VOLUME_FACTOR * V_eps;
     jet->V_P = VOLUME_FACTOR * V_P;
 }
