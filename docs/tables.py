@@ -167,13 +167,14 @@ def _subparsers() -> dict[str, argparse.ArgumentParser]:
 
 # --- benchmarks ---------------------------------------------------------------------------------------------
 def benchmarks() -> str:
-    """One line a script."""
+    """One line a script or package."""
     body = []
     for file in sorted((DOCS.parent / "benchmarks").rglob("*.py")):
         text = file.read_text(encoding="utf-8")
-        if file.name.startswith("_") or '__name__ == "__main__"' not in text:
+        package = file.name == "__main__.py"  # run by its folder
+        if (file.name.startswith("_") and not package) or '__name__ == "__main__"' not in text:
             continue
-        name = file.relative_to(DOCS.parent).as_posix()
+        name = (file.parent if package else file).relative_to(DOCS.parent).as_posix()
         said = re.match(r'[rR]?"""(.*?)(?:\n\s*\n|""")', text, re.DOTALL)
         text = " ".join(said[1].split()) if said else ""
         body.append([f"`python {name}`", re.sub(r":? ``python [^`]*``", "", text).replace("``", "`")])

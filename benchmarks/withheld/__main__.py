@@ -1,0 +1,73 @@
+"""The withheld check of the diagnosis: which causes kept from it it names, and how much of the gap they close.
+
+Run with ``python benchmarks/withheld``; ``--short`` takes minutes, the whole of it hours. A stopped run goes on where
+it was, ``--report`` only prints what is there. Logs come from benches of other code than the library's, and rivals run
+on the same ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # processes run side by side
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if __package__ in (None, ""):
+    sys.path[0] = str(Path(__file__).resolve().parents[2])  # not this folder, whose modules are a package's
+
+from benchmarks.withheld import metrics, report, runner, suites
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the check; return 0 when it is complete."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--short", action="store_true", help="about forty cases")
+    parser.add_argument("--cases", type=int, metavar="N", help="about N cases, in the proportions of the whole")
+    parser.add_argument("--suite", choices=suites.SUITES, action="append", help="only this suite; may be repeated")
+    parser.add_argument(
+        "--seed", type=int, default=20_261_121, help="seed of the check; every case has its own below it"
+    )
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--out", type=Path, default=Path("results/withheld"), metavar="DIR", help="where results go")
+    parser.add_argument("--no-rivals", action="store_true", help="ours alone")
+    parser.add_argument("--only-rivals", action="store_true", help="the rivals alone")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="write logs, simulators and keys there, too")
+    parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
+    args = parser.parse_args(argv)
+
+    counts = dict(suites.SHORT if args.short else suites.COUNTS)
+    if args.cases:
+        total = sum(suites.COUNTS.values())
+        counts = {s: max(1, round(args.cases * n / total)) for s, n in suites.COUNTS.items()}
+    if args.suite:
+        counts = {s: n for s, n in counts.items() if s in args.suite}
+    listed = suites.batches(counts, args.seed)
+    folder = args.out / f"seed-{args.seed}"
+    if not args.report:
+        runner.run(listed, folder / "cases", args.jobs, not args.no_rivals, args.only_rivals, args.keep)
+    names = sorted(s.name for b in listed for s in b.specs)
+    there = [n for n in names if (folder / "cases" / f"{n}.json").is_file()]
+    if not there:
+        print(f"There are no results in {folder}.", file=sys.stderr)
+        return 1
+    results = runner.load(folder / "cases", there)
+    text = report.report(results, f"python benchmarks/withheld --seed {args.seed}")
+    (folder / "report.md").write_text(text, encoding="utf-8")
+    measured = {k: {n: asdict(f) for n, f in v.items()} for k, v in report.figures(results).items()}
+    runner.write_json(folder / "figures.json", measured)
+    for method in runner.METHODS:
+        if found := runner.records(results, method):
+            stem = method.replace(" ", "-")
+            (folder / f"confusion-{stem}.csv").write_text(report.matrix(metrics.confusion(found)), encoding="utf-8")
+            (folder / f"inversion-{stem}.csv").write_text(report.matrix(metrics.inversion(found)), encoding="utf-8")
+    print(text)
+    if len(there) < len(names):
+        print(f"{len(names) - len(there)} of {len(names)} cases have no result yet.", file=sys.stderr)
+    return 0 if len(there) == len(names) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
