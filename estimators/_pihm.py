@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import (
     ExcitationWarning,
+    ExtrapolationWarning,
     FitError,
     InterruptedFitWarning,
     MissingTrajectoryError,
@@ -99,6 +100,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         inputs = np.column_stack(state)
         anchored = self.volume_model == "anchored"
         self.input_scale_ = InputScale.of(inputs, train, correction=anchored)
+        self.input_range_ = _range(inputs[train > 0])
         self.target_scale_ = np.array([_spread(Y[:, k], train) for k in range(len(laws))])
         self.anchor_: VolumeModel | None = None
         if anchored:
@@ -158,6 +160,8 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         state, rng = self._state(X), check_random_state(self.random_state)
         problem = self._problem(state, Y, _checked_weight(sample_weight, X))
         here = [torch.as_tensor(w, dtype=dtype, device=self.device) for w in self.weights_]
+        if hasattr(self, "input_range_"):
+            self.input_range_ = _range(np.vstack([self.input_range_, np.column_stack(state)]))
         trainer = self._trainer().set_params(max_iter=PARTIAL_STEPS)
         if "damping" in trainer.get_params():
             trainer.set_params(weight_decay=PARTIAL_PULL)
@@ -308,9 +312,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self, "weights_")
         X, _ = self._read(X, reset=False)
-        volume = self.volume_
-        parts = [volume.jet(self._state(X[i : i + CHUNK])) for i in range(0, len(X), CHUNK)]
-        jet = VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        jet = self._jet(X)
         known = self.anchor_ is not None or any(law.equation == "flow" for law in self._laws())
         check_volume(
             jet,
@@ -320,8 +322,33 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         )
         return jet
 
+    def _jet(self, X: np.ndarray) -> VolumeJet:
+        volume = self.volume_
+        parts = [volume.jet(self._state(X[i : i + CHUNK])) for i in range(0, len(X), CHUNK)]
+        return VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _warn_of_extrapolation(self, X: np.ndarray) -> None:
+        """Warn where a prediction is asked outside the range of the fit; a narrow margin around it is not counted."""
+        seen = getattr(self, "input_range_", None)
+        if seen is None:  # a model file of an earlier version
+            return
+        x = np.column_stack(self._state(X))
+        margin = MARGIN * (seen[1] - seen[0])
+        outside = (x < seen[0] - margin) | (x > seen[1] + margin)
+        if np.mean(outside.any(axis=1)) > OUTSIDE:
+            worst = int(np.argmax(outside.sum(axis=0)))
+            warnings.warn(
+                f"{outside.any(axis=1).mean():.0%} of {len(x)} samples lie outside the range of the data of the fit, "
+                f"most in {STATE_SIGNALS[worst]}: {x[:, worst].min():.4g} to {x[:, worst].max():.4g}, where the fit "
+                f"saw {seen[0, worst]:.4g} to {seen[1, worst]:.4g}. Expected samples like those of the fit. Fit on "
+                "data that reach as far, or do not rely on these predictions.",
+                ExtrapolationWarning,
+                stacklevel=4,
+            )
+
     def _predict(self, X: np.ndarray) -> np.ndarray:
         """Apply every law to the identified volume; shape (n_samples, n_laws)."""
+        self._warn_of_extrapolation(X)
         volume, laws = self.volume_, self._laws()
         out = np.empty((len(X), len(laws)))
         for i in range(0, len(X), CHUNK):
@@ -347,6 +374,18 @@ PARTIAL_PULL = 1e-4
 
 def _numpy(parameters: Sequence[Any]) -> list[np.ndarray]:
     return [p.detach().cpu().numpy().astype(float) for p in parameters]
+
+
+MARGIN = 0.1
+"""Share of a signal's range by which a sample may lie outside it before it counts as outside."""
+
+OUTSIDE = 0.01
+"""Share of samples outside the range that is worth a warning."""
+
+
+def _range(x: np.ndarray) -> np.ndarray:
+    """Return the least and greatest value of each column, shape (2, n_columns)."""
+    return np.stack([x.min(axis=0), x.max(axis=0)])
 
 
 def _spread(y: np.ndarray, weight: np.ndarray) -> float:

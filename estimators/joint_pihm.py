@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.metrics import r2_score
-from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.errors import ShapeError
@@ -166,7 +166,7 @@ class JointPIHM(HybridModel):
         JointPIHM
             The fitted model itself.
         """
-        table, target = self._targets(X, y, reset=True)
+        table, target = self._read_targets(X, y, reset=True)
         self.n_targets_ = target.shape[1]
         return self._fit(table, target, sample_weight, groups, (X, y))
 
@@ -193,7 +193,7 @@ class JointPIHM(HybridModel):
         """
         if not hasattr(self, "weights_"):
             return self.fit(X, y, sample_weight, groups)
-        table, target = self._targets(X, y, reset=False)
+        table, target = self._read_targets(X, y, reset=False)
         if target.shape[1] != self.n_targets_:
             raise ShapeError(
                 f"y has {target.shape[1]} columns.", f"{self.n_targets_}, as in the first fit", "Pass the same targets."
@@ -243,22 +243,6 @@ class JointPIHM(HybridModel):
             keep = np.isfinite(Y[:, k])
             scores.append(r2_score(Y[keep, k], Z[keep, k], sample_weight=None if w is None else w[keep]))
         return float(np.mean(scores))
-
-    def _targets(self, X: Any, y: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Validate X and y; a target of two columns may hold NaN."""
-        columns = np.shape(np.asarray(y)) if y is not None else ()
-        if len(columns) != 2 or columns[1] == 1:
-            table, target = self._read(X, y, reset=reset)
-            return table, column_or_1d(target, warn=True)[:, None]
-        table, _ = self._read(X, reset=reset)
-        target = check_array(y, dtype=np.float64, ensure_all_finite="allow-nan", input_name="y")
-        if target.shape != (len(table), 2):
-            raise ShapeError(
-                f"y has shape {target.shape} for {len(table)} rows.",
-                "two columns, force (N) and flow (kg/s), one row a sample",
-                "Pass np.column_stack([F, mdot]).",
-            )
-        return table, target
 
     @classmethod
     def _checked_instances(cls) -> list[JointPIHM]:

@@ -95,6 +95,10 @@ class ConstantSignalError(SignalError):
     """A signal that must vary does not."""
 
 
+class ExcitationError(SignalError):
+    """A log moves too little for what is asked of it."""
+
+
 class UnitError(SignalError):
     """Values that are plainly in another unit than the one expected, or an unknown unit."""
 

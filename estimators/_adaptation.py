@@ -1,0 +1,489 @@
+"""Adaptation of a fitted hybrid model to another muscle: what all adapters share."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import RegressorMixin, TransformerMixin, clone
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
+
+from pamid.errors import (
+    DuplicateColumnError,
+    ExcitationWarning,
+    FitError,
+    IncompatibleError,
+    InterruptedFitWarning,
+    ParameterError,
+    ShapeError,
+)
+from pamid.signals.state import STATE_SIGNALS, State
+from pamid.volume.base import VolumeJet
+from pamid.volume.scaled import ScaledVolume
+
+from ._base import SignalEstimator
+from ._pihm import PARTIAL_PULL, PARTIAL_STEPS, HybridModel, _checked_weight, _numpy, _range, _spread
+from ._progress import ProgressMixin, fit_progress
+from ._source import hybrid_of
+from ._trajectories import trajectory_codes
+
+VOLUME_COLUMNS = ("V", "V_eps", "V_P")
+"""What `transform` appends: volume (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
+
+FEW_TRAJECTORIES = 4
+"""Trajectories below which the strength of the prior is not chosen by cross-validation."""
+
+DEFAULT_PULL = 1e-4
+"""Pull toward the source where nothing tells its strength."""
+
+PUBLISHED_BATCH = 128
+"""Batch of Adam in an adaptation, as published."""
+
+
+class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
+    """Base of the adapters; a subclass says what is trained."""
+
+    _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
+    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
+    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
+    method: ClassVar[str]
+    """Name of the method on the command line."""
+
+    source: Any
+    rest_length: float | None
+    rest_diameter: float | None
+    trainer: Any
+    max_iter: int | None
+    batch_size: int | None
+    weight_decay: float | str | None
+    validation_fraction: float | str
+    warm_start: bool
+    device: str
+    random_state: Any
+    model_: HybridModel
+    psi_: list[np.ndarray]
+    loss_curve_: list[float]
+    validation_curve_: list[float]
+
+    @abstractmethod
+    def _adapter(self) -> Any:
+        """Return the adapter of the network's parameters."""
+
+    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+        """Bring the source's volume to the target's size before anything is trained."""
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    # --- fitting ------------------------------------------------------------------------------------------------
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Adapt the source to measurements of the target muscle.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+        y : array, shape (n_samples,), or (n_samples, 2) for a source of force and flow
+            What the source predicts, measured on the target: force (N) or mass flow (kg/s).
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` serves as well. With four trajectories or more the
+            strength of the prior is chosen on whole ones.
+
+        Returns
+        -------
+        self
+            The adapted model.
+        """
+        source = hybrid_of(self.source, type(self).__name__)
+        self._check_law(source, y)
+        table, Y = self._read_targets(X, y, reset=True)
+        weight, rng = _checked_weight(sample_weight, table), check_random_state(self.random_state)
+        going_on = bool(self.warm_start) and hasattr(self, "model_")
+        model = self._target(self.model_ if going_on else source)
+        if Y.shape[1] != len(model._laws()):
+            raise IncompatibleError(
+                f"y has {Y.shape[1]} column{'s' * (Y.shape[1] > 1)}, the source predicts "
+                f"{' and '.join(law.target for law in model._laws())}.",
+                "measurements of all that the source predicts",
+                "Pass one column for each law (NaN where one was not measured), or adapt a source of one law.",
+            )
+        state = model._state(table)
+        model._check_parameters()
+        model._warn_before(state, Y)
+        _warn_of_one_direction(state, weight)
+        codes = trajectory_codes(X, groups)
+        model.input_range_ = _range(np.column_stack(state)[weight > 0])
+        model.target_scale_ = np.array([_spread(Y[:, k], weight) for k in range(Y.shape[1])])
+        if not going_on:
+            self._place(model, table, Y, weight, codes)
+        self._train(model, source, table, Y, weight, codes, rng, (X, y, groups), going_on)
+        self.model_ = model
+        return self
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Go on from where the adaptation stands with a batch of new samples of a stream.
+
+        The factor on the volume stays where it was found, unless it is all that is adapted; the rest takes a few steps
+        on the batch, held near where it stands. Memory does not grow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+        y : array, shape (n_samples,) or (n_samples, 2)
+            What the source predicts, measured on the target.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row; read by the first call alone.
+
+        Returns
+        -------
+        self
+            The adapted model.
+        """
+        if not hasattr(self, "model_"):
+            return self.fit(X, y, sample_weight, groups)
+        import torch
+
+        from pamid.adapters.base import Bound
+
+        table, Y = self._read_targets(X, y, reset=False)
+        if Y.shape[1] != len(self.model_._laws()):
+            raise ShapeError(f"y has {Y.shape[1]} columns.", f"{len(self.model_._laws())}, as in the fit", "Correct y.")
+        weight, rng = _checked_weight(sample_weight, table), check_random_state(self.random_state)
+        model = self._target(self.model_)
+        state = model._state(table)
+        model.input_range_ = _range(np.vstack([model.input_range_, np.column_stack(state)]))
+        if not self.psi_:
+            self._stream(model, table, Y, weight)
+        else:
+            dtype = getattr(torch, model.dtype)
+            start, psi = (
+                [torch.as_tensor(a, dtype=dtype, device=model.device) for a in arrays]
+                for arrays in (self.start_, self.psi_)
+            )
+            trainer = self._trainer(PARTIAL_PULL).set_params(max_iter=PARTIAL_STEPS)
+            bound = Bound(self._bound_adapter(), start)
+            problem = model._problem(state, Y, weight)
+            result = trainer.run(problem, psi, model.activation, rng, prior=psi, adapter=bound)
+            self._keep(model, result, bound, [*self.loss_curve_], [])
+        self.model_ = model
+        return self
+
+    def _stream(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray) -> None:
+        """Take a batch where no network is trained."""
+
+    def _target(self, base: HybridModel) -> HybridModel:
+        """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
+        model = clone(base)
+        model.__dict__.update({k: v for k, v in vars(base).items() if k.endswith("_") and not k.startswith("_")})
+        sizes = {"rest_length": self.rest_length, "rest_diameter": self.rest_diameter}
+        model.set_params(**{name: size for name, size in sizes.items() if size is not None})
+        model.set_params(signals=self.signals, device=self.device, validation_fraction=self.validation_fraction)
+        model.__dict__.pop("feature_names_in_", None)
+        model.signal_columns_, model.n_features_in_ = self.signal_columns_, self.n_features_in_
+        if hasattr(self, "feature_names_in_"):
+            model.feature_names_in_ = self.feature_names_in_
+        return model
+
+    @staticmethod
+    def _rescale(model: HybridModel, factor: float, dead_volume: float = 0.0) -> None:
+        """Multiply the volume of a model, whatever it is made of, and add a constant."""
+        if factor != 1.0 and model.anchor_ is not None:
+            model.anchor_ = ScaledVolume(model.anchor_, factor)
+        model.volume_scale_ = model.volume_scale_ * factor
+        if dead_volume:
+            model.weights_ = [*model.weights_[:-1], model.weights_[-1] + dead_volume / model.volume_scale_]
+
+    def _bound_adapter(self) -> Any:
+        """Return what the trainer sees: the adapter alone, where the factor is part of the volume's scale."""
+        return self._adapter()
+
+    def _train(
+        self,
+        model: HybridModel,
+        source: HybridModel,
+        table: np.ndarray,
+        Y: np.ndarray,
+        weight: np.ndarray,
+        codes: Any,
+        rng: Any,
+        original: tuple[Any, Any, Any],
+        going_on: bool,
+    ) -> None:
+        import torch
+
+        from pamid.adapters.base import Bound, n_parameters
+
+        state, dtype = model._state(table), getattr(torch, model.dtype)
+        self.start_ = source.weights_
+        start = [torch.as_tensor(w, dtype=dtype, device=model.device) for w in self.start_]
+        bound = Bound(self._bound_adapter(), start)
+        generator = np.random.default_rng(rng.randint(2**31))
+        psi = origin = bound.adapter.initial(start, generator)
+        if going_on and [tuple(p.shape) for p in psi] == [p.shape for p in self.psi_]:
+            psi = [torch.as_tensor(p, dtype=dtype, device=model.device) for p in self.psi_]
+        self.psi_ = _numpy(psi)
+        problem = model._problem(state, Y, weight)
+        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+        stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
+        self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
+        self.n_parameters_ = n_parameters(psi) + int(self._counts_scale)
+        self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
+        if not np.isfinite(self.weight_decay_):
+            self.loss_curve_ = [_mean_square(bound.expand(psi), problem, model.activation)]
+            model.weights_ = _numpy(bound.expand(psi))
+            return
+        self._warn_of_weak_prior(len(problem))
+        trainer = self._trainer(self.weight_decay_)
+        split = (problem, None)
+        held_out = model._hold_out(original[0], original[2], len(table), rng)
+        if held_out.any():
+            split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
+        with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:
+            result = trainer.run(
+                split[0],
+                psi,
+                model.activation,
+                rng,
+                prior=origin,
+                validation=split[1],
+                adapter=bound,
+                callback=lambda loss, p: progress.report(loss, attributes=lambda: self._so_far(model, bound, p)),
+            )
+        self._keep(model, result, bound, [], result.validation_curve)
+
+    _counts_scale: ClassVar[bool] = False
+
+    def _so_far(self, model: HybridModel, bound: Any, psi: Any) -> dict[str, Any]:
+        """Return what predict needs of an adaptation under way."""
+        now = self._target(model)
+        now.weights_ = _numpy(bound.expand(psi))
+        return {"model_": now}
+
+    def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:
+        from pamid.training import Status
+
+        self.psi_ = _numpy(result.parameters)
+        model.weights_ = _numpy(bound.expand(result.parameters))
+        self.loss_curve_ = [*before, *result.loss_curve]
+        self.validation_curve_ = held_out
+        self.n_iter_ = max(len(self.loss_curve_), 1)
+        self.status_ = result.status.name.lower()
+        if result.status is Status.INTERRUPTED:
+            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=4)
+        if result.status is Status.DIVERGED:
+            raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
+
+    def _strength(self, problem: Any, psi: Any, model: HybridModel, bound: Any, codes: Any, rng: Any) -> float:
+        """Return the strength of the pull toward the source, or Adam's own decay."""
+        from pamid.training.prior import choose_weight_decay
+
+        trainer = self._trainer(0.0)
+        if self.weight_decay != "auto":
+            decay: Any = self.weight_decay
+            return float(self._trainer_as_given().weight_decay if decay is None else decay)
+        if not hasattr(trainer, "damping"):
+            return float(self._trainer_as_given().weight_decay)
+        if codes is None or len(np.unique(codes)) < FEW_TRAJECTORIES:
+            return DEFAULT_PULL
+        return choose_weight_decay(problem, psi, model.activation, bound, codes, rng)
+
+    def _trainer_as_given(self) -> Any:
+        from pamid.training import LevenbergMarquardt, trainer_named
+
+        if isinstance(self.trainer, str) and self.trainer == "levenberg_marquardt":
+            return LevenbergMarquardt(max_iter=40, batch_size=1024, tolerance=1e-5, damping=1e-5)
+        trainer = clone(trainer_named(self.trainer))
+        if self.trainer == "adam":
+            trainer.set_params(batch_size=PUBLISHED_BATCH)
+        return trainer
+
+    def _trainer(self, weight_decay: float) -> Any:
+        trainer = self._trainer_as_given().set_params(weight_decay=weight_decay)
+        wanted = {"max_iter": self.max_iter, "batch_size": self.batch_size}
+        return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
+
+    def _warn_of_weak_prior(self, n_samples: int) -> None:
+        """Warn where more parameters are trained than samples tell, and next to nothing holds them."""
+        if self.weight_decay_ < 1e-9 and n_samples < self.n_parameters_ and self._trainer(0.0).max_iter > 1:
+            warnings.warn(
+                f"{n_samples} samples are to tell {self.n_parameters_} parameters, and weight_decay="
+                f"{self.weight_decay_:g} hardly holds them to the source. Expected a prior that fills the gap. Set "
+                "weight_decay='auto', or adapt fewer parameters.",
+                ExcitationWarning,
+                stacklevel=5,
+            )
+
+    def _check_law(self, source: HybridModel, y: Any) -> None:
+        """Raise if the target's own name says that it is another quantity than the source predicts."""
+        name = getattr(y, "name", None)
+        targets = [law.target for law in source._laws()]
+        if name in ("F", "mdot") and name not in targets:
+            raise IncompatibleError(
+                f"The target is {name}, and the source predicts {' and '.join(targets)}.",
+                "a source and a target of one law",
+                f"Pass {targets[0]} of the target muscle, or a source that was fitted on {name}.",
+            )
+        if self.weight_decay is not None and self.weight_decay != "auto":
+            value: Any = self.weight_decay
+            if not (isinstance(value, int | float) and np.isfinite(value) and value >= 0):
+                raise ParameterError(f"weight_decay={value!r}.", "'auto', or a number from 0 on", "Correct it.")
+
+    # --- using --------------------------------------------------------------------------------------------------
+    def _laws(self) -> Any:
+        """Return the laws that the adapted model obeys."""
+        return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__))._laws()
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict what the source predicts, for the target muscle.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, 2)
+            Force (N), mass flow (kg/s), or both.
+        """
+        check_is_fitted(self, "model_")
+        table, _ = self._read(X, reset=False)
+        out = self.model_._predict(table)
+        return out[:, 0] if out.shape[1] == 1 else out
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
+        """Return R², averaged over what is predicted.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+        y : array, shape (n_samples,) or (n_samples, 2)
+            Measured force (N) or mass flow (kg/s).
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+
+        Returns
+        -------
+        float
+            R², dimensionless; one is perfect.
+        """
+        check_is_fitted(self, "model_")
+        return self.model_.score(X, y, sample_weight)
+
+    def volume(self, X: Any) -> VolumeJet:
+        """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+
+        Returns
+        -------
+        VolumeJet
+            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
+        """
+        check_is_fitted(self, "model_")
+        return self.model_.volume(X)
+
+    def transform(self, X: Any) -> Any:
+        """Append the adapted volume and its derivatives to the signals.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+
+        Returns
+        -------
+        DataFrame or ndarray, shape (n_samples, n_columns + 3)
+            X with V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) appended, a DataFrame where X is one.
+        """
+        check_is_fitted(self, "model_")
+        table, _ = self._read(X, reset=False)
+        columns = np.column_stack(self.model_._jet(table))
+        if isinstance(X, pd.DataFrame):
+            if doubled := [c for c in VOLUME_COLUMNS if c in X.columns]:
+                raise DuplicateColumnError(
+                    f"X already has the column {', '.join(doubled)}.", "no column of that name", "Drop or rename it."
+                )
+            return pd.concat([X, pd.DataFrame(columns, columns=list(VOLUME_COLUMNS), index=X.index)], axis=1)
+        return np.concatenate([table, columns], axis=1)
+
+    def fit_transform(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Any:
+        """Adapt, and append the adapted volume and its derivatives to the signals.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the target muscle.
+        y : array, shape (n_samples,) or (n_samples, 2)
+            What the source predicts, measured on the target.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row.
+
+        Returns
+        -------
+        DataFrame or ndarray, shape (n_samples, n_columns + 3)
+            As `transform`.
+        """
+        return self.fit(X, y, sample_weight, groups).transform(X)
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Name the columns that `transform` returns.
+
+        Parameters
+        ----------
+        input_features : array_like of str, optional
+            Names of the columns, where X has none.
+
+        Returns
+        -------
+        ndarray of str
+            The names of X, then ``V``, ``V_eps``, ``V_P``.
+        """
+        check_is_fitted(self, "model_")
+        return np.array([*_check_feature_names_in(self, input_features), *VOLUME_COLUMNS], dtype=object)
+
+
+def _mean_square(parameters: Any, problem: Any, activation: str) -> float:
+    from pamid.training.trainer import mean_squared_residual
+
+    return mean_squared_residual(parameters, problem, activation)
+
+
+ONE_WAY = 0.05
+"""Share of the way that must go in each direction, for a signal to count as moving both ways."""
+
+
+def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
+    """Warn of a log that only fills, only vents, only contracts or only extends."""
+    for name, what in (("deps", "contraction"), ("dP", "pressure")):
+        rate = getattr(state, name)[weight > 0]
+        up, down = np.maximum(rate, 0.0).sum(), np.maximum(-rate, 0.0).sum()
+        if len(rate) > 2 and up + down > 0 and min(up, down) < ONE_WAY * (up + down):
+            warnings.warn(
+                f"The {what} of the target's log goes one way only: {name} is "
+                f"{'positive' if up > down else 'negative'} along {max(up, down) / (up + down):.0%} of its way. "
+                "Expected both directions. What differs between them, such as friction, stays as in the source; record "
+                "a run that goes back.",
+                ExcitationWarning,
+                stacklevel=4,
+            )
+
+
+__all__ = ["AdaptedModel"]

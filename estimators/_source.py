@@ -1,0 +1,53 @@
+"""The fitted model that an adaptation starts from, however it is handed over."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sklearn.frozen import FrozenEstimator
+from sklearn.pipeline import Pipeline
+
+from pamid.errors import IncompatibleError
+
+from ._pihm import HybridModel
+
+
+def hybrid_of(source: Any, who: str) -> HybridModel:
+    """Return the fitted hybrid model behind a source; the source is never altered.
+
+    Parameters
+    ----------
+    source : estimator
+        A fitted hybrid model, an adapted one, a pipeline that ends in one, or any of these in a `FrozenEstimator`.
+    who : str
+        Who asks, for messages.
+
+    Raises
+    ------
+    IncompatibleError
+        If there is no hybrid model, or it is not fitted.
+    """
+    found = source
+    while True:
+        if isinstance(found, FrozenEstimator):
+            found = found.estimator
+        elif isinstance(found, Pipeline):
+            found = found.steps[-1][1]
+        elif hasattr(found, "model_") and isinstance(found.model_, HybridModel):
+            found = found.model_
+        else:
+            break
+    if not isinstance(found, HybridModel) and not hasattr(found, "source"):
+        raise IncompatibleError(
+            f"The source of {who} is {type(source).__name__ if source is not None else None}.",
+            "a fitted StaticPIHM, ThermodynamicPIHM or JointPIHM, or an adaptation of one",
+            "Fit one on the muscle whose data are plenty, and pass it as source.",
+        )
+    if not hasattr(found, "weights_"):
+        raise IncompatibleError(
+            f"The source of {who}, {type(found).__name__}, is not fitted.",
+            "a fitted model",
+            "Fit it first. If it was fitted, a clone has stripped its fit, as searches and cross-validation do: pass "
+            "source=sklearn.frozen.FrozenEstimator(fitted), which clones leave whole.",
+        )
+    return found

@@ -1,0 +1,146 @@
+"""A law as the last step of a pipeline: volume and its derivatives become force or flow."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from pamid.errors import UnknownOptionError
+from pamid.laws.base import Law
+from pamid.laws.quasi_static import QuasiStaticForce
+from pamid.laws.thermodynamic import ThermodynamicFlow
+from pamid.signals.state import STATE_SIGNALS, State
+
+from ._base import SignalEstimator, Signals
+
+LAWS = ("quasi_static", "thermodynamic")
+
+
+class LawRegressor(RegressorMixin, SignalEstimator):
+    r"""Apply a law to a volume that an earlier step of the pipeline gives.
+
+    .. math:: y = a\,V + b_\varepsilon \frac{\partial V}{\partial\varepsilon} + b_P \frac{\partial V}{\partial P}
+
+    with the law's coefficients at the measured state. There is nothing to fit: ``fit`` finds the columns.
+
+    Parameters
+    ----------
+    law : {"quasi_static", "thermodynamic"} or Law, default="quasi_static"
+        Force by virtual work, flow by the first law, or any `pamid.laws.base.Law`.
+    rest_length : float, default=0.2
+        L₀ of the muscle, m; read by ``"quasi_static"``.
+    atmospheric_pressure : float, default=101325
+        Ambient pressure, Pa, absolute; read by ``"quasi_static"``.
+    heat_capacity_ratio : float, default=1.4
+        γ, dimensionless; read by ``"thermodynamic"``, as are the next two.
+    gas_constant : float, default=287
+        R, J/(kg K).
+    temperature : float, default=293
+        T, K.
+    signals : dict, optional
+        Column of X for each of ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute), ``dP`` (Pa/s), ``V`` (m³), ``V_eps``
+        (m³) and ``V_P`` (m³/Pa).
+
+    Attributes
+    ----------
+    signal_columns_ : dict
+        Column of X that each signal was found in.
+
+    See Also
+    --------
+    QAdapter : Gives the volume.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pamid.estimators import LawRegressor
+    >>> X = pd.DataFrame({"eps": [0.1], "deps": [0.0], "P": [201325.0], "dP": [0.0],
+    ...                   "V": [7e-5], "V_eps": [1e-4], "V_P": [0.0]})
+    >>> LawRegressor("quasi_static", rest_length=0.2).fit(X, [50.0]).predict(X)
+    array([50.])
+    """
+
+    _needs: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
+
+    def __init__(
+        self,
+        law: Any = "quasi_static",
+        *,
+        rest_length: float = 0.2,
+        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
+        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
+        gas_constant: float = GAS_CONSTANT,
+        temperature: float = TEMPERATURE,
+        signals: Signals | None = None,
+    ) -> None:
+        self.law = law
+        self.rest_length = rest_length
+        self.atmospheric_pressure = atmospheric_pressure
+        self.heat_capacity_ratio = heat_capacity_ratio
+        self.gas_constant = gas_constant
+        self.temperature = temperature
+        self.signals = signals
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # A law without free parameters cannot follow targets that it does not describe.
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def _laws(self) -> tuple[Law]:
+        if self.law == "quasi_static":
+            return (QuasiStaticForce(self.rest_length, self.atmospheric_pressure),)
+        if self.law == "thermodynamic":
+            return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
+        if isinstance(self.law, Law):
+            return (self.law,)
+        raise UnknownOptionError(
+            f"law={self.law!r} is not known.", f"one of {', '.join(LAWS)}, or a Law", "Choose one."
+        )
+
+    def fit(self, X: Any, y: Any) -> LawRegressor:
+        """Find the columns.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle, its volume and the volume's derivatives.
+        y : array, shape (n_samples,)
+            What was measured; only checked.
+
+        Returns
+        -------
+        LawRegressor
+            The estimator itself.
+        """
+        self._laws()
+        self._read_targets(X, y, reset=True)
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Apply the law.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle, its volume and the volume's derivatives.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Force (N) or mass flow (kg/s).
+        """
+        check_is_fitted(self, "signal_columns_")
+        table, _ = self._read(X, reset=False)
+        state = State(*(self._signal(table, name) for name in STATE_SIGNALS))
+        V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
+        return np.asarray(self._laws()[0].predict(V, V_eps, V_P, state))
+
+    @classmethod
+    def _checked_instances(cls) -> list[LawRegressor]:
+        one = dict.fromkeys(cls._needs, 0)
+        return [cls(signals=one), cls("thermodynamic", signals=one)]

@@ -1,0 +1,123 @@
+"""Low-rank adaptation: thin matrix products are added to the weights of the source's network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ._adaptation import AdaptedModel
+from ._base import Signals
+from ._tiny_source import tiny_source
+
+
+class LoRA(AdaptedModel):
+    """Adapt a hybrid model by adding products of thin matrices to its weights.
+
+    The weights of a layer become W + B A. A is drawn at random and B starts at zero, so the adaptation starts at the source.
+
+    Parameters
+    ----------
+    source : estimator
+        The fitted hybrid model of the muscle whose data are plenty, best in a `sklearn.frozen.FrozenEstimator`, so that
+        clones keep its fit. It stays untouched.
+    ranks : tuple of int, default=(2, 4)
+        Rank of the product for each layer, from the input on; 0 leaves a layer as it is. The default counts the 1,288
+        parameters of the published table on the published network; the shapes in its text would be 2,312.
+    rest_length, rest_diameter : float, optional
+        L₀ and D₀ of the target muscle, m; those of the source by default.
+    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
+        ``"adam"`` is the published algorithm with its hyperparameters.
+    max_iter, batch_size : int, optional
+        Override those of the trainer.
+    weight_decay : float or "auto", default="auto"
+        Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
+        target. ``"auto"`` chooses it by cross-validation over whole trajectories, at the cost of one step; where no
+        strength lowers the held-out error, the network stays as it is. For Adam it is the published decay.
+    validation_fraction : float or "auto", default=0.0
+        Share of whole trajectories held out for early stopping.
+    warm_start : bool, default=False
+        Whether another ``fit`` goes on from where the adaptation stands.
+    signals : dict, optional
+        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
+    device : str, default="cpu"
+        Where to train, for instance ``"cuda"``.
+    random_state : int, RandomState or None, default=None
+        Seed of the draws.
+
+    Attributes
+    ----------
+    model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
+        The model of the target muscle, of the source's class.
+    n_parameters_ : int
+        Number of adapted parameters.
+    weight_decay_ : float
+        Strength of the pull; infinite where the network stays as it is.
+    n_iter_, loss_curve_, validation_curve_, status_
+        As in `StaticPIHM`.
+
+    See Also
+    --------
+    QAdapter : Starts at the target's size by a factor on the volume.
+
+    References
+    ----------
+    E. J. Hu et al., "LoRA: low-rank adaptation of large language models", 2021.
+    https://doi.org/10.48550/arXiv.2106.09685
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from sklearn.frozen import FrozenEstimator
+    >>> from pamid.estimators import LoRA, StaticPIHM
+    >>> t = np.linspace(0, 6, 200)
+    >>> X = pd.DataFrame({"eps": 0.1 + 0.05 * np.sin(t), "deps": 0.05 * np.cos(t),
+    ...                   "P": 3e5 + 1e5 * np.cos(3 * t), "dP": -3e5 * np.sin(3 * t)})
+    >>> F = (X["P"] - 101325) * 5e-4 * (1 - 3 * X["eps"])  # N
+    >>> A = StaticPIHM(0.2, 0.01, hidden_layer_sizes=(8,), max_iter=20, random_state=0).fit(X, F)
+    >>> B = LoRA(FrozenEstimator(A), ranks=(4,), weight_decay=1e-6, random_state=0).fit(X[::10], 1.2 * F[::10])
+    >>> bool(B.score(X, 1.2 * F) > 0.99)
+    True
+    """
+
+    method = "lora"
+
+    def __init__(
+        self,
+        source: Any,
+        ranks: Sequence[int] = (2, 4),
+        *,
+        rest_length: float | None = None,
+        rest_diameter: float | None = None,
+        trainer: Any = "levenberg_marquardt",
+        max_iter: int | None = None,
+        batch_size: int | None = None,
+        weight_decay: float | str | None = "auto",
+        validation_fraction: float | str = 0.0,
+        warm_start: bool = False,
+        signals: Signals | None = None,
+        device: str = "cpu",
+        random_state: Any = None,
+    ) -> None:
+        self.source = source
+        self.ranks = ranks
+        self.rest_length = rest_length
+        self.rest_diameter = rest_diameter
+        self.trainer = trainer
+        self.max_iter = max_iter
+        self.batch_size = batch_size
+        self.weight_decay = weight_decay
+        self.validation_fraction = validation_fraction
+        self.warm_start = warm_start
+        self.signals = signals
+        self.device = device
+        self.random_state = random_state
+
+    def _adapter(self) -> Any:
+        from pamid.adapters.low_rank import LowRank
+
+        return LowRank(tuple(self.ranks))
+
+    @classmethod
+    def _checked_instances(cls) -> list[LoRA]:
+        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
+        return [cls(tiny_source(), ranks=(1,), signals=one, max_iter=5)]

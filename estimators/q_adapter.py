@@ -1,0 +1,279 @@
+"""The Q-adapter: a factor on the volume, from the muscles' geometry and the data, over any other adapter."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import AdaptationWarning, ParameterError
+
+from ._adaptation import AdaptedModel
+from ._base import Signals
+from ._pihm import HybridModel
+from ._source import hybrid_of
+from ._tiny_source import tiny_source
+
+FAR = 3.0
+"""Standard uncertainties between the factor by geometry and the one by the data that are worth a warning."""
+
+
+class QAdapter(AdaptedModel):
+    r"""Adapt a hybrid model to a muscle of another size: its volume is multiplied by Q.
+
+    .. math:: V_\mathrm{target} = Q\,V(\cdot;\theta), \qquad
+        Q_0 = \left(\frac{D_\mathrm{target}}{D_\mathrm{source}}\right)^2 \frac{L_\mathrm{target}}{L_\mathrm{source}}
+
+    The laws are linear in the volume, so with the default trainer Q is solved for exactly, Q₀ with its uncertainty
+    being its prior; then the network is adapted by `base`. With ``trainer="adam"`` and the published network both are
+    trained together by Algorithm 2, Q at 0.2 of the rate.
+
+    It is a regressor that predicts what the source predicts, and a transformer that appends the adapted volume and its
+    derivatives to the signals, for `LawRegressor` as the next step of a pipeline.
+
+    Parameters
+    ----------
+    source : estimator
+        The fitted hybrid model of the muscle whose data are plenty, best in a `sklearn.frozen.FrozenEstimator`, so that
+        clones keep its fit. It stays untouched.
+    initial : float or "geometry", default="geometry"
+        Q₀. ``"geometry"`` takes it from the sizes of both muscles; where neither `rest_length` nor `rest_diameter` is
+        given, the data alone decide.
+    base : str or Adapter, default="full"
+        How the network is adapted as well: ``"full"``, ``"low_rank"``, ``"frozen"`` (not at all), or an adapter with
+        its parameters, such as ``pamid.adapters.low_rank.LowRank(ranks=(1, 2))``.
+    size_uncertainty : tuple of float, default=(0.02, 0.05)
+        Relative standard uncertainty of each length and of each diameter.
+    rest_length, rest_diameter : float, optional
+        L₀ and D₀ of the target muscle, m; those of the source by default.
+    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
+        ``"adam"`` is the published algorithm with its hyperparameters.
+    max_iter, batch_size : int, optional
+        Override those of the trainer.
+    weight_decay : float or "auto", default="auto"
+        Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
+        target. ``"auto"`` chooses it by cross-validation over whole trajectories, at the cost of one step; where no
+        strength lowers the held-out error, the network stays as it is. For Adam it is the published decay.
+    validation_fraction : float or "auto", default=0.0
+        Share of whole trajectories held out for early stopping.
+    warm_start : bool, default=False
+        Whether another ``fit`` goes on from where the adaptation stands.
+    signals : dict, optional
+        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
+    device : str, default="cpu"
+        Where to train, for instance ``"cuda"``.
+    random_state : int, RandomState or None, default=None
+        Seed of the draws.
+
+    Attributes
+    ----------
+    q_ : float
+        The factor on the volume.
+    q0_ : float
+        The factor by geometry or as given; that of the data where there is neither.
+    q0_uncertainty_, q_uncertainty_ : float
+        Standard uncertainties of both, the second from residuals that depend within a trajectory.
+    model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
+        The model of the target muscle, of the source's class.
+    n_parameters_ : int
+        Number of adapted parameters.
+    weight_decay_ : float
+        Strength of the pull; infinite where the network stays as it is.
+    n_iter_, loss_curve_, validation_curve_, status_
+        As in `StaticPIHM`.
+
+    See Also
+    --------
+    ScaleAdapter : Length, diameter and dead volume one by one.
+    LoRA, FullFineTuning, PartialFineTuning : Adaptations without a factor.
+
+    References
+    ----------
+    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
+    artificial muscles", 2025: Equation 7, Algorithm 2.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from sklearn.frozen import FrozenEstimator
+    >>> from pamid.estimators import QAdapter, StaticPIHM
+    >>> t = np.linspace(0, 6, 200)
+    >>> X = pd.DataFrame({"eps": 0.1 + 0.05 * np.sin(t), "deps": 0.05 * np.cos(t),
+    ...                   "P": 3e5 + 1e5 * np.cos(3 * t), "dP": -3e5 * np.sin(3 * t)})
+    >>> F = (X["P"] - 101325) * 5e-4 * (1 - 3 * X["eps"])  # N
+    >>> A = StaticPIHM(0.2, 0.01, hidden_layer_sizes=(8,), max_iter=20, random_state=0).fit(X, F)
+    >>> B = QAdapter(FrozenEstimator(A), rest_diameter=0.02, random_state=0).fit(X[::10], 4 * F[::10])
+    >>> bool(B.score(X, 4 * F) > 0.99)
+    True
+    >>> round(B.q_, 2)
+    4.0
+    """
+
+    method = "q"
+
+    def __init__(
+        self,
+        source: Any,
+        initial: float | str = "geometry",
+        *,
+        base: Any = "full",
+        size_uncertainty: tuple[float, float] = (0.02, 0.05),
+        rest_length: float | None = None,
+        rest_diameter: float | None = None,
+        trainer: Any = "levenberg_marquardt",
+        max_iter: int | None = None,
+        batch_size: int | None = None,
+        weight_decay: float | str | None = "auto",
+        validation_fraction: float | str = 0.0,
+        warm_start: bool = False,
+        signals: Signals | None = None,
+        device: str = "cpu",
+        random_state: Any = None,
+    ) -> None:
+        self.source = source
+        self.initial = initial
+        self.base = base
+        self.size_uncertainty = size_uncertainty
+        self.rest_length = rest_length
+        self.rest_diameter = rest_diameter
+        self.trainer = trainer
+        self.max_iter = max_iter
+        self.batch_size = batch_size
+        self.weight_decay = weight_decay
+        self.validation_fraction = validation_fraction
+        self.warm_start = warm_start
+        self.signals = signals
+        self.device = device
+        self.random_state = random_state
+
+    def _adapter(self) -> Any:
+        from pamid.adapters.registry import adapter_named
+
+        return adapter_named(self.base)
+
+    def _trains_q(self) -> bool:
+        """Whether Q is one of the trained parameters, as published, instead of part of the volume's scale."""
+        published = not hasattr(self._trainer_as_given(), "damping")
+        return published and hybrid_of(self.source, type(self).__name__).anchor_ is None
+
+    def _bound_adapter(self) -> Any:
+        if not self._trains_q():
+            return self._adapter()
+        from pamid.adapters.scalar import Scalar
+
+        return Scalar(self.q0_, self._adapter())
+
+    @property
+    def _counts_scale(self) -> bool:  # type: ignore[override]
+        return not self._trains_q()
+
+    def _first_guess(self) -> tuple[float | None, float]:
+        """Return Q₀, None if the data alone are to tell, and its relative uncertainty."""
+        from pamid.adapters.geometry import volume_ratio
+
+        source = hybrid_of(self.source, type(self).__name__)
+        sizes = (source.rest_length, source.rest_diameter)
+        spread = volume_ratio(sizes, sizes, self.size_uncertainty).uncertainty
+        if isinstance(self.initial, str):
+            if self.initial != "geometry":
+                raise ParameterError(f"initial={self.initial!r}.", "'geometry' or a number above 0", "Correct it.")
+            if self.rest_length is None and self.rest_diameter is None:
+                return None, spread
+            target = (self.rest_length or sizes[0], self.rest_diameter or sizes[1])
+            return volume_ratio(sizes, target).value, spread
+        if not (np.isfinite(self.initial) and self.initial > 0):
+            raise ParameterError(
+                f"The initial factor on the volume is {self.initial!r}.",
+                "a finite number above 0",
+                "Take the ratio of D^2 L of the two muscles, or initial='geometry'.",
+            )
+        return float(self.initial), spread
+
+    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+        guess, relative = self._first_guess()
+        f = model._predict(table) / model.target_scale_
+        y = Y / model.target_scale_
+        w = np.where(np.isfinite(Y), weight[:, None], 0.0)
+        y = np.where(w > 0, y, 0.0)
+        information = float((w * f * f).sum())
+        fitted = float((w * f * y).sum()) / information if information > 0 else np.nan
+        score = f * (y - fitted * f)
+        scatter = float((w * score**2).sum())
+        if codes is not None:
+            # Residuals of one trajectory depend on each other: what they tell of Q together counts once.
+            scatter = float((np.bincount(codes, weights=(w * score).sum(axis=1)) ** 2).sum())
+        error = float(np.sqrt(scatter)) / information if information > 0 else np.inf
+        error = max(error, 1e-9 * abs(fitted)) if np.isfinite(fitted) else np.inf
+        self.q0_ = guess if guess is not None else fitted if fitted > 0 else 1.0
+        self.q0_uncertainty_ = relative * self.q0_ if guess is not None else np.inf
+        self._warn_of_contradiction(fitted, error, f, y, w)
+        precision = 1.0 / self.q0_uncertainty_**2 + (1.0 / error**2 if fitted > 0 else 0.0)
+        q = self.q0_
+        if fitted > 0:
+            q = (self.q0_ / self.q0_uncertainty_**2 + fitted / error**2) / precision
+        self.q_, self.q_uncertainty_ = float(q), float(1.0 / np.sqrt(precision)) if precision else np.inf
+        # What a sample with f = 1 adds to the precision, for samples that come later.
+        self.sample_precision_ = 1.0 / (error**2 * information) if information > 0 and error > 0 else 0.0
+        if not self._trains_q():
+            self._rescale(model, self.q_)
+
+    def _warn_of_contradiction(
+        self, fitted: float, error: float, f: np.ndarray, y: np.ndarray, weight: np.ndarray
+    ) -> None:
+        if not fitted > 0:
+            warnings.warn(
+                f"The factor on the volume that fits the data best is {fitted:.3g}; Q₀ = {self.q0_:.3g} is kept. "
+                "Expected a factor above 0. Check signs, units and columns, and that source and target are of one law.",
+                AdaptationWarning,
+                stacklevel=5,
+            )
+            return
+        apart = abs(fitted - self.q0_)
+        if apart > FAR * np.hypot(self.q0_uncertainty_, error):
+            warnings.warn(
+                f"The data ask for Q = {fitted:.4g} ± {error:.2g}, the geometry for {self.q0_:.4g} ± "
+                f"{self.q0_uncertainty_:.2g}. Expected them to agree. Check the sizes of both muscles (m) and the "
+                "units of the target's data; size_uncertainty says how well the sizes are known.",
+                AdaptationWarning,
+                stacklevel=5,
+            )
+        left, whole = float((weight * (y - fitted * f) ** 2).sum()), float((weight * y**2).sum())
+        if left > 0.75 * whole:
+            warnings.warn(
+                f"The source explains {1 - left / whole:.0%} of the target whatever the factor on its volume. Expected "
+                "most of it. Check that source and target are of one law, and that the columns are the same signals.",
+                AdaptationWarning,
+                stacklevel=5,
+            )
+
+    def _stream(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray) -> None:
+        """Update Q by recursive least squares."""
+        if not hasattr(self, "q_"):
+            return
+        f = model._predict(table) / model.target_scale_ / self.q_
+        w = np.where(np.isfinite(Y), weight[:, None], 0.0)
+        y = np.where(w > 0, Y / model.target_scale_, 0.0)
+        known = 1.0 / self.q_uncertainty_**2 if self.q_uncertainty_ > 0 else np.inf
+        added = self.sample_precision_ * float((w * f * f).sum())
+        if added <= 0 or not np.isfinite(known):
+            return
+        q = (known * self.q_ + self.sample_precision_ * float((w * f * y).sum())) / (known + added)
+        if q > 0:
+            self._rescale(model, q / self.q_)
+            self.q_, self.q_uncertainty_ = float(q), float(1.0 / np.sqrt(known + added))
+
+    def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:
+        super()._keep(model, result, bound, before, held_out)
+        if self._trains_q():
+            self.q_ = float(self.psi_[0][0])
+
+    @classmethod
+    def _checked_instances(cls) -> list[QAdapter]:
+        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
+        common: dict[str, Any] = {"signals": one, "max_iter": 5}
+        return [
+            cls(tiny_source(), 4.0, **common),
+            cls(tiny_source(), rest_diameter=0.02, base="frozen", **common),
+            cls(tiny_source(), 2.0, trainer="adam", **common),
+        ]

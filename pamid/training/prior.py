@@ -1,0 +1,87 @@
+"""How strongly an adaptation should be held to its source: chosen by cross-validation over whole trajectories.
+
+Near the source the network is linear in its parameters, so an adaptation is a ridge regression in the space of the
+samples. One Gram matrix then gives the held-out error of every strength of the pull, without training once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from .network import Parameters, adjoints, forward
+from .problem import Problem
+from .reparametrisation import Reparametrisation
+
+STRENGTHS = tuple(10.0 ** (k / 2.0) for k in range(-16, 5))
+"""Candidates for λ, relative to the mean squared residual in units of the target's variance."""
+
+ROWS = 1000
+"""Samples that the choice is made on; its cost grows with their cube."""
+
+FOLDS = 5
+
+
+def choose_weight_decay(
+    problem: Problem,
+    psi: Parameters,
+    activation: str,
+    adapter: Reparametrisation,
+    trajectories: np.ndarray,
+    random_state: np.random.RandomState,
+) -> float:
+    r"""Return the strongest pull whose held-out error is no worse than the best by more than its standard error.
+
+    On a fold, the linearised adaptation by the other samples predicts
+
+    .. math:: r_\mathrm{out} - K_\mathrm{out,in} (K_\mathrm{in,in} + \lambda I)^{-1} r_\mathrm{in}
+
+    Parameters
+    ----------
+    problem : Problem
+        The target's data.
+    psi : list of Tensor
+        Where the adaptation starts.
+    activation : str
+        Name of the activation.
+    adapter : Reparametrisation
+        What psi stands for.
+    trajectories : ndarray of int, shape (n_samples,)
+        Trajectory of each sample; folds hold whole ones.
+    random_state : numpy.random.RandomState
+        Draws the samples where there are many.
+
+    Returns
+    -------
+    float
+        λ; infinite if no strength lowers the held-out error, so that the source should stay as it is.
+    """
+    n = len(problem)
+    if n > ROWS:
+        rows = np.sort(random_state.choice(n, ROWS, replace=False))
+        problem, trajectories = problem.rows(torch.as_tensor(rows, device=problem.y.device)), trajectories[rows]
+    theta = adapter.expand(psi)
+    tape = forward(theta, problem.x, problem.direction, problem.a, activation)
+    root = (problem.weight / problem.weight.sum()).sqrt()
+    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
+    K = adapter.gram(psi, adjoint, tape).double().cpu().numpy()
+    r = (root * (tape.y - problem.y)).double().cpu().numpy()
+    names, codes = np.unique(trajectories, return_inverse=True)
+    fold = random_state.permutation(len(names))[codes] % min(FOLDS, len(names))
+    # Mean squared error of each trajectory for each strength; the last is that of the source as it is.
+    errors = np.zeros((len(STRENGTHS) + 1, len(names)))
+    np.add.at(errors[-1], codes, r**2)
+    for k in range(fold.max() + 1):
+        out = fold == k
+        values, vectors = np.linalg.eigh(K[np.ix_(~out, ~out)])
+        cross, inner = K[np.ix_(out, ~out)] @ vectors, vectors.T @ r[~out]
+        share = float(np.mean(~out))
+        for i, strength in enumerate(STRENGTHS):
+            left = r[out] - cross @ (inner / (np.maximum(values, 0.0) + strength * share))
+            np.add.at(errors[i], codes[out], left**2)
+    best = int(np.argmin(errors.sum(axis=1)))
+    for i in range(len(errors) - 1, best, -1):
+        excess = errors[i] - errors[best]
+        if excess.sum() <= np.sqrt(len(names)) * excess.std():
+            return np.inf if i == len(STRENGTHS) else STRENGTHS[i]
+    return np.inf if best == len(STRENGTHS) else STRENGTHS[best]

@@ -1,0 +1,32 @@
+"""A volume model times a factor, plus a constant: one muscle's volume seen as another's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..signals.state import State
+from .base import VolumeJet, VolumeModel
+
+
+@dataclass(frozen=True)
+class ScaledVolume:
+    r"""Volume of a similar muscle, :math:`V = Q\,V_\mathrm{source} + V_d`.
+
+    Parameters
+    ----------
+    source : VolumeModel
+        Volume of the muscle that was identified.
+    factor : float
+        Q, dimensionless; for muscles of one shape the ratio of D² L.
+    dead_volume : float, default=0
+        V_d, volume of tubes and fittings, m³.
+    """
+
+    source: VolumeModel
+    factor: float
+    dead_volume: float = 0.0
+
+    def jet(self, state: State) -> VolumeJet:
+        """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
+        V, V_eps, V_P = self.source.jet(state)
+        return VolumeJet(self.factor * V + self.dead_volume, self.factor * V_eps, self.factor * V_P)
