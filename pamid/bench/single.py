@@ -73,6 +73,144 @@ def festo_like() -> BenchParameters:
     )
 
 
+class LiftBench:
+    r"""Muscles that lift loads side by side, each under PID control of its pressure, one control period at a time.
+
+    .. math:: m\,\ddot L = m g - F - d\,\dot L - N
+
+    with the force N of the stand that carries the load until the muscle does.
+
+    Parameters
+    ----------
+    params : BenchParameters
+        Muscle, gas and valve, with effects. The joint is not looked at.
+    mass : ndarray, shape (n_lifts,)
+        Loads, kg; `step` takes others while it runs.
+    effects : sequence, default=()
+        More effects of the muscle.
+    settings : LiftSettings, optional
+        What is around the muscle.
+    substeps : int, default=1
+        Integration steps a control period of 1 ms.
+
+    Raises
+    ------
+    ParameterError
+        If an effect belongs to a sensor or the joint.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.bench.single import LiftBench, festo_like
+    >>> bench = LiftBench(festo_like(), np.array([30.0, 60.0]))
+    >>> for _ in range(500):
+    ...     P, L, F, u = bench.step(4e5)
+    >>> bool(L[0] < L[1] < 0.2)
+    True
+    """
+
+    def __init__(
+        self,
+        params: BenchParameters,
+        mass: np.ndarray,
+        *,
+        effects: Sequence[EffectLike] = (),
+        settings: LiftSettings | None = None,
+        substeps: int = 1,
+    ) -> None:
+        everything = [*params.make_effects(), *as_effects(effects)]
+        if wrong := [e.name for e in everything if e.channel or e.site == "joint"]:
+            raise ParameterError(
+                f"{', '.join(wrong)} cannot enter the bench of one muscle.",
+                "effects of muscle, gas or valve",
+                "Leave it out.",
+            )
+        specs = tuple((e.name, e.values) for e in everything if "adjust" in e.hooks())
+        actual = params.replace(effects=specs).adjusted()
+        self.settings = settings or LiftSettings()
+        self._load(mass)
+        self.substeps = substeps
+        n = self.mass.size
+        self._rest_length = actual.muscle.rest_length
+        self._muscles = Muscles(actual, (1, n), [e for e in everything if "adjust" not in e.hooks()])
+        self._y = np.empty((3, n))
+        self._y[0] = self._rest_length + self.mass * GRAVITY / self.settings.stand_stiffness
+        self._y[1], self._y[2] = 0.0, actual.gas.atmospheric_pressure + 1.0
+        self._solver = RungeKutta4(self._rates, self._y.shape)
+        self._total, self._last, self._held = np.zeros(n), np.zeros(n), np.zeros((1, n))
+        self._count = 0
+
+    def _load(self, mass: np.ndarray) -> None:
+        self.mass = np.array(mass, dtype=float)
+        self._stand_damping = np.sqrt(self.settings.stand_stiffness * self.mass)  # half of critical
+
+    def _rates(self, y: np.ndarray, out: np.ndarray, ahead: float) -> None:
+        self._muscles.evaluate(y[:1], y[1:2], y[2:], out[2:], ahead)
+        sunk = y[0] - self._rest_length
+        stand = np.maximum(self.settings.stand_stiffness * sunk + self._stand_damping * y[1], 0.0) * (sunk > 0.0)
+        out[0] = y[1]
+        out[1] = GRAVITY - (self._muscles.F[0] + self.settings.damping * y[1] + stand) / self.mass
+
+    @property
+    def length(self) -> np.ndarray:
+        """Length of each muscle now, m."""
+        return self._y[0].copy()
+
+    def step(
+        self, wanted: Any, mass: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Control and integrate one period of 1 ms.
+
+        Parameters
+        ----------
+        wanted : float or ndarray, shape (n_lifts,)
+            Set value of the pressure, Pa, absolute.
+        mass : ndarray, shape (n_lifts,), optional
+            Loads from now on, kg.
+
+        Returns
+        -------
+        tuple of four ndarrays, shape (n_lifts,)
+            Pressure (Pa, absolute), length (m), tension (N) and valve command at the beginning of the period.
+        """
+        settings, y = self.settings, self._y
+        if mass is not None:
+            self._load(mass)
+        error = wanted - y[2]
+        rate = (error - self._last) / PERIOD if self._count else np.zeros_like(error)
+        self._last = error
+        raw = settings.proportional * error + settings.integral * self._total + settings.derivative * rate
+        u = np.clip(raw, -1.0, 1.0)[None]
+        self._total += PERIOD * error * (raw == u[0])  # the integral rests while the valve is saturated
+        self._muscles.hold(u)
+        if self._count == 0:
+            self._muscles.start_memory(y[:1], y[1:2].copy(), y[2:].copy(), PERIOD)
+        else:
+            self._muscles.sample_memory(self._held, PERIOD)
+        self._held = u
+        for i in range(self.substeps):
+            self._solver.first(y)
+            if i == 0:
+                reading = y[2].copy(), y[0].copy(), self._muscles.F[0].copy(), u[0]
+            self._solver.advance(y, PERIOD / self.substeps)
+            self._muscles.carry_memory(y[:1].copy(), y[1:2].copy(), y[2:].copy(), PERIOD / self.substeps)
+        self._count += 1
+        return reading
+
+    def check(self) -> None:
+        """Raise unless the state is finite.
+
+        Raises
+        ------
+        DivergedError
+            If it is not.
+        """
+        if not np.all(np.isfinite(self._y)):
+            raise DivergedError(
+                "The simulation of the lift left the finite numbers.", "a bench within its range", "Raise substeps."
+            )
+
+
 def simulate_lift(
     params: BenchParameters | None = None,
     loads: Sequence[float] = LOADS,
@@ -133,59 +271,18 @@ def simulate_lift(
     if every < 1 or periods <= 0:
         raise ParameterError(f"every is {every!r} and periods {periods!r}.", "both above 0", "Correct them.")
     params, settings = params or festo_like(), settings or LiftSettings()
-    everything = [*params.make_effects(), *as_effects(effects)]
-    if wrong := [e.name for e in everything if e.channel or e.site == "joint"]:
-        raise ParameterError(
-            f"{', '.join(wrong)} cannot enter the bench of one muscle.",
-            "effects of muscle, gas or valve",
-            "Leave it out.",
-        )
-    specs = tuple((e.name, e.values) for e in everything if "adjust" in e.hooks())
-    actual = params.replace(effects=specs).adjusted()
-    n, L0, ambient = mass.size, actual.muscle.rest_length, actual.gas.atmospheric_pressure
-    muscles = Muscles(actual, (1, n), [e for e in everything if "adjust" not in e.hooks()])
-    stand_damping = np.sqrt(settings.stand_stiffness * mass)  # half of critical
-
-    def rates(y: np.ndarray, out: np.ndarray, ahead: float) -> None:
-        muscles.evaluate(y[:1], y[1:2], y[2:], out[2:], ahead)
-        sunk = y[0] - L0
-        stand = np.maximum(settings.stand_stiffness * sunk + stand_damping * y[1], 0.0) * (sunk > 0.0)
-        out[0] = y[1]
-        out[1] = GRAVITY - (muscles.F[0] + settings.damping * y[1] + stand) / mass
-
+    bench = LiftBench(params, mass, effects=effects, settings=settings, substeps=substeps)
     steps = round(periods / settings.frequency / PERIOD)
     t = np.arange(steps) * PERIOD
+    ambient = params.gas.atmospheric_pressure
     wanted = ambient + 0.5 * settings.peak * (1.0 - np.cos(2.0 * math.pi * settings.frequency * t))
-    y = np.empty((3, n))
-    y[0] = L0 + mass * GRAVITY / settings.stand_stiffness
-    y[1], y[2] = 0.0, ambient + 1.0
-    solver = RungeKutta4(rates, y.shape)
-    rows = np.arange(0, steps, every)
+    rows, n = np.arange(0, steps, every), mass.size
     P, L, F, U = (np.empty((len(rows), n)) for _ in range(4))
-    total, last, held = np.zeros(n), np.zeros(n), np.zeros((1, n))
     for k in range(steps):
-        error = wanted[k] - y[2]
-        rate = (error - last) / PERIOD if k else np.zeros(n)
-        last = error
-        raw = settings.proportional * error + settings.integral * total + settings.derivative * rate
-        u = np.clip(raw, -1.0, 1.0)[None]
-        total += PERIOD * error * (raw == u[0])  # the integral rests while the valve is saturated
-        muscles.hold(u)
-        if k == 0:
-            muscles.start_memory(y[:1], y[1:2].copy(), y[2:].copy(), PERIOD)
-        else:
-            muscles.sample_memory(held, PERIOD)
-        held = u
-        for i in range(substeps):
-            solver.first(y)
-            if i == 0 and k % every == 0:
-                P[k // every], L[k // every], F[k // every], U[k // every] = y[2], y[0], muscles.F[0], u[0]
-            solver.advance(y, PERIOD / substeps)
-            muscles.carry_memory(y[:1].copy(), y[1:2].copy(), y[2:].copy(), PERIOD / substeps)
-    if not np.all(np.isfinite(y)):
-        raise DivergedError(
-            "The simulation of the lift left the finite numbers.", "a bench within its range", "Raise substeps."
-        )
+        reading_now = bench.step(wanted[k])
+        if k % every == 0:
+            P[k // every], L[k // every], F[k // every], U[k // every] = reading_now
+    bench.check()
     reading = {**SENSORS, **(sensors or {})}
     parts = []
     for j, rng in enumerate(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(n)):
