@@ -13,7 +13,8 @@ from ._tiny_source import tiny_source
 class LoRA(AdaptedModel):
     """Adapt a hybrid model by adding products of thin matrices to its weights.
 
-    The weights of a layer become W + B A. A is drawn at random and B starts at zero, so the adaptation starts at the source.
+    The weights of a layer become W + B A. A is drawn at random and B starts at zero, so the adaptation starts at the
+    source.
 
     Parameters
     ----------
