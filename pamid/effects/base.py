@@ -65,6 +65,9 @@ class Parameter:
         What it is, in a few words.
     linear : bool, default=False
         Whether the contribution is proportional to it while the other linear parameters are 0.
+    essential : bool, default=False
+        Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
+        parameters vanishes; a fit that ends there speaks for that other one.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Parameter:
     nominal: float
     description: str
     linear: bool = False
+    essential: bool = False
 
 
 @dataclass(slots=True)

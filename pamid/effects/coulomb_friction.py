@@ -40,7 +40,7 @@ class CoulombFriction(Effect):
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
         Parameter("per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True),
-        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over"),
+        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", essential=True),
     )
     amplitude: float
     per_pressure: float

@@ -38,7 +38,7 @@ class Hysteresis(Effect):
     path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
-        Parameter("displacement", "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over"),
+        Parameter("displacement", "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True),
         Parameter("shape", "-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl"),
     )
     amplitude: float

@@ -1,0 +1,169 @@
+"""How far a gap shrinks: held-out trajectories, the share of what is explainable, and intervals over trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..effects import all_effects
+from .diagnosis import Closure, Interval, ParameterEstimate
+from .evidence import Evidence
+from .fit import Fit, Fitter, slots_of
+from .likelihood import NU
+
+DRAWS = 400
+
+
+class Clusters:
+    """A fit with the trajectories as units: refits without each of them, and what they say of its parameters.
+
+    The fit is taken to first order about its solution, so that leaving a trajectory out costs one small linear solve.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        Fits of the log.
+    fit : Fit
+        The solution.
+    """
+
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        evidence = fitter.evidence
+        self.evidence, self.fit = evidence, fit
+        self.slots = slots_of(fit.spec)
+        phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
+        z = evidence.z(fit.spec) if fit.spec else evidence.z0
+        D, _, _ = fitter.jacobian(self.slots, phi, z) if self.slots else (np.zeros((len(z), 0)), None, None)
+        self.A = np.column_stack([evidence.J, D])
+        self.z = z + evidence.J @ fit.x
+        w = np.empty(len(z))
+        for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
+            w[part] = share * (NU + 1.0) / (NU + np.square(self.z[part] / s)) / s**2
+        k, n = self.A.shape[1], len(evidence.trajectories)
+        self.H, self.g = np.zeros((n, k, k)), np.zeros((n, k))
+        for t in range(n):
+            rows = evidence.block == t
+            Aw = self.A[rows] * w[rows, None]
+            self.H[t], self.g[t] = self.A[rows].T @ Aw, -(self.z[rows] @ Aw)
+        # A tolerance is a prior of its width: without it, what no run excites would drift.
+        self.prior = np.diag(np.concatenate([np.full(evidence.J.shape[1], 3.0), np.zeros(len(self.slots))]))
+        self.size = np.sqrt(np.maximum(np.diag(self.H.sum(axis=0) + self.prior), 1e-300))
+
+    def _solve(self, H: np.ndarray, g: np.ndarray) -> np.ndarray:
+        C = H / np.outer(self.size, self.size)
+        return np.linalg.lstsq(C + 1e-10 * np.eye(len(C)), g / self.size, rcond=None)[0] / self.size
+
+    def held_out(self) -> np.ndarray:
+        """Return residuals of every trajectory under the fit of all others, in units of the noise."""
+        n = len(self.evidence.trajectories)
+        if n < 2 or not self.A.shape[1]:
+            return self.z
+        out = self.z.copy()
+        for t in range(n):
+            rows = self.evidence.block == t
+            H = self.H.sum(axis=0) - self.H[t] + self.prior
+            out[rows] += self.A[rows] @ self._solve(H, self.g.sum(axis=0) - self.g[t])
+        return out
+
+    def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
+        """Return the effects' parameters with 90 % intervals, by the jackknife over trajectories."""
+        from scipy.stats import t as student
+
+        n, m = len(self.evidence.trajectories), self.evidence.J.shape[1]
+        total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
+        if n > 2:
+            without = np.array([self._solve(total_H - H, total_g - g) for H, g in zip(self.H, self.g, strict=True)])
+            error = np.sqrt((n - 1.0) / n * np.sum(np.square(without - without.mean(axis=0)), axis=0))
+        else:
+            error = np.full(self.A.shape[1], np.inf)
+        reach = float(student.ppf(0.95, max(n - 1, 1)))
+        found: dict[str, dict[str, ParameterEstimate]] = {}
+        for k, (name, p) in enumerate(self.slots):
+            value = self.fit.spec[name][p.name]
+            wide = reach * float(error[m + k])
+            known = np.isfinite(wide) and np.any(self.A[:, m + k])
+            ci: Interval = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
+            found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)
+        return found
+
+
+def closures(
+    evidence: Evidence, before: np.ndarray, after: np.ndarray, random_state: np.random.RandomState
+) -> list[Closure]:
+    """Return how far each equation's gap shrinks on held-out trajectories.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log.
+    before, after : array, shape (n_windows,)
+        Held-out residuals without and with the causes, in units of the noise.
+    random_state : RandomState
+        Draws trajectories with replacement.
+    """
+    n = len(evidence.trajectories)
+    draws = np.vstack([np.arange(n), random_state.randint(0, n, size=(DRAWS, n))])
+    found = []
+    for name, part in zip(evidence.equations, evidence.parts, strict=True):
+        noise2 = np.square(evidence.noise[part])
+        block = evidence.block[part]
+        sums = np.array(
+            [
+                np.bincount(block, v, minlength=n)
+                for v in (
+                    np.square(before[part]) * noise2,
+                    np.square(after[part]) * noise2,
+                    noise2,
+                    np.ones(len(block)),
+                )
+            ]
+        )
+        b, a, floor, count = sums[:, draws].sum(axis=2)
+        count = np.maximum(count, 1.0)
+        share = _closed(b / count, a / count, floor / count)
+        ci = tuple(float(v) for v in np.nanquantile(share[1:], (0.05, 0.95))) if n > 1 else (0.0, 1.0)
+        rms_before, rms_after, rms_noise = (float(np.sqrt(v[0] / count[0])) for v in (b, a, floor))
+        wide = (min(ci[0], float(share[0])), max(ci[1], float(share[0])))
+        found.append(Closure(name, rms_before, rms_after, rms_noise, float(share[0]), wide, evidence.units[name]))
+    return found
+
+
+def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Return the closed share of the explainable gap; 0 where nothing is explainable."""
+    # Noise is known to a few per cent: what stands no higher above the floor is no gap to close.
+    room = before - floor
+    return np.where(room > 0.02 * floor, np.clip((before - after) / np.maximum(room, 1e-300), 0.0, 1.0), 0.0)
+
+
+def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
+    """Return each cause's share of what all causes together explain, averaged over the orders of adding them.
+
+    What a set of causes explains is its gain in likelihood over no cause.
+    """
+    from itertools import combinations
+    from math import factorial
+
+    names = list(fit.spec)
+    value: dict[frozenset[str], float] = {frozenset(): base.loglik, frozenset(names): fit.loglik}
+    for size in range(1, len(names)):
+        for some in combinations(names, size):
+            value[frozenset(some)] = fitter.at({k: fit.spec[k] for k in some}).loglik
+    total = max(fit.loglik - base.loglik, 1e-9)
+    share = {}
+    for name in names:
+        rest = [k for k in names if k != name]
+        share[name] = 0.0
+        for size in range(len(rest) + 1):
+            weight = factorial(size) * factorial(len(rest) - size) / factorial(len(names))
+            for some in combinations(rest, size):
+                share[name] += weight * (value[frozenset((*some, name))] - value[frozenset(some)])
+    return {name: float(np.clip(v / total, 0.0, 1.0)) for name, v in share.items()}
+
+
+def main_equation(evidence: Evidence, effect: str, contribution: np.ndarray) -> str:
+    """Return the equation in which an effect is loudest."""
+    loud = {
+        name: float(np.mean(np.square(contribution[part])))
+        for name, part in zip(evidence.equations, evidence.parts, strict=True)
+    }
+    allowed = [e for e in evidence.equations if e in all_effects()[effect].equations] or evidence.equations
+    return max(allowed, key=lambda e: loud[e])

@@ -1,0 +1,327 @@
+"""What a diagnosis says: where a simulator and a log part, which effect is the cause, how much of the gap it closes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+SCHEMA = 1
+VERDICTS = ("cause", "class", "several", "unknown", "none")
+"""One effect is the cause; one of a class that the data can't split; several causes; a gap that no effect of the
+library explains; no gap beyond the noise."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EquationFinding:
+    """What of the gap lies in one equation.
+
+    Parameters
+    ----------
+    equation : str
+        Its name.
+    share : float
+        Share of the explainable gap, 0 to 1; over all equations it adds to one.
+    p_value : float
+        Probability of as much as this without a gap.
+    excess : float
+        Root mean square of the residual beyond its noise, in units of the noise.
+    """
+
+    equation: str
+    share: float
+    p_value: float
+    excess: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """A region of the state in which the gap lies.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    query : str
+        A query for `pandas.DataFrame.query` on the table that `pamid.gap.state_table` makes of a log.
+    share : float
+        Share of the equation's gap that lies in it.
+    samples : float
+        Share of the samples that lie in it.
+    """
+
+    equation: str
+    query: str
+    share: float
+    samples: float
+
+
+@dataclass(frozen=True)
+class Band:
+    """What of an equation's gap lies in a band of frequencies.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    from_hz, to_hz : float
+        The band, Hz.
+    share : float
+        Share of the equation's gap.
+    """
+
+    equation: str
+    from_hz: float
+    to_hz: float
+    share: float
+
+
+@dataclass(frozen=True)
+class TrajectoryShare:
+    """What of the gap lies in one trajectory.
+
+    Parameters
+    ----------
+    trajectory : str
+        Its name.
+    share : float
+        Share of the whole gap.
+    """
+
+    trajectory: str
+    share: float
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """An identified parameter of an effect.
+
+    Parameters
+    ----------
+    value : float
+        The estimate.
+    unit : str
+        Its unit.
+    ci90 : (float, float)
+        90 % interval over trajectories; infinite where the data do not bound it.
+    """
+
+    value: float
+    unit: str
+    ci90: Interval
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect of the library, ``none`` or ``unknown``, and what speaks for it.
+
+    Parameters
+    ----------
+    effect : str
+        Name.
+    confidence : float
+        Probability; over all candidates it adds to one.
+    score : float
+        Logarithm of the likelihood ratio to no effect, less a penalty for each parameter.
+    closed_share : float
+        Share of the explainable gap that it closes on this log, by itself.
+    ruled_out : str
+        Why it is not the answer; empty for what is.
+    """
+
+    effect: str
+    confidence: float
+    score: float
+    closed_share: float
+    ruled_out: str = ""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause; more than one name where the data cannot tell them apart.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The effect, or the class of effects, the likeliest first.
+    equation : str
+        Equation in which most of its share lies.
+    confidence : float
+        Probability that the cause is among `effects`.
+    share : float
+        Share of the explainable gap that it closes (with several causes: its Shapley value).
+    share_ci90 : (float, float)
+        90 % interval over trajectories.
+    parameters : dict of str to ParameterEstimate
+        Parameters of the first effect.
+    told_apart_by : str or None
+        What would split the class.
+    """
+
+    effects: tuple[str, ...]
+    equation: str
+    confidence: float
+    share: float
+    share_ci90: Interval
+    parameters: dict[str, ParameterEstimate]
+    told_apart_by: str | None = None
+
+
+@dataclass(frozen=True)
+class Closure:
+    """How far the gap of an equation shrinks once the causes are added, predicted for runs not seen.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    rmse_before, rmse_after : float
+        Root mean square residual of trajectories that were held out of the fit, in the equation's unit.
+    noise_floor : float
+        What the channels' noise alone would leave, in the equation's unit.
+    closed_share : float
+        (MSE before − after) / (MSE before − noise floor), 0 to 1.
+    ci90 : (float, float)
+        90 % interval over trajectories.
+    unit : str
+        The equation's unit.
+    """
+
+    equation: str
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float
+    closed_share: float
+    ci90: Interval
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to record next.
+
+    Parameters
+    ----------
+    trajectory : dict
+        ``kind`` and its numbers, as ``pamid simulate`` takes them.
+    separates : tuple of str
+        The two explanations that it would tell apart.
+    expected : float
+        Expected logarithm of their likelihood ratio after one such run, each refitted.
+    reason : str
+        One sentence.
+    """
+
+    trajectory: dict[str, Any]
+    separates: tuple[str, ...]
+    expected: float
+    reason: str = ""
+
+
+@dataclass
+class Diagnosis:
+    """The answer to: where does the gap lie, what causes it, how far does it shrink.
+
+    Parameters
+    ----------
+    verdict : str
+        One of `VERDICTS`.
+    p_value : float
+        Probability of as much evidence against the simulator without a gap.
+    equations, regions, bands, trajectories : list
+        Where the gap lies.
+    candidates : list of Candidate
+        The whole library with ``none`` and ``unknown``, the likeliest first.
+    causes : list of Cause
+        The causes found, the largest share first.
+    closure : list of Closure
+        How far each equation's gap shrinks.
+    next_experiment : NextExperiment or None
+        What to record next.
+    notes : list of str
+        What the reader must know: what the log lacks, what the noise floor rests on.
+    nominal : BenchParameters
+        The simulator as given, refitted within its tolerances.
+    corrected : BenchParameters
+        The simulator with the causes added.
+    windows : DataFrame
+        One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
+        its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
+    leftover : dict
+        For an unknown cause: what the leftover depends on, and its closest symbolic form.
+    """
+
+    verdict: str
+    p_value: float
+    equations: list[EquationFinding]
+    regions: list[Region]
+    bands: list[Band]
+    trajectories: list[TrajectoryShare]
+    candidates: list[Candidate]
+    causes: list[Cause]
+    closure: list[Closure]
+    next_experiment: NextExperiment | None
+    notes: list[str]
+    nominal: BenchParameters
+    corrected: BenchParameters
+    windows: pd.DataFrame
+    leftover: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> bool:
+        """Whether simulator and log part beyond the noise."""
+        return self.verdict != "none"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the diagnosis as plain numbers and text, the content of ``diagnosis.json``."""
+        experiment = self.next_experiment
+        return _plain(
+            {
+                "schema": SCHEMA,
+                "gap": self.gap,
+                "p_value": self.p_value,
+                "verdict": self.verdict,
+                "where": {
+                    "equations": [vars(e) for e in self.equations],
+                    "regions": [vars(r) for r in self.regions],
+                    "bands": [vars(b) for b in self.bands],
+                    "trajectories": [vars(t) for t in self.trajectories],
+                },
+                "candidates": [vars(c) for c in self.candidates],
+                "causes": [
+                    {**vars(c), "parameters": {k: vars(p) for k, p in c.parameters.items()}} for c in self.causes
+                ],
+                "closure": [vars(c) for c in self.closure],
+                "next_experiment": None if experiment is None else vars(experiment),
+                "leftover": self.leftover,
+                "notes": self.notes,
+            }
+        )
+
+    def to_json(self) -> str:
+        """Return the content of ``diagnosis.json``."""
+        return json.dumps(self.as_dict(), indent=1, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Turn tuples and numpy numbers into what JSON knows; what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (np.bool_, bool)):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

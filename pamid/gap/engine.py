@@ -1,0 +1,323 @@
+"""Diagnose the gap between a simulator and a log of its bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..effects import all_effects
+from .closure import Clusters, closures, main_equation, shapley
+from .diagnosis import Candidate, Cause, Diagnosis, EquationFinding
+from .evidence import STATE, Evidence
+from .experiment import next_experiment
+from .fit import Fit
+from .notes import check, notes_on, without_stuck
+from .search import Search
+from .significance import excess
+from .verdict import Verdict, decide
+from .where import bands, regions, shares, trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+
+def diagnose(
+    log: pd.DataFrame,
+    params: BenchParameters,
+    effects: str | Sequence[str] = "all",
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Say where a simulator and a log part, which effect is the cause, and how far the gap closes once it is added.
+
+    The parameters that have a tolerance are refitted within it together with every candidate, so that a parameter that
+    is a little off is no gap. Residuals are those of `pamid.equations`, over windows of 20 ms.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench: ``trajectory``, ``time`` (s), ``q`` (rad), ``P1``, ``P2`` (Pa, absolute), ``F1``, ``F2`` (N),
+        ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``. Without some of them the equations that read them are left out.
+    params : BenchParameters
+        The simulator, with its tolerances.
+    effects : "all" or sequence of str, default="all"
+        The library: names of effects that may be causes.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer.
+
+    Raises
+    ------
+    UnknownOptionError
+        The library has no effect of a name.
+    ExcitationError
+        The log excites nothing that could tell effects apart.
+    MissingColumnError, MissingTrajectoryError, SamplingError, NonFiniteError, ShortTrajectoryError
+        The log cannot be used as it is.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> leaking = nominal.replace(effects=[("leakage", {"conductance": 2e-10})])
+    >>> log = simulate(leaking, [sine(2, 10, 1500), sine(6, 10, 1500)], seed=0)
+    >>> diagnose(log, nominal, ["leakage", "viscous_friction"]).causes[0].effects
+    ('leakage',)
+    """
+    from ..errors import UnknownOptionError
+
+    known = all_effects()
+    library = (
+        list(known)
+        if isinstance(effects, str) and effects == "all"
+        else [effects]
+        if isinstance(effects, str)
+        else list(effects)
+    )
+    if strange := [name for name in library if name not in known]:
+        raise UnknownOptionError(
+            f"The library has no effect {', '.join(map(repr, strange))}.",
+            f"names of {', '.join(known)}",
+            "Correct the names.",
+        )
+    say = progress or (lambda _: None)
+    say("read the log")
+    notes = check(log, params)
+    log, stuck = without_stuck(log)
+    notes += stuck
+    thinned = _thinned(log)
+    if len(thinned) < len(log):
+        notes.append(f"{len(thinned):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
+    evidence = Evidence(thinned, params)
+    random_state = np.random.RandomState(seed)
+    verdict, search = decide(evidence, library, random_state, say)
+    say("measure the closure")
+    return _written(evidence, search, verdict, params, notes + notes_on(evidence), random_state, say)
+
+
+MAX_ROWS = 160_000
+"""Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
+
+
+def _thinned(log: pd.DataFrame) -> pd.DataFrame:
+    from ..equations.run import trajectory_rows
+
+    if len(log) <= MAX_ROWS:
+        return log
+    rows = trajectory_rows(log)
+    every = -(-len(log) // MAX_ROWS)
+    chosen = rows[::every] if len(rows) >= every else rows[:1]
+    parts = [np.arange(r.start, min(r.stop, r.start + MAX_ROWS)) for _, r in chosen]
+    return log.iloc[np.concatenate(parts)[:MAX_ROWS]]
+
+
+def _written(
+    evidence: Evidence,
+    search: Search,
+    verdict: Verdict,
+    params: BenchParameters,
+    notes: list[str],
+    random_state: np.random.RandomState,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    known, base, fit = verdict.kind in ("cause", "class", "several"), verdict.base, verdict.fit
+    if not known:
+        fit = base
+    clusters = Clusters(search.fitter, fit)
+    after = clusters.z
+    # What the causes add is taken off at the refitted parameters: a refit without them bends the parameters.
+    before = evidence.z0 + evidence.J @ fit.x if known else base.z
+    gap = before - after if known else before
+    power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
+    held = {id(f): Clusters(search.fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
+    closure = closures(evidence, held[id(base)], held[id(fit)], random_state)
+    equations = _equations(evidence, before, after, verdict)
+    loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
+    causes = _causes(evidence, search, verdict, clusters, closure) if known else []
+    deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
+    say("look for the next experiment")
+    experiment, rivals = next_experiment(evidence, search, verdict, params)
+    if rivals and causes:
+        causes = [_told_apart(c, experiment, rivals) for c in causes]
+    return Diagnosis(
+        verdict=verdict.kind,
+        p_value=verdict.p_value,
+        equations=equations,
+        regions=[r for e in loud for r in regions(evidence, e, power)] if verdict.kind != "none" else [],
+        bands=[b for e in loud for b in bands(evidence, e, gap)] if verdict.kind != "none" else [],
+        trajectories=trajectories(evidence, _balanced(evidence, power)) if verdict.kind != "none" else [],
+        candidates=_candidates(search, verdict),
+        causes=causes,
+        closure=[c for c in closure if verdict.kind != "none"],
+        next_experiment=experiment,
+        notes=notes,
+        nominal=evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True))),
+        corrected=evidence.simulator(fit.spec if known else {}, deviations),
+        windows=_windows(evidence, before, after),
+    )
+
+
+def _balanced(evidence: Evidence, power: np.ndarray) -> np.ndarray:
+    """Return the power with each equation's weighed by how clearly it shows there, not by its unit."""
+    out = np.zeros(len(power))
+    for part in evidence.parts:
+        mean = float(np.mean(power[part])) if len(power[part]) else 0.0
+        if mean > 0.05:
+            out[part] = power[part] / mean * np.log1p(mean)
+    return out
+
+
+def _equations(evidence: Evidence, before: np.ndarray, after: np.ndarray, verdict: Verdict) -> list[EquationFinding]:
+    from .likelihood import scale
+
+    sizes = [scale(before[part], 0.0) for part in evidence.parts]
+    over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
+    if verdict.kind in ("cause", "class", "several"):
+        gains = [
+            len(before[part]) * np.log(max(scale(before[part]), 1.0) / max(scale(after[part]), 1.0))
+            + 1e-3
+            + 0.5
+            * max(float(np.sum(np.square(before[part]) - np.square(after[part]))), 0.0)
+            * (scale(before[part]) < 1.3)
+            for part in evidence.parts
+        ]
+    else:
+        gains = [len(before[part]) * max(np.log(s), 0.0) + 1e-3 for part, s in zip(evidence.parts, sizes, strict=True)]
+    found = [
+        EquationFinding(name, float(share), e.p_value, float(np.sqrt(max(s**2 - 1.0, 0.0))))
+        for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)
+    ]
+    return sorted(found, key=lambda e: -e.share)
+
+
+def _causes(
+    evidence: Evidence, search: Search, verdict: Verdict, clusters: Clusters, closure: list[Any]
+) -> list[Cause]:
+    fit = verdict.fit
+    part_of = shapley(search.fitter, verdict.base, fit)
+    parameters = clusters.parameters()
+    whole = evidence.z(fit.spec)
+    by_equation = {c.equation: c for c in closure}
+    found = []
+    for name in fit.spec:
+        rest = {k: v for k, v in fit.spec.items() if k != name}
+        equation = main_equation(evidence, name, whole - (evidence.z(rest) if rest else evidence.z0))
+        closed = by_equation[equation]
+        share = part_of[name] * closed.closed_share if len(fit.spec) > 1 else closed.closed_share
+        ci = tuple(part_of[name] * v for v in closed.ci90) if len(fit.spec) > 1 else closed.ci90
+        names = verdict.classes.get(name, (name,))
+        weights = verdict.weights.get(name, {name: 1.0})
+        confidence = (1.0 - verdict.unknown) * sum(weights.get(n, 0.0) for n in names)
+        found.append(Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name]))
+    return sorted(found, key=lambda c: -c.share)
+
+
+def _told_apart(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause:
+    from dataclasses import replace
+
+    if experiment is None or len(cause.effects) < 2 or not set(rivals) <= set(cause.effects):
+        return cause
+    kind = experiment.trajectory.get("kind", "run")
+    return replace(cause, told_apart_by=f"{kind}: {experiment.reason}")
+
+
+def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
+    """Return the whole library with what speaks for each name, confidences adding to one."""
+    scores: dict[str, float] = {}
+    closed: dict[str, float] = {}
+    reasons: dict[str, str] = {}
+    base = search.base
+    if verdict.first is not None:
+        scores = {name: gain for name, (gain, _) in verdict.first.screened.items()}
+        for r in verdict.first.rivals:
+            scores[r.added] = search.gain(verdict.first.before, r)
+            closed[r.added] = _explained(base.fit, r.fit, search.evidence)
+    named = list(verdict.fit.spec) if verdict.kind in ("cause", "class", "several") else []
+    belief: dict[str, float] = {}
+    for name in named:
+        for other, w in verdict.weights[name].items():
+            if other not in named or other == name:
+                belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) / len(named)
+        scores.setdefault(name, max((g for r, g in verdict.rivals[name] if r.added == name), default=0.0))
+    if verdict.kind == "none":
+        belief["none"] = max(0.5, min(1.0, 0.75 + 0.25 * verdict.p_value))
+        belief["unknown"] = 0.3 * (1.0 - belief["none"])
+    else:
+        belief["unknown"] = verdict.unknown if named or verdict.unknown > 0 else 0.05
+        belief["none"] = min(0.5, verdict.p_value)
+    rest = max(0.0, 1.0 - sum(belief.values()))
+    others = {n: s for n, s in scores.items() if n not in belief}
+    if others and rest > 0:
+        top = max(others.values())
+        odds = {n: float(np.exp(max(s - top, -50.0) / 3.0)) for n, s in others.items()}
+        belief.update({n: rest * v / sum(odds.values()) for n, v in odds.items()})
+    total = sum(belief.values()) or 1.0
+    best = max(scores.values(), default=0.0)
+    for name, score in scores.items():
+        if name in named or belief.get(name, 0.0) > 0.05 * total:
+            continue
+        reasons[name] = (
+            "brings no more than noise would"
+            if score < 10
+            else f"explains less: its likelihood is e^{best - score:.0f} times smaller than the best one's"
+            if score < best
+            else "explains what another cause explains better beside the others"
+        )
+    rows = [
+        Candidate(
+            name,
+            belief.get(name, 0.0) / total,
+            float(scores.get(name, 0.0)),
+            closed.get(name, 0.0),
+            reasons.get(name, ""),
+        )
+        for name in {**scores, **dict.fromkeys(("none", "unknown"))}
+    ]
+    untouched = [n for n in search.library if n not in scores]
+    rows += [
+        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log allows, or nothing on it") for n in untouched
+    ]
+    # Causes come first in the order of the verdict; several of them may each be certain.
+    place = {name: k for k, name in enumerate(named)}
+    return sorted(rows, key=lambda c: (-c.confidence, place.get(c.effect, 99), -c.score))
+
+
+def _explained(base: Fit, fit: Fit, evidence: Evidence) -> float:
+    """Return the share of the explainable gap that a fit closes where the gap is largest."""
+    b = np.array([float(np.mean(np.square(base.z[p]))) - 1.0 for p in evidence.parts])
+    a = np.array([float(np.mean(np.square(fit.z[p]))) - 1.0 for p in evidence.parts])
+    k = int(np.argmax(b))
+    return float(np.clip((b[k] - a[k]) / b[k], 0.0, 1.0)) if b[k] > 0.02 else 0.0
+
+
+def _windows(evidence: Evidence, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
+    import pandas as pd
+
+    names = np.empty(len(before), dtype=object)
+    for name, part in zip(evidence.equations, evidence.parts, strict=True):
+        names[part] = name
+    return pd.DataFrame(
+        {
+            "trajectory": np.array(evidence.trajectories, dtype=object)[evidence.block],
+            "time": evidence.time,
+            "equation": names,
+            "side": evidence.side + 1,
+            **{key: evidence.state[key] for key in STATE},
+            "measured": evidence.measured,
+            "before": before * evidence.noise,
+            "after": after * evidence.noise,
+            "noise": evidence.noise,
+        }
+    )

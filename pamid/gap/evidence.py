@@ -1,0 +1,230 @@
+"""A log held against a simulator, as one vector of windows: what every part of a diagnosis computes with."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..effects import all_effects
+from ..equations.base import Equation, Residual
+from ..equations.evaluate import allowed_equations, window_residual
+from ..equations.run import SIGNS, Model, Run, columns_of, runs
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+Spec = Mapping[str, Mapping[str, float]]
+"""Effects by name, with the values of their parameters."""
+
+STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
+"""The state at the centre of a window: contraction ratio and its rate (1/s), absolute pressure (Pa) and its rate
+(Pa/s), valve command, joint angle (rad) and its rate (rad/s)."""
+
+CHANNELS = ("P", "F", "mdot", "u")
+
+
+class Evidence:
+    """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench.
+    params : BenchParameters
+        The simulator.
+
+    Attributes
+    ----------
+    z0 : array, shape (n_windows,)
+        Residuals of the simulator as given, in units of their noise, equation after equation.
+    noise : array, shape (n_windows,)
+        Standard deviation of the noise, in the unit of each window's equation.
+    equations : list of str
+        The equations.
+    parts : list of slice
+        The windows of each.
+    block : array of int, shape (n_windows,)
+        The trajectory of each window.
+    run, side : array of int, shape (n_windows,)
+        The stretch of the log and the muscle (or joint) of each window.
+    time : array, shape (n_windows,)
+        Centres of the windows, s.
+    free : list of str
+        Parameters that have a tolerance.
+    J : array, shape (n_windows, n_free)
+        What a deviation of one tolerance does to the residuals.
+    skipped : dict of str to str
+        Equations that the log does not allow, and why.
+    """
+
+    def __init__(self, log: pd.DataFrame, params: BenchParameters) -> None:
+        self.params = params
+        self._widening: tuple[Any, np.ndarray | None] = ((), None)
+        allowed, self.skipped = allowed_equations(log)
+        self._equations: dict[str, Equation] = allowed
+        channels = [c for c in CHANNELS if all(k in log.columns for k in columns_of(c))]
+        channels = [c for c in channels if not any(log[k].isna().all() for k in columns_of(c))]
+        self.runs: list[Run] = list(runs(log, Model(params, settled=True), channels))
+        self.trajectories = list(dict.fromkeys(run.trajectory for run in self.runs))
+        self.equations: list[str] = []
+        self.parts: list[slice] = []
+        self.units = {name: equation.unit for name, equation in allowed.items()}
+        self._slots: dict[str, list[tuple[int, slice]]] = {}
+        pieces: list[tuple[np.ndarray, ...]] = []
+        n = 0
+        for name, equation in allowed.items():
+            first, slots = n, []
+            for i, run in enumerate(self.runs):
+                residual = window_residual(equation, run)
+                if residual is None:
+                    continue
+                pieces.append(self._piece(i, run, residual))
+                slots.append((i, slice(n, n + residual.value.size)))
+                n += residual.value.size
+            if n > first:
+                self.equations.append(name)
+                self.parts.append(slice(first, n))
+                self._slots[name] = slots
+        if not pieces:
+            pieces.append(tuple(np.zeros(0) for _ in range(6)))
+        value, noise, self.run, self.side, self.time, self.measured = (
+            np.concatenate(p) for p in zip(*pieces, strict=True)
+        )
+        self.run, self.side = self.run.astype(int), self.side.astype(int)
+        self.noise = np.maximum(noise, _smallest(value, noise, self.parts))
+        self.z0 = value / self.noise
+        names = {name: k for k, name in enumerate(self.trajectories)}
+        self.block = np.array([names[run.trajectory] for run in self.runs], dtype=int)[self.run]
+        self.free = [name for name, t in params.tolerance.items() if t > 0 and params.get(name) != 0]
+        self.J = self._tolerances()
+        self._state: dict[str, np.ndarray] | None = None
+
+    @staticmethod
+    def _piece(i: int, run: Run, residual: Residual) -> tuple[np.ndarray, ...]:
+        m, sides = residual.value.shape
+        return (
+            residual.value.ravel(),
+            residual.noise.ravel(),
+            np.full(m * sides, i),
+            np.tile(np.arange(sides), m),
+            np.repeat(residual.time, sides),
+            residual.measured.ravel(),
+        )
+
+    def _tolerances(self) -> np.ndarray:
+        columns = []
+        for name in self.free:
+            step = self.params.tolerance[name]
+            columns.append(self.z({}, {name: 1.0}, equations=None) - self.z0 if step else np.zeros(len(self.z0)))
+        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def deviated(self, deviations: Mapping[str, float]) -> BenchParameters:
+        """Return the simulator with parameters changed by multiples of their tolerances."""
+        p = self.params
+        return p.replace(**{k: p.get(k) * (1.0 + p.tolerance[k] * v) for k, v in deviations.items()})
+
+    def simulator(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> BenchParameters:
+        """Return the simulator with effects added and parameters changed by multiples of their tolerances."""
+        params = self.deviated(deviations or {})
+        return params.replace(effects=(*params.effects, *((name, dict(v)) for name, v in spec.items())))
+
+    def touched(self, names: Collection[str]) -> list[str]:
+        """Return the equations that effects change."""
+        library = all_effects()
+        return [e for e in self.equations if any(e in library[name].equations for name in names)]
+
+    def z(
+        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    ) -> np.ndarray:
+        """Return the residuals under a changed simulator, in units of the noise.
+
+        Parameters
+        ----------
+        spec : mapping
+            Effects with their values.
+        deviations : mapping, optional
+            Changes of parameters, in tolerances.
+        equations : sequence of str, optional
+            Equations to evaluate, those that the effects change by default; None for all.
+        """
+        wanted = self.equations if equations is None else (list(equations) or self.touched(spec))
+        model = Model(self.simulator(spec, deviations), settled=True)
+        out = np.empty(len(self.noise)) if equations is None else self.z0.copy()
+        lagging = self._lagging(spec)
+        ratio = np.ones(len(self.noise)) if lagging else None
+        by_run: dict[int, list[tuple[str, slice]]] = {}
+        for name in wanted:
+            for i, slot in self._slots[name]:
+                by_run.setdefault(i, []).append((name, slot))
+        for i, slots in by_run.items():
+            run = self.runs[i].under(model)
+            for name, slot in slots:
+                residual = self._equations[name].residual(run)
+                out[slot] = residual.value.ravel() / self.noise[slot]
+                if ratio is not None:
+                    ratio[slot] = np.maximum(residual.noise.ravel() / self.noise[slot], 1.0)
+        self._widening = (lagging, ratio)
+        return out
+
+    def widening(self, spec: Spec) -> np.ndarray | None:
+        """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
+        lagging = self._lagging(spec)
+        if not lagging:
+            return None
+        if self._widening[0] != lagging:
+            self.z(spec)
+        return self._widening[1]
+
+    @staticmethod
+    def _lagging(spec: Spec) -> tuple[tuple[str, float], ...]:
+        library = all_effects()
+        return tuple(
+            (f"{name}.{key}", value)
+            for name, values in spec.items()
+            if library[name].n_states and "measure" in library[name].hooks()
+            for key, value in values.items()
+        )
+
+    @property
+    def state(self) -> dict[str, np.ndarray]:
+        """The state at each window, by the names of `STATE`; NaN where it has none."""
+        if self._state is None:
+            self._state = {name: np.full(len(self.z0), np.nan) for name in STATE}
+            for name in self.equations:
+                for i, slot in self._slots[name]:
+                    for key, series in _run_state(self.runs[i]).items():
+                        at = np.searchsorted(self.runs[i].time, self.time[slot]).clip(0, len(series) - 1)
+                        column = np.minimum(self.side[slot], series.shape[1] - 1)
+                        self._state[key][slot] = series[at, column]
+        return self._state
+
+
+def _run_state(run: Run) -> dict[str, np.ndarray]:
+    cached = run.__dict__.get("_window_state")
+    if cached is None:
+        q = run.q[:, None]
+        p = run.model.params
+        turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
+        cached = {"q": q, "dq": run.smooth("q", 1), "eps": run.eps}
+        cached["deps"] = cached["dq"] * turn
+        if "P" in run.channels:
+            cached["P"], cached["dP"] = run.channels["P"], run.smooth("P", 1)
+        if "u" in run.channels:
+            cached["u"] = run.channels["u"]
+        run.__dict__["_window_state"] = cached
+    return cached
+
+
+def _smallest(value: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Return the least noise that each window may claim: a channel without noise would decide everything alone."""
+    least = np.zeros(len(value))
+    for part in parts:
+        known = noise[part][noise[part] > 0]
+        size = float(np.sqrt(np.mean(np.square(value[part])))) if len(value[part]) else 0.0
+        typical = float(np.median(known)) if len(known) else 0.0
+        least[part] = max(0.2 * typical, 1e-6 * size, 1e-300)
+    return least

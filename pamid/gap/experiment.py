@@ -1,0 +1,95 @@
+"""What to record next: the run under which the two best explanations, each refitted, differ most."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
+from .diagnosis import NextExperiment
+from .evidence import Evidence
+
+if TYPE_CHECKING:
+    from ..bench.parameters import BenchParameters
+    from ..bench.references import Trajectory
+    from .search import Search
+    from .verdict import Verdict
+
+SAMPLES = 2000
+CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
+    ({"kind": "sine", "frequency": 1.0, "amplitude": 15.0}, lambda: sine(1.0, 15.0, SAMPLES)),
+    ({"kind": "sine", "frequency": 10.0, "amplitude": 15.0}, lambda: sine(10.0, 15.0, SAMPLES)),
+    ({"kind": "triangle", "frequency": 1.0, "amplitude": 20.0}, lambda: triangle(1.0, 20.0, SAMPLES)),
+    ({"kind": "step", "start": 0.0, "end": 20.0}, lambda: step(0.0, 20.0, SAMPLES)),
+    ({"kind": "multisine", "amplitude": 10.0}, lambda: multisine(1.0, 10.0, SAMPLES)),
+    ({"kind": "hold", "angle": 10.0}, lambda: hold(10.0, SAMPLES)),
+    ({"kind": "sealed_hold", "angle": 10.0}, lambda: sealed_hold(10.0, SAMPLES)),
+    ({"kind": "isobaric", "frequency": 4.0, "amplitude": 10.0}, lambda: isobaric(4.0, 10.0, SAMPLES)),
+    ({"kind": "isometric", "angle": 0.0, "rise": 1e5}, lambda: isometric(0.0, 1e5, SAMPLES)),
+]
+
+
+def next_experiment(
+    evidence: Evidence, search: Search, verdict: Verdict, params: BenchParameters
+) -> tuple[NextExperiment | None, tuple[str, ...]]:
+    """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
+    two = _rivals(search, verdict)
+    if two is None:
+        return None, ()
+    names, specs = two
+    bench = evidence.simulator(specs[0])
+    try:
+        log = simulate(bench, [make() for _, make in CHOICES], seed=0)
+    except (ValueError, FloatingPointError, ArithmeticError):
+        return None, ()
+    columns = [c for c in log.columns if c in _COLUMNS]
+    if not any(e in ("force", "joint") for e in evidence.equations):
+        columns = [c for c in columns if not c.startswith("F")]
+    if not any(e in ("flow", "valve") for e in evidence.equations):
+        columns = [c for c in columns if not c.startswith("mdot")]
+    trial = Evidence(log[columns], params)
+    difference = trial.z(specs[1]) - trial.z(specs[0]) if specs[1] else trial.z0 - trial.z(specs[0])
+    expected = np.zeros(len(trial.trajectories))
+    amplitude = trial.z(specs[1]) - trial.z0 if specs[1] else np.zeros(len(difference))
+    for t in range(len(expected)):
+        rows = trial.block == t
+        # What tolerances and the rival's own size take up is no difference.
+        A = np.column_stack([trial.J[rows], amplitude[rows]])
+        d = difference[rows]
+        A = A[:, np.any(A != 0, axis=0)]
+        if A.shape[1]:
+            d = d - A @ np.linalg.lstsq(A, d, rcond=None)[0]
+        expected[t] = 0.5 * float(np.sum(np.minimum(np.square(d), 100.0)))
+    best = int(np.argmax(expected))
+    if expected[best] < 3.0:
+        return None, names
+    chosen = next(c for (c, make) in CHOICES if make().name == trial.trajectories[best])
+    reason = (
+        f"{names[0]} and {names[1]}, each refitted, would differ by a log-likelihood of about {expected[best]:.0f} "
+        f"in {SAMPLES / 1000:g} s of it"
+    )
+    return NextExperiment(dict(chosen), names, float(expected[best]), reason), names
+
+
+_COLUMNS = ("trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2", "F1", "F2", "mdot1", "mdot2")
+
+
+def _rivals(search: Search, verdict: Verdict) -> tuple[tuple[str, str], tuple[dict[str, Any], dict[str, Any]]] | None:
+    """Return the two explanations closest to each other, with their specs."""
+    if verdict.kind in ("cause", "class", "several"):
+        found = []
+        for name, rivals in verdict.rivals.items():
+            others = [(g, r) for r, g in rivals if r.added != name]
+            mine = [(g, r) for r, g in rivals if r.added == name]
+            if others and mine:
+                found.append((mine[0][0] - others[0][0], name, mine[0][1], others[0][1]))
+        if not found:
+            return None
+        _, name, mine_, other = min(found, key=lambda f: f[0])
+        return (name, other.added), (verdict.fit.spec if len(verdict.fit.spec) == 1 else mine_.fit.spec, other.fit.spec)
+    if verdict.first is not None and len(verdict.first.rivals) > 1 and verdict.kind == "unknown":
+        a, b = verdict.first.rivals[:2]
+        return (a.added, b.added), (a.fit.spec, b.fit.spec)
+    return None

@@ -1,0 +1,208 @@
+"""Refit a simulator with effects: tolerances and all parameters of the effects together, by Gauss–Newton."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects import Parameter, all_effects
+from .evidence import Evidence, Spec
+from .likelihood import Solution, solve
+
+WINDOWS_PER_ORDER = {1: 1.0, 2: 0.67, 3: 0.55}
+"""What a window counts for: test functions of second and third order overlap their neighbours."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A simulator refitted with effects.
+
+    Parameters
+    ----------
+    spec : dict
+        Effects with their values.
+    x : array, shape (n_free,)
+        Deviations of the parameters, in tolerances.
+    loglik : float
+        Logarithm of the likelihood.
+    z : array, shape (n_windows,)
+        Residuals, in units of the noise.
+    scales : array, shape (n_equations,)
+        Scales of the equations' residuals, at least 1.
+    """
+
+    spec: dict[str, dict[str, float]]
+    x: np.ndarray
+    loglik: float
+    z: np.ndarray
+    scales: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of fitted parameters of the effects."""
+        return sum(len(v) for v in self.spec.values())
+
+
+class Fitter:
+    """Fits of one log.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log.
+    weights : array, shape (n_equations,), optional
+        What a window of each equation counts for.
+    """
+
+    def __init__(self, evidence: Evidence, weights: np.ndarray | None = None) -> None:
+        self.evidence = evidence
+        self.weights = np.ones(len(evidence.parts)) if weights is None else weights
+        self.n = evidence.J.shape[1]
+        self.low, self.high = -np.ones(self.n), np.ones(self.n)
+
+    def linear(
+        self,
+        z0: np.ndarray,
+        D: np.ndarray | None = None,
+        lower: np.ndarray | None = None,
+        upper: np.ndarray | None = None,
+        prior: np.ndarray | None = None,
+        iterations: int = 4,
+        start: np.ndarray | None = None,
+        soft: np.ndarray | None = None,
+        widening: np.ndarray | None = None,
+    ) -> Solution:
+        """Fit tolerances and further columns to residuals.
+
+        Parameters
+        ----------
+        z0, D, lower, upper, prior, iterations
+            As for `solve`, without the columns of the tolerances.
+        start : array, shape (n_free,), optional
+            Deviations of the tolerances to begin from.
+        soft : array, shape (n_windows,), optional
+            Factors by which the noise of each window is widened, the same for all that are compared.
+        widening : array, shape (n_windows,), optional
+            Further such factors that belong to what is fitted, and cost likelihood.
+        """
+        J, cost = self.evidence.J, 0.0
+        if widening is not None:
+            soft = widening if soft is None else soft * widening
+            parts = zip(self.evidence.parts, self.weights, strict=True)
+            cost = sum(float(w) * float(np.sum(np.log(widening[part]))) for part, w in parts)
+        if soft is not None:
+            z0, J = z0 / soft, J / soft[:, None]
+            D = None if D is None else D / soft[:, None]
+        if D is None or lower is None or upper is None:
+            found = solve(
+                z0, J, self.low, self.high, self.evidence.parts, self.weights, iterations=iterations, start=start
+            )
+            return found._replace(loglik=found.loglik - cost)
+        found = solve(
+            z0,
+            np.column_stack([J, D]),
+            np.concatenate([self.low, lower]),
+            np.concatenate([self.high, upper]),
+            self.evidence.parts,
+            self.weights,
+            None if prior is None else np.concatenate([np.zeros(self.n), prior]),
+            iterations,
+            None if start is None else np.concatenate([start, np.zeros(D.shape[1])]),
+        )
+        return found._replace(loglik=found.loglik - cost)
+
+    def base(self) -> Fit:
+        """Fit the tolerances alone."""
+        s = self.linear(self.evidence.z0, iterations=20)
+        return Fit({}, s.x, s.loglik, s.z, s.scales)
+
+    def at(self, spec: Spec) -> Fit:
+        """Fit the tolerances with effects held at their values."""
+        return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.z(spec), None, 20)
+
+    def refine(self, spec: Spec, steps: int = 6, gain: float = 0.3) -> Fit:
+        """Fit everything, beginning from a spec.
+
+        Parameters
+        ----------
+        spec : mapping
+            Effects with values to begin from.
+        steps : int, default=6
+            Most steps.
+        gain : float, default=0.3
+            A step that adds less to the likelihood is the last.
+        """
+        slots = slots_of(spec)
+        phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
+        z = self.evidence.z(spec)
+        best = self._fit(_spec(slots, phi), z, None)
+        damping = 1.0
+        for _ in range(steps):
+            D, lower, upper = self.jacobian(slots, phi, z)
+            step = self.linear(
+                z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
+            ).x[self.n :]
+            while True:
+                trial = np.array(
+                    [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
+                )
+                z_trial = self.evidence.z(_spec(slots, trial))
+                found = self._fit(_spec(slots, trial), z_trial, best.x)
+                if found.loglik > best.loglik or damping < 0.1:
+                    break
+                damping *= 0.35
+            if found.loglik <= best.loglik:
+                break
+            added, best, phi, z = found.loglik - best.loglik, found, trial, z_trial
+            damping = min(1.0, 2.0 * damping)
+            if added < gain:
+                break
+        return best
+
+    def _fit(
+        self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6
+    ) -> Fit:
+        s = self.linear(z, iterations=iterations, start=start, widening=self.evidence.widening(spec))
+        return Fit(spec, s.x, s.loglik, s.z, s.scales)
+
+    def jacobian(
+        self, slots: list[tuple[str, Parameter]], phi: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return sensitivities by finite differences, and how far a step may go."""
+        D, lower, upper = np.empty((len(z), len(phi))), np.empty(len(phi)), np.empty(len(phi))
+        for k, (_, p) in enumerate(slots):
+            v = phi[k]
+            h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
+            h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
+            if v + h > p.upper:
+                h = -h
+            moved = phi.copy()
+            moved[k] += h
+            D[:, k] = (self.evidence.z(_spec(slots, moved)) - z) / h
+            lower[k], upper[k] = p.lower - v, p.upper - v
+            if not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
+                lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(h)))
+            elif not p.linear:
+                reach = 0.1 * (p.upper - p.lower)
+                lower[k], upper[k] = max(lower[k], -reach), min(upper[k], reach)
+        return D, lower, upper
+
+
+def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
+    """Return the parameters of a spec's effects, in order."""
+    library = all_effects()
+    return [(name, p) for name in spec for p in library[name].parameters]
+
+
+def _spec(slots: list[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:
+    spec: dict[str, dict[str, float]] = {}
+    for v, (name, p) in zip(phi, slots, strict=True):
+        spec.setdefault(name, {})[p.name] = float(np.clip(v, p.lower, p.upper))
+    return spec
+
+
+def joined(*specs: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Return the effects of several specs together."""
+    return {name: dict(values) for spec in specs for name, values in spec.items()}

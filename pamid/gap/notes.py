@@ -1,0 +1,123 @@
+"""What a reader of a diagnosis must know, and what a log must have to be diagnosed."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..equations.run import columns_of, trajectory_rows
+from ..errors import ExcitationError
+from .evidence import Evidence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+_STUCK = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
+_MOVED = 0.02  # rad
+
+
+def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
+    """Return notes on a log; raise where nothing could be ranked.
+
+    Raises
+    ------
+    ExcitationError
+        Neither angle nor pressure moves.
+    """
+    from ..equations.evaluate import allowed_equations
+    from ..errors import MissingColumnError
+
+    allowed, skipped = allowed_equations(log)
+    if not allowed:
+        raise MissingColumnError(
+            "The log allows no equation of the bench: " + "; ".join(skipped.values()) + ".",
+            "at least the columns of one equation",
+            "Log the forces F1, F2 or the flows mdot1, mdot2 as well.",
+        )
+    rows = trajectory_rows(log)
+    swing = max(float(np.ptp(v)) if len(v := log["q"].iloc[r].dropna().to_numpy(dtype=float)) else 0.0 for _, r in rows)
+    pressures = [c for c in columns_of("P") if c in log.columns]
+    rise = max(
+        [
+            float(np.ptp(v))
+            for c in pressures
+            for _, r in rows
+            if len(v := log[c].iloc[r].dropna().to_numpy(dtype=float))
+        ]
+        or [0.0]
+    )
+    if swing < 2e-3 and rise < 2e3:
+        raise ExcitationError(
+            f"Nothing moves in the log: the angle by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
+            "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
+            "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
+        )
+    notes = []
+    if len(rows) == 1:
+        notes.append(
+            "The log has one trajectory only: intervals over trajectories cannot be given, and nothing is held out."
+        )
+    if not params.tolerance:
+        notes.append(
+            "The simulator file states no tolerances: its parameters count as exact, and a parameter that is a little "
+            "off shows as a gap. Add a [tolerance] table."
+        )
+    lost = float(log[[c for c in log.columns if c != "trajectory"]].isna().any(axis=1).mean())
+    if lost:
+        notes.append(f"{100 * lost:.1f} % of the rows have a missing value; windows that hold one are left out.")
+    notes += [f"Not looked at: {why}." for why in skipped.values()]
+    return notes
+
+
+def without_stuck(log: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return a log without the readings of sensors that repeat one value while the joint moves, and notes on them."""
+    notes: list[str] = []
+    changed: dict[str, np.ndarray] = {}
+    rows = trajectory_rows(log)
+    for channel in ("P", "F", "mdot"):
+        for column in columns_of(channel):
+            if column not in log.columns:
+                continue
+            x = log[column].to_numpy(dtype=float, na_value=np.nan)
+            stuck = np.zeros(len(x), dtype=bool)
+            for _, r in rows:
+                q = log["q"].iloc[r].to_numpy(dtype=float, na_value=np.nan)
+                time = log["time"].iloc[r].to_numpy(dtype=float, na_value=np.nan)
+                stuck[r] = _stuck(x[r], q, time)
+            if stuck.any():
+                changed[column] = np.where(stuck, np.nan, x)
+                notes.append(
+                    f"{column} repeats one value while the joint moves in {100 * stuck.mean():.1f} % of the rows: a "
+                    "stuck or clipped sensor. Those readings are left out."
+                )
+    return (log.assign(**changed), notes) if changed else (log, notes)
+
+
+def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
+    out = np.zeros(len(x), dtype=bool)
+    if len(x) < 3:
+        return out
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
+    for a, b in pairwise(edges.tolist()):
+        if b - a > 10 and time[b - 1] - time[a] > _STUCK and np.ptp(q[a:b]) > _MOVED:
+            out[a:b] = True
+    return out
+
+
+def notes_on(evidence: Evidence) -> list[str]:
+    """Return notes on what the windows of a log say."""
+    notes = [
+        "The noise floor rests on the differences between neighbouring samples of each channel, not on repeated runs."
+    ]
+    intervals = sorted({round(run.dt, 9) for run in evidence.runs})
+    if len(intervals) > 1:
+        notes.append(
+            "The log mixes sampling intervals: "
+            + ", ".join(f"{1e3 * dt:g} ms" for dt in intervals)
+            + ". Each trajectory is held against its own."
+        )
+    return notes

@@ -1,0 +1,246 @@
+"""Which effects explain the residuals: screening, refits, and one more effect as long as it earns its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects import all_effects
+from .evidence import Evidence
+from .fit import Fit, Fitter, joined
+from .likelihood import form_cost, scale
+from .templates import Template, templates
+
+SHORT_LIST = 5
+"""Effects that are refitted at each stage."""
+MAX_CAUSES = 3
+FORM = 0.3
+"""How far, as a share, the form of an effect may differ smoothly from the library's over the range of the state."""
+INEXACT = 0.015
+"""How far, as a share, it may differ otherwise."""
+CROSS = 0.01
+"""What an effect may add, as a share, to windows and equations that the library's form does not know of."""
+_CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
+
+
+@dataclass
+class Rival:
+    """A refitted explanation.
+
+    Parameters
+    ----------
+    added : str
+        The effect that was added at this stage.
+    fit : Fit
+        Everything refitted with it.
+    plain, loose : float
+        Its likelihood as it is and with loosened forms, at the softness of its stage.
+    left : array, shape (n_equations,)
+        Scale of what is left with loosened forms, at its own softness; may be less than 1.
+    """
+
+    added: str
+    fit: Fit
+    plain: float
+    loose: float
+    left: np.ndarray
+
+
+@dataclass
+class Stage:
+    """One round of the search: what stood before, and what was tried on top.
+
+    Parameters
+    ----------
+    before : Rival
+        What stood before, at the softness of this stage.
+    screened : dict of str to (float, dict)
+        For each effect of the library the gain in likelihood of its best template, and its values there.
+    rivals : list of Rival
+        The refitted ones, the best first.
+    """
+
+    before: Rival
+    screened: dict[str, tuple[float, dict[str, float]]]
+    rivals: list[Rival]
+
+
+class Search:
+    """The search over a library of effects.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log.
+    fitter : Fitter
+        Its fits.
+    library : sequence of str
+        Effects that may be named.
+    progress : callable, optional
+        Called with a text at each step.
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        fitter: Fitter,
+        library: Sequence[str],
+        progress: Callable[[str], None] | None = None,
+    ) -> None:
+        self.evidence, self.fitter, self.library = evidence, fitter, list(library)
+        self.say = progress or (lambda _: None)
+        known = all_effects()
+        self.templates: dict[str, list[Template]] = {}
+        for name in library:
+            self.say(f"sensitivity to {name}")
+            if found := templates(evidence, known[name]):
+                self.templates[name] = found
+        self._contributions: dict[str, dict[str, np.ndarray]] = {}
+        base = fitter.base()
+        self.base = Rival("", base, base.loglik, base.loglik, self._left(base.z))
+        self.stages: list[Stage] = []
+
+    # --- forms that may differ ------------------------------------------------------------------------------
+    def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
+        """Return what each effect of a fit that has a form of its own adds to the residuals, in units of the noise."""
+        key = repr(fit.spec)
+        if key not in self._contributions:
+            library, whole = all_effects(), self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+            found = {}
+            for name in fit.spec:
+                if _CONSTITUTIVE & set(library[name].hooks()):
+                    rest = {k: v for k, v in fit.spec.items() if k != name}
+                    found[name] = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
+            self._contributions = {**dict(list(self._contributions.items())[-3:]), key: found}
+        return self._contributions[key]
+
+    def softness(self, fit: Fit) -> np.ndarray | None:
+        """Return by how much the noise is widened because the forms of a fit's effects are not exact.
+
+        Where an effect acts it may be wrong by `INEXACT` of what it adds there; and what is loud in one equation may
+        well whisper in another one.
+        """
+        variance = np.zeros(len(self.evidence.z0))
+        for d in self.contributions(fit).values():
+            loudest = max(float(np.sqrt(np.mean(np.square(d[part])))) for part in self.evidence.parts)
+            variance += np.square(INEXACT * d) + (CROSS * loudest) ** 2
+        return np.sqrt(1.0 + variance) if np.any(variance) else None
+
+    def loosened(self, fit: Fit) -> np.ndarray:
+        """Return columns that loosen the form of the effects: each one's contribution times a standardised signal.
+
+        A friction that grows with the pressure or a leak through a sharper orifice is still friction, or a leak. What
+        such a variation explains is no evidence for a second cause.
+        """
+        signals = _signals(self.evidence.state)
+        columns = [d * signal for d in self.contributions(fit).values() for signal in signals]
+        return np.column_stack(columns) if columns else np.zeros((len(self.evidence.z0), 0))
+
+    def rival(self, added: str, fit: Fit, soft: np.ndarray | None = None) -> Rival:
+        """Return a fit with its likelihood under loosened forms."""
+        columns = self.loosened(fit)
+        k = columns.shape[1]
+        bounds = np.full(k, 2 * FORM)
+        z = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+        prior = np.full(k, FORM**-2)
+        widening = self.evidence.widening(fit.spec)
+        plain = self.fitter.linear(z, None, None, None, None, 4, fit.x, soft, widening)
+        if not k:
+            return Rival(added, fit, plain.loglik, plain.loglik, self._left(plain.z))
+        s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, soft, widening)
+        scaled = columns if soft is None else columns / soft[:, None]
+        loose = s.loglik - form_cost(scaled, s, self.evidence.parts, prior, self.fitter.weights)
+        own = self.softness(fit)
+        left = s.z if own is None else s.z * (1.0 if soft is None else soft) / own
+        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self._left(left))
+
+    def _left(self, z: np.ndarray) -> np.ndarray:
+        return np.array([_raw_scale(z[part]) for part in self.evidence.parts])
+
+    # --- stages ---------------------------------------------------------------------------------------------
+    def stage(self, fit: Fit) -> Stage:
+        """Try every effect of the library on top of a fit."""
+        soft = self.softness(fit)
+        before = self.rival("", fit, soft)
+        z = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+        nuisance = self.loosened(fit)
+        k = nuisance.shape[1]
+        form, prior = np.full(k, 2 * FORM), np.full(k, FORM**-2)
+        screened: dict[str, tuple[float, dict[str, float]]] = {}
+        for name, found in self.templates.items():
+            if name in fit.spec:
+                continue
+            for t in found:
+                m = t.columns.shape[1]
+                s = self.fitter.linear(
+                    z,
+                    np.column_stack([t.columns, nuisance]),
+                    np.concatenate([t.lower, -form]),
+                    np.concatenate([t.upper, form]),
+                    np.concatenate([np.zeros(m), prior]),
+                    4,
+                    fit.x,
+                    soft,
+                    self.evidence.widening(fit.spec),
+                )
+                gain = s.loglik - before.loose - penalty(m, self.evidence)
+                if name not in screened or gain > screened[name][0]:
+                    screened[name] = (gain, t.values(s.x[self.fitter.n : self.fitter.n + m]))
+        rivals = []
+        for name in sorted(screened, key=lambda n: -screened[n][0])[:SHORT_LIST]:
+            self.say(f"refit with {name}")
+            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}))
+            rivals.append(self.rival(name, refined, soft))
+        rivals.sort(key=lambda r: self.gain(before, r), reverse=True)
+        self.stages.append(Stage(before, screened, rivals))
+        return self.stages[-1]
+
+    def gain(self, before: Rival, after: Rival) -> float:
+        """Return the gain in likelihood from one explanation to a larger one, less a penalty for what it adds.
+
+        What an effect gains only by bending its form counts half: a form is known roughly, but it is known.
+        """
+        bent = 0.5 * (after.plain - before.plain) + 0.5 * (after.loose - before.loose)
+        cost = penalty(after.fit.size - before.fit.size, self.evidence)
+        return min(bent, after.loose - before.loose) - cost if degenerate(after.fit, after.added) is None else -cost
+
+
+def degenerate(fit: Fit, name: str) -> str | None:
+    """Return the parameter at whose bound an effect of a fit has turned into another one; None if it has not."""
+    if name not in fit.spec:
+        return None
+    values, parameters = fit.spec[name], all_effects()[name].parameters
+    for p in parameters:
+        if not p.essential:
+            continue
+        value = values[p.name]
+        if p.linear:
+            others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
+            if abs(value) < 0.1 * others:
+                return p.name
+        elif value >= 0.98 * p.upper or (p.lower > 0 and value <= 1.02 * p.lower):
+            return p.name
+    return None
+
+
+def _raw_scale(z: np.ndarray) -> float:
+    """Return the robust scale of residuals, which may be less than one."""
+    return scale(z, 0.0)
+
+
+def penalty(k: int, evidence: Evidence) -> float:
+    """Return what k further parameters cost (Schwarz)."""
+    return 0.5 * k * float(np.log(max(len(evidence.z0), 2)))
+
+
+def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Return signals of the state between about −1 and 1; zero where a window has none."""
+    found = []
+    for x in (state["P"], state["eps"], np.abs(state["deps"]), np.abs(state["u"])):
+        if np.all(np.isnan(x)):
+            continue
+        low, mid, high = np.nanquantile(x, (0.05, 0.5, 0.95))
+        found.append(np.nan_to_num((x - mid) / max(high - low, 1e-12)).clip(-2.0, 2.0))
+    return found

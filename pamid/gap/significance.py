@@ -1,0 +1,140 @@
+"""Is there a gap at all: the best score over the whole library against what noise alone would make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from .evidence import Evidence
+from .fit import Fit
+from .likelihood import NU
+from .search import penalty
+from .templates import Template
+
+BLOCK = 0.3
+"""Length of the stretches of time whose sign is flipped as a whole, s: longer than what residuals remember."""
+REPLICATES = 199
+
+
+class Significance(NamedTuple):
+    """The test of no gap.
+
+    Parameters
+    ----------
+    observed : float
+        The largest score of the library, a gain in log-likelihood less its penalty.
+    p_value : float
+        Probability of as large a score without a gap.
+    threshold : float
+        Score that noise alone exceeds in one of a hundred logs.
+    """
+
+    observed: float
+    p_value: float
+    threshold: float
+
+
+def library_test(
+    evidence: Evidence, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
+) -> Significance:
+    r"""Test whether any effect of the library explains more than noise would let it.
+
+    The residuals of the refitted simulator keep their size and their tails while the signs of stretches of time are
+    drawn anew; the largest score over the whole library is then compared with its distribution under such draws. The
+    tail beyond the draws is that of a Gumbel distribution, the limit of a maximum.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log.
+    fit : Fit
+        The simulator refitted without effects.
+    found : iterable of Template
+        The library's templates.
+    random_state : RandomState
+        Draws the signs.
+
+    References
+    ----------
+    C. F. J. Wu, "Jackknife, bootstrap and other resampling methods in regression analysis", The Annals of Statistics
+    14(4), 1986. https://doi.org/10.1214/aos/1176350142
+    """
+    found = list(found)
+    if not found:
+        return Significance(0.0, 1.0, np.inf)
+    root = np.empty(len(fit.z))
+    for part, s in zip(evidence.parts, fit.scales, strict=True):
+        root[part] = np.sqrt((NU + 1.0) / (NU + np.square(fit.z[part] / s))) / s
+    zw = fit.z * root
+    J = evidence.J * root[:, None]
+    Q = np.linalg.qr(J)[0] if J.shape[1] else J
+    signs = _signs(evidence, random_state)
+    Z = np.column_stack([zw, zw[:, None] * signs])
+    Z -= Q @ (Q.T @ Z)
+    best = np.full(Z.shape[1], -np.inf)
+    for t in found:
+        T = t.columns * root[:, None]
+        T = T - Q @ (Q.T @ T)
+        size = np.sqrt(np.sum(T * T, axis=0))
+        usable = size > 1e-6 * np.sqrt(np.sum(np.square(t.columns * root[:, None]), axis=0))
+        if not usable.any():
+            continue
+        T = T[:, usable] / size[usable]
+        U, s, _ = np.linalg.svd(T, full_matrices=False)
+        U = U[:, s > 1e-4 * s[0]]
+        along = U.T @ Z
+        score = 0.5 * np.sum(along * along, axis=0)
+        if U.shape[1] == 1 and t.lower[usable][0] >= 0.0:  # an amplitude that cannot be negative
+            score = np.where(-(T.T @ Z)[0] > 0.0, score, 0.0)
+        best = np.maximum(best, score - penalty(U.shape[1], evidence))
+    drawn = best[1:]
+    spread = max(float(np.std(drawn)) * np.sqrt(6.0) / np.pi, 0.3)
+    place = float(np.mean(drawn)) - 0.5772 * spread
+    p = -np.expm1(-np.exp(-(best[0] - place) / spread))
+    return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
+
+
+def _signs(evidence: Evidence, random_state: np.random.RandomState) -> np.ndarray:
+    """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
+    stretch = np.floor(evidence.time / BLOCK).astype(int)
+    _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
+    draws = random_state.randint(0, 2, size=(label.max() + 1, REPLICATES)) * 2 - 1
+    return draws[label.ravel()]
+
+
+class Excess(NamedTuple):
+    """How far an equation's residual is above its noise.
+
+    Parameters
+    ----------
+    scale : float
+        Robust scale of the residual in units of the noise.
+    p_value : float
+        Probability of as much if the noise is known to `NOISE_KNOWN`.
+    """
+
+    scale: float
+    p_value: float
+
+
+NOISE_KNOWN = 0.04
+"""How well the noise of an equation is known from its own signals, as a share."""
+
+
+def excess(evidence: Evidence, z: np.ndarray, part: slice, size: float) -> Excess:
+    """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
+    from scipy.stats import norm
+
+    stretch = np.floor(evidence.time[part] / BLOCK).astype(int)
+    _, label = np.unique(
+        np.column_stack([evidence.run[part], evidence.side[part], stretch]), axis=0, return_inverse=True
+    )
+    power = np.minimum(np.square(z[part]), 25.0 * size**2)
+    count = np.bincount(label.ravel())
+    means = np.bincount(label.ravel(), power) / count
+    mean = float(np.average(means, weights=count))
+    error = float(np.sqrt(np.average(np.square(means - mean), weights=count) / max(len(means) - 1, 1)))
+    known = 2.0 * NOISE_KNOWN
+    return Excess(size, float(norm.sf((mean - 1.0) / np.hypot(error, known))))

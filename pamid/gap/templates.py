@@ -1,0 +1,101 @@
+"""What every effect of the library would do to the residuals: columns to fit with, on a grid of what is nonlinear."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects import Effect, Parameter
+from .evidence import Evidence
+
+_REACH = 12.0
+"""How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
+_POINTS = {1: 6, 2: 4}
+"""Points of the grid by the number of nonlinear parameters; more than two get three each."""
+
+
+@dataclass(frozen=True)
+class Template:
+    """An effect at one point of its grid, linear in what is left to fit.
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    fixed : dict of str to float
+        Values of the parameters on the grid.
+    linear : tuple of str
+        The parameters that the columns belong to; empty where the only column is the effect as a whole.
+    columns : array, shape (n_windows, n_columns)
+        Change of the residuals for a unit of each parameter, or for the effect as it stands.
+    lower, upper : array, shape (n_columns,)
+        Bounds of the coefficients.
+    """
+
+    effect: str
+    fixed: dict[str, float]
+    linear: tuple[str, ...]
+    columns: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def values(self, x: np.ndarray) -> dict[str, float]:
+        """Return all parameters of the effect at fitted coefficients."""
+        found = {name: float(v) for name, v in zip(self.linear, x, strict=False)}
+        return {**self.fixed, **found}
+
+
+def templates(evidence: Evidence, effect: type[Effect]) -> list[Template]:
+    """Return an effect's templates; none if it changes no equation that the log allows."""
+    if not evidence.touched([effect.name]):
+        return []
+    linear = [p for p in effect.parameters if p.linear]
+    others = [p for p in effect.parameters if not p.linear]
+    if not linear and len(others) == 1 and others[0].lower < 0.0:
+        return _small_change(evidence, effect.name, others[0])
+    found = []
+    for point in itertools.product(*(grid(p, len(others)) for p in others)):
+        fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
+        if linear:
+            columns, bounds = [], []
+            for p in linear:
+                unit = _unit(p)
+                alone = {q.name: unit if q is p else 0.0 for q in linear}
+                columns.append((evidence.z({effect.name: {**fixed, **alone}}) - evidence.z0) / unit)
+                bounds.append((p.lower, p.upper))
+            names = tuple(p.name for p in linear)
+        else:
+            columns = [evidence.z({effect.name: fixed}) - evidence.z0]
+            bounds, names = [(0.0, 2.0)], ()
+        D = np.column_stack(columns)
+        if np.all(np.isfinite(D)) and np.any(D):
+            lower, upper = np.array(bounds, dtype=float).T
+            found.append(Template(effect.name, fixed, names, D, lower, upper))
+    return found
+
+
+def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
+    """Return the grid of a nonlinear parameter."""
+    if p.lower < 0.0:
+        return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
+    if p.nominal == 0.0:
+        return [0.0, p.upper]
+    low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
+    points = _POINTS.get(n_nonlinear, 3)
+    return np.geomspace(low, high, points if high > 3.0 * low or n_nonlinear == 1 else 2).tolist()
+
+
+def _unit(p: Parameter) -> float:
+    return p.nominal if p.nominal else 0.01 * p.upper
+
+
+def _small_change(evidence: Evidence, name: str, p: Parameter) -> list[Template]:
+    """Return the template of a parameter that changes the equations themselves, to first order."""
+    h = 0.1 * p.nominal if p.nominal else 0.01 * p.upper
+    D = (evidence.z({name: {p.name: h}}) - evidence.z0) / h
+    if not np.any(D):
+        return []
+    return [Template(name, {}, (p.name,), D[:, None], np.array([p.lower]), np.array([p.upper]))]

@@ -1,0 +1,157 @@
+"""Where a gap lies: in which equations, regions of the state, bands of frequency and trajectories."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .diagnosis import Band, Region, TrajectoryShare
+from .evidence import Evidence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 25.0))
+"""Bands of frequency, Hz; windows of 20 ms see no more than 25 Hz."""
+_FEATURES = ("eps", "deps", "P", "dP", "u")
+_JOINT_FEATURES = ("q", "dq")
+_LIFT = 0.2  # a region holds at least this much more of the gap than of the samples
+
+
+def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
+    """Return a log with the state beside it, for the queries of a diagnosis.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench.
+    params : BenchParameters
+        The simulator.
+
+    Returns
+    -------
+    DataFrame
+        The log with ``dq`` (rad/s) and, for each muscle k, ``epsk``, ``depsk`` (1/s) and ``dPk`` (Pa/s).
+    """
+    import pandas as pd
+
+    from ..equations.run import SIGNS, Model, columns_of, runs
+
+    channels = ["P"] if all(c in log.columns for c in columns_of("P")) else []
+    p = params
+    turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
+    parts = []
+    for run in runs(log, Model(params), channels):
+        dq = run.smooth("q", 1)
+        part = {"trajectory": run.trajectory, "time": run.time, "dq": dq[:, 0]}
+        for k in (0, 1):
+            part[f"eps{k + 1}"], part[f"deps{k + 1}"] = run.eps[:, k], dq[:, 0] * turn[k]
+            if channels:
+                part[f"dP{k + 1}"] = run.smooth("P", 1)[:, k]
+        parts.append(pd.DataFrame(part))
+    state = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["trajectory", "time"])
+    return log.assign(trajectory=log["trajectory"].astype(str)).merge(state, on=["trajectory", "time"], how="left")
+
+
+def shares(values: np.ndarray) -> np.ndarray:
+    """Return values as shares of their sum; equal shares if all are zero."""
+    values = np.maximum(np.asarray(values, dtype=float), 0.0)
+    total = values.sum()
+    return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
+
+
+def regions(evidence: Evidence, equation: str, power: np.ndarray, most: int = 2) -> list[Region]:
+    """Return the regions of the state that hold more of an equation's gap than of its samples.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log.
+    equation : str
+        The equation.
+    power : array, shape (n_windows,)
+        The gap's power at each window.
+    most : int, default=2
+        Most regions.
+    """
+    from sklearn.tree import DecisionTreeRegressor
+
+    part = evidence.parts[evidence.equations.index(equation)]
+    names = _JOINT_FEATURES if equation == "joint" else _FEATURES
+    state = {n: evidence.state[n][part] for n in names if np.all(np.isfinite(evidence.state[n][part]))}
+    y = power[part]
+    if not state or len(y) < 100 or not np.any(y > 0):
+        return []
+    X = np.column_stack(list(state.values()))
+    y = np.minimum(y, np.quantile(y, 0.995))
+    tree = DecisionTreeRegressor(max_leaf_nodes=5, min_samples_leaf=max(20, len(y) // 25), random_state=0).fit(X, y)
+    leaf = tree.apply(X)
+    total = y.sum()
+    found = []
+    for node in np.unique(leaf):
+        inside = leaf == node
+        share, samples = float(y[inside].sum() / total), float(inside.mean())
+        if share - samples > _LIFT * (1.0 - samples) and share > 0.15:
+            found.append((share - samples, node, share, samples))
+    found.sort(reverse=True)
+    side = "" if equation == "joint" else "1"
+    out = []
+    for _, node, share, samples in found[:most]:
+        query = _path(tree.tree_, int(node), list(state), side)
+        if query:
+            out.append(Region(equation, query, share, samples))
+    return out
+
+
+def _path(tree: object, node: int, names: list[str], side: str) -> str:
+    """Return the conditions that lead to a leaf, one for each bound of each signal."""
+    parent: dict[int, tuple[int, bool]] = {}
+    for k in range(tree.node_count):  # type: ignore[attr-defined]
+        for child, right in ((tree.children_left[k], False), (tree.children_right[k], True)):  # type: ignore[attr-defined]
+            if child >= 0:
+                parent[int(child)] = (k, right)
+    low: dict[str, float] = {}
+    high: dict[str, float] = {}
+    while node in parent:
+        node, right = parent[node]
+        name, value = names[tree.feature[node]], float(tree.threshold[node])  # type: ignore[attr-defined]
+        if right:
+            low[name] = max(low.get(name, -np.inf), value)
+        else:
+            high[name] = min(high.get(name, np.inf), value)
+    terms = []
+    for name in names:
+        column = name + side
+        if name in low:
+            terms.append(f"{column} > {low[name]:.4g}")
+        if name in high:
+            terms.append(f"{column} <= {high[name]:.4g}")
+    return " and ".join(terms)
+
+
+def bands(evidence: Evidence, equation: str, gap: np.ndarray) -> list[Band]:
+    """Return how the power of an equation's gap is spread over frequency."""
+    part = evidence.parts[evidence.equations.index(equation)]
+    g, run, side, time = gap[part], evidence.run[part], evidence.side[part], evidence.time[part]
+    power = np.zeros(len(BANDS))
+    for key in np.unique(np.column_stack([run, side]), axis=0):
+        mine = (run == key[0]) & (side == key[1])
+        x, t = g[mine], time[mine]
+        if len(x) < 8:
+            continue
+        spectrum = np.abs(np.fft.rfft(x)) ** 2
+        spectrum[1:] *= 2.0
+        f = np.fft.rfftfreq(len(x), float(np.median(np.diff(t))))
+        for k, (low, high) in enumerate(BANDS):
+            power[k] += float(spectrum[(f >= low) & (f < high + (1e-9 if k == len(BANDS) - 1 else 0.0))].sum()) / len(x)
+    return [Band(equation, *b, share=float(s)) for b, s in zip(BANDS, shares(power), strict=True)]
+
+
+def trajectories(evidence: Evidence, power: np.ndarray) -> list[TrajectoryShare]:
+    """Return how a gap's power is spread over the trajectories, the largest share first."""
+    sums = np.bincount(evidence.block, power, minlength=len(evidence.trajectories))
+    found = [TrajectoryShare(n, float(s)) for n, s in zip(evidence.trajectories, shares(sums), strict=True)]
+    return sorted(found, key=lambda t: -t.share)
