@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from ..signals.state import Array
@@ -34,7 +32,7 @@ class Gain(Effect):
     """Every reading too large or too small by a factor: parameter ``deviation``."""
 
     deviation: float
-    zero: ClassVar[float] = 0.0
+    zero: float = 0.0
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the value times 1 + deviation, about the zero of the sensor."""

@@ -8,14 +8,14 @@ from .base import Parameter
 
 
 class PressureGain(Gain):
-    r"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure.
+    r"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure unless stated otherwise.
 
-    .. math:: P' = P + \delta\,(P - P_\mathrm{atm})
+    .. math:: P' = P + \delta\,(P - P_0)
 
     Parameters
     ----------
     **values : float
-        ``deviation`` δ, relative deviation of the gauge pressure read (dimensionless).
+        ``deviation`` δ, relative deviation (dimensionless), ``zero`` P₀, where the sensor reads right (Pa, absolute).
 
     References
     ----------
@@ -29,6 +29,9 @@ class PressureGain(Gain):
     site = "muscle"
     roles = ("pressure",)
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("deviation", "-", -0.5, 0.5, 0.02, "deviation of the gauge pressure", linear=True),)
-    zero = ATMOSPHERIC_PRESSURE
+    parameters = (
+        Parameter("deviation", "-", -0.5, 0.5, 0.02, "deviation of the pressure from the zero", linear=True),
+        Parameter("zero", "Pa", 0.0, 1.2e5, ATMOSPHERIC_PRESSURE, "pressure at which the reading is right"),
+    )
     deviation: float
+    zero: float

@@ -104,15 +104,14 @@ class Search:
 
     # --- forms that may differ ------------------------------------------------------------------------------
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
-        """Return what each effect of a fit that has a form of its own adds to the residuals, in units of the noise."""
+        """Return what each effect of a fit adds to the residuals, in units of the noise."""
         key = repr(fit.spec)
         if key not in self._contributions:
-            library, whole = all_effects(), self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+            whole = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
             found = {}
             for name in fit.spec:
-                if _CONSTITUTIVE & set(library[name].hooks()):
-                    rest = {k: v for k, v in fit.spec.items() if k != name}
-                    found[name] = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
+                rest = {k: v for k, v in fit.spec.items() if k != name}
+                found[name] = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
             self._contributions = {**dict(list(self._contributions.items())[-3:]), key: found}
         return self._contributions[key]
 
@@ -135,7 +134,13 @@ class Search:
         such a variation explains is no evidence for a second cause.
         """
         signals = _signals(self.evidence.state)
-        columns = [d * signal for d in self.contributions(fit).values() for signal in signals]
+        library = all_effects()
+        columns = [
+            d * signal
+            for name, d in self.contributions(fit).items()
+            if _CONSTITUTIVE & set(library[name].hooks())  # a sensor's fault or a wrong length has no form to bend
+            for signal in signals
+        ]
         return np.column_stack(columns) if columns else np.zeros((len(self.evidence.z0), 0))
 
     def rival(self, added: str, fit: Fit, soft: np.ndarray | None = None) -> Rival:

@@ -68,7 +68,8 @@ def library_test(
     for part, s in zip(evidence.parts, fit.scales, strict=True):
         root[part] = np.sqrt((NU + 1.0) / (NU + np.square(fit.z[part] / s))) / s
     zw = fit.z * root
-    J = evidence.J * root[:, None]
+    # A parameter at the end of its tolerance cannot go further that way: an effect may stand for what is beyond.
+    J = (evidence.J * root[:, None])[:, np.abs(fit.x) < 0.999]
     Q = np.linalg.qr(J)[0] if J.shape[1] else J
     signs = _signs(evidence, random_state)
     Z = np.column_stack([zw, zw[:, None] * signs])

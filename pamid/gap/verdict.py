@@ -16,13 +16,13 @@ FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 LEAST_GAIN = 10.0
 """Gain in log-likelihood that an effect must bring at least; noise alone rarely brings five."""
-AUDIBLE = 0.05
+AUDIBLE = 0.03
 """A further cause that is fainter than this share of the loudest one may be an error of its form."""
 CLOSES = 0.4
 """Share of what is left in an equation that a further cause must close."""
 CLEAR = 1.5
 """Scale of what is left, in noise, up to which a cause may leave something unexplained …"""
-FORM_LEFT = 0.03
+FORM_LEFT = 0.04
 """… and the share of the scale before that comes on top, for its form."""
 SHARE_LEFT = 0.4
 """Share of an equation's excess that may be left."""
