@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import warnings
 
 import numpy as np
@@ -433,3 +434,80 @@ def test_trainers_of_one_s_own(published):
         QAdapter(published, 4.0, trainer="sgd").fit(few, few["mdot"])
     held = QAdapter(published, 4.0, weight_decay=1e-6, validation_fraction=0.3, max_iter=4, random_state=0)
     assert len(held.fit(few, few["mdot"]).validation_curve_) >= 1
+
+
+# --- command line ---------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    from pamid.cli import main
+
+    folder = tmp_path_factory.mktemp("adapt")
+    runs = [
+        x for f, a in ((4, 20), (10, 10)) for x in ("--trajectory", f"sine:frequency={f},amplitude={a},seconds=0.6")
+    ]
+    for muscle in "AB":
+        log = str(folder / f"{muscle}.parquet")
+        assert main(["simulate", "--muscle", muscle, *runs, "--out", log, "--quiet"]) == 0
+    fit = [
+        "fit",
+        str(folder / "A.parquet"),
+        "--estimator",
+        "ThermodynamicPIHM",
+        "--folds",
+        "0",
+        "--thin",
+        "5",
+        "--quiet",
+    ]
+    small = ["--set", "hidden_layer_sizes=(8,)", "--set", "max_iter=10"]
+    assert main([*fit, *small, "--out", str(folder / "A.pamid")]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("method", ["q", "scales", "lora", "partial", "full"])
+def test_command_adapts_and_saves(folder, method, capsys):
+    from pamid.cli import main
+
+    out = folder / f"{method}.pamid"
+    command = ["adapt", str(folder / "A.pamid"), str(folder / "B.parquet"), "--muscle", "B", "--method", method]
+    if method == "lora":
+        # LoRA's default ranks are for the published network
+        assert main([*command, "--out", str(out), "--quiet"]) == 2
+        assert "rank" in capsys.readouterr().err
+        assert not out.exists()
+        return
+    folds = ["--folds", "2"] if method == "q" else ["--folds", "0"]
+    assert main([*command, *folds, "--samples", "200", "--out", str(out), "--json", "--quiet"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["after"]["rmse"] < 0.5 * report["before"]["rmse"]
+    if method == "q":
+        assert report["parameters"]["Q0"] == pytest.approx(4.0)
+        assert report["parameters"]["Q"] == pytest.approx(4.0, rel=0.1)
+        assert report["held_out"]["rmse"] < 0.5 * report["before"]["rmse"]
+    elif method == "scales":
+        assert report["parameters"]["diameter_factor"] == pytest.approx(2.0, rel=0.05)
+    assert load(out).predict(timed_log(folder)).shape == (len(timed_log(folder)),)
+
+
+def timed_log(folder):
+    from pamid.bench import BenchParameters, unfold
+    from pamid.signals import read_log
+
+    return unfold(read_log(folder / "B.parquet"), BenchParameters.for_muscle("B"))[["trajectory", "time", "eps", "P"]]
+
+
+def test_command_says_what_is_wrong(folder, capsys):
+    from pamid.cli import main
+
+    command = ["adapt", str(folder / "A.pamid"), str(folder / "B.parquet"), "--out", str(folder / "x.pamid"), "--quiet"]
+    for more, word in (
+        (["--muscle", "Z"], "muscle"),
+        (["--muscle", "0.2,wide"], "--muscle 0.2,0.02"),
+        (["--muscle", "0.2,-1"], "positive length"),
+        (["--folds", "1"], "--folds"),
+    ):
+        assert main([*command, *more]) == 2, more
+        printed = capsys.readouterr()
+        assert word in printed.err
+        assert "Traceback" not in printed.err
+    assert not (folder / "x.pamid").exists()

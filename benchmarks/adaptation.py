@@ -1,0 +1,375 @@
+"""Adaptation from muscle A to B and C on the twin as in the study, and between measured Festo muscles.
+
+Parts: ``table`` (parameters, loss, errors on target, triangles and steps, time, for the published methods and pamid's),
+``samples`` (held-out error over the number of adaptation samples), ``muscles`` (every muscle as source and as target),
+``scaling`` (a step's time and memory over samples and width, against the matrix products alone), ``festo`` (needs
+``--festo FOLDER`` with ``10mm_20cm_Unkink.mat`` and its like, of github.com/Agile-and-Adaptive-Robotics/Muscle_Sensory,
+no licence stated and not part of this package). Times are CPU seconds of one thread, so that other work on the machine
+does not count. ``--epochs`` below the published 10,000 scales the published methods' times up to it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+import tracemalloc
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # the figures are for one core
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+import pandas as pd
+import torch
+from pamid.estimators import (
+    FullFineTuning,
+    LoRA,
+    PartialFineTuning,
+    QAdapter,
+    RateTransformer,
+    ScaleAdapter,
+    StaticPIHM,
+    ThermodynamicPIHM,
+)
+from sklearn.frozen import FrozenEstimator
+
+from pamid.bench import BenchParameters, dataset, unfold
+
+EPOCHS = 10_000
+"""Epochs of the published algorithms."""
+SCRATCH_STEPS = EPOCHS * 16
+"""Steps of Algorithm 1: 31,464 samples in batches of 2,048."""
+COLUMNS = ["trajectory", "eps", "deps", "P", "dP"]
+SETS = ("target", "tri", "step")
+STATE: dict[str, Any] = {"cutoffs": {}}
+
+
+def sizes(muscle: str) -> dict[str, float]:
+    m = BenchParameters.for_muscle(muscle).muscle
+    return {"rest_length": m.rest_length, "rest_diameter": m.rest_diameter}
+
+
+@cache
+def log(name: str, muscle: str, seed: int) -> pd.DataFrame:
+    """Simulate a data set and take the upper muscle with its rates, tuned on the first seed's sines."""
+    params = BenchParameters.for_muscle(muscle)
+    table = unfold(dataset(name, seed=seed, muscle=muscle), params)
+    table = table[table["muscle"] == 1].reset_index(drop=True)[["trajectory", "time", "eps", "P", "mdot"]]
+    rates = RateTransformer(columns=("eps", "P"), smooth=True, tuning=STATE["cutoffs"].get(name, "auto")).fit(table)
+    STATE["cutoffs"].setdefault(name, tuple(rates.cutoffs_))
+    return rates.transform(table)
+
+
+def sets_of(muscle: str, seed: int) -> dict[str, pd.DataFrame]:
+    return {
+        "target": log(f"D_{muscle}", muscle, seed),
+        "tri": log("D_tri", muscle, seed),
+        "step": log("D_step", muscle, seed),
+    }
+
+
+def errors(model: Any, muscle: str, seed: int) -> dict[str, float]:
+    """Root mean square errors, kg/s."""
+    tables = sets_of(muscle, seed)
+    out = {}
+    for name, d in tables.items():
+        X = d[COLUMNS[1:]] if isinstance(model, ThermodynamicPIHM) else d[COLUMNS]
+        out[name] = float(np.sqrt(np.mean((model.predict(X) - d["mdot"]) ** 2)))
+    return out
+
+
+def source(kind: str, muscle: str, seed: int, steps: int) -> ThermodynamicPIHM:
+    """Train a source on all its samples; the published network by second order, to the same loss in less time."""
+    d = log(f"D_{muscle}", muscle, seed)
+    model = ThermodynamicPIHM(**sizes(muscle), volume_model=kind, max_iter=steps, random_state=seed)
+    start = time.process_time()
+    model.set_params(validation_fraction=0.0).fit(d[COLUMNS[1:]], d["mdot"])
+    STATE[f"scratch {kind} {muscle} {seed}"] = time.process_time() - start
+    return model
+
+
+def timed(fit: Callable[[], Any]) -> tuple[Any, float]:
+    start = time.process_time()
+    return fit(), time.process_time() - start
+
+
+# --- the table -----------------------------------------------------------------------------------------------
+def methods(neural: Any, anchored: Any, muscle: str, epochs: int, seed: int) -> dict[str, Any]:
+    """Return the published methods and pamid's."""
+    adam = {"trainer": "adam", "max_iter": epochs, "random_state": seed}
+    ours = {**sizes(muscle), "random_state": seed}
+    return {
+        "FFT (Adam)": FullFineTuning(neural, **adam),
+        "PFT (Adam)": PartialFineTuning(neural, **adam),
+        "LoRA (Adam)": LoRA(neural, **adam),
+        "Q (Adam)": QAdapter(neural, **adam, **sizes(muscle)),
+        "Q alone": QAdapter(anchored, base="frozen", **ours),
+        "scales": ScaleAdapter(anchored, rest_length=sizes(muscle)["rest_length"], random_state=seed),
+        "Q, pull chosen": QAdapter(anchored, **ours),
+        "Q, weak pull": QAdapter(anchored, weight_decay=WEAK, max_iter=60, **ours),
+        "Q alone, published network": QAdapter(neural, base="frozen", **ours),
+        "Q, weak pull, published network": QAdapter(neural, weight_decay=WEAK, **ours),
+    }
+
+
+WEAK = 1e-7
+"""Pull that lets the training loss fall below that of the published methods."""
+
+
+def table_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    for seed in range(args.seeds):
+        networks = {kind: FrozenEstimator(source(kind, "A", seed, args.steps)) for kind in ("neural", "anchored")}
+        for muscle in args.targets:
+            whole = log(f"D_{muscle}", muscle, seed)
+            few = whole.iloc[::100]
+            for name, estimator in methods(networks["neural"], networks["anchored"], muscle, args.epochs, seed).items():
+                if args.skip_adam and "Adam" in name:
+                    continue
+                model, seconds = timed(lambda e=estimator, d=few: e.fit(d[COLUMNS], d["mdot"]))
+                scale = EPOCHS / args.epochs if "Adam" in name else 1.0
+                row = {"muscle": muscle, "seed": seed, "method": name, "parameters": model.n_parameters_}
+                row |= {"samples": len(few), "loss": loss(model, few), "seconds": seconds * scale}
+                row |= errors(model, muscle, seed)
+                if seed == 0 and muscle == "B":
+                    row["curve"] = [float(v) for v in model.loss_curve_][:: max(1, len(model.loss_curve_) // 400)]
+                found.append(row)
+                show(row)
+            for kind in ("neural", "anchored"):
+                model, seconds = timed(lambda k=kind, m=muscle, s=seed: source(k, m, s, args.steps))
+                row = {"muscle": muscle, "seed": seed, "method": f"scratch, {kind}", "parameters": model.n_parameters_}
+                row |= {"samples": len(whole), "loss": loss(model, whole), "seconds": seconds}
+                found.append(row | errors(model, muscle, seed))
+                show(found[-1])
+            found.append(scratch_adam(args, muscle, seed, whole))
+            show(found[-1])
+        log.cache_clear()
+    return found
+
+
+def scratch_adam(args: argparse.Namespace, muscle: str, seed: int, whole: pd.DataFrame) -> dict[str, Any]:
+    """Take some epochs of Algorithm 1; the time is that of a step times the published count."""
+    model = ThermodynamicPIHM(**sizes(muscle), volume_model="neural", trainer="adam", max_iter=args.scratch_epochs)
+    model.set_params(random_state=seed, validation_fraction=0.0)
+    _, seconds = timed(lambda: model.fit(whole[COLUMNS[1:]], whole["mdot"]))
+    row = {"muscle": muscle, "seed": seed, "method": f"scratch (Adam, {args.scratch_epochs} epochs)"}
+    row |= {"parameters": model.n_parameters_, "samples": len(whole), "loss": loss(model, whole)}
+    row |= {"seconds": seconds * EPOCHS / args.scratch_epochs}
+    return row | errors(model, muscle, seed)
+
+
+def loss(model: Any, data: pd.DataFrame) -> float:
+    """Mean squared residual on the data of the fit, in units of their variance."""
+    X = data[COLUMNS[1:]] if isinstance(model, ThermodynamicPIHM) else data[COLUMNS]
+    return float(np.mean((model.predict(X) - data["mdot"]) ** 2) / np.var(data["mdot"]))
+
+
+def show(row: dict[str, Any]) -> None:
+    cells = " ".join(f"{1e6 * row[s]:8.2f}" for s in SETS)
+    print(
+        f"{row['muscle']} seed {row['seed']} {row['method']:32s} {row['parameters']:7d} {row['loss']:.3e} {cells} "
+        f"{row['seconds']:9.2f}",
+        flush=True,
+    )
+
+
+def medians(found: list[dict[str, Any]]) -> None:
+    """Print medians and ranges over seeds."""
+    d = pd.DataFrame(found).drop(columns="curve", errors="ignore")
+    print(f"\nmedian [least, greatest] over {d['seed'].nunique()} seeds; errors in 1e-6 kg/s, time in CPU s")
+    print(
+        f"{'':2s}{'method':34s}{'params':>8s} {'loss/1e-5':>22s} "
+        + " ".join(f"{s:>22s}" for s in SETS)
+        + f"{'time':>12s}"
+    )
+    for (muscle, method), g in d.groupby(["muscle", "method"], sort=False):
+
+        def cell(column: str, unit: float, g: pd.DataFrame = g) -> str:
+            v = g[column] / unit
+            return f"{v.median():8.2f} [{v.min():.2f}, {v.max():.2f}]".rjust(22)
+
+        cells = " ".join([cell("loss", 1e-5), *(cell(s, 1e-6) for s in SETS)])
+        print(f"{muscle:2s}{method:34s}{g['parameters'].iloc[0]:8d} {cells}{g['seconds'].median():12.2f}")
+
+
+# --- other parts ---------------------------------------------------------------------------------------------
+COUNTS = (30, 100, 300, 1000, 3000)
+
+
+def samples_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Held-out error over the number of adaptation samples, evenly spread over all runs."""
+    found = []
+    for seed in range(args.seeds):
+        networks = {kind: FrozenEstimator(source(kind, "A", seed, args.steps)) for kind in ("neural", "anchored")}
+        for muscle in args.targets:
+            whole = log(f"D_{muscle}", muscle, seed)
+            for count in COUNTS:
+                few = whole.iloc[:: len(whole) // count]
+                common = {**sizes(muscle), "random_state": seed}
+                for name, estimator in (
+                    ("Q alone", QAdapter(networks["anchored"], base="frozen", **common)),
+                    ("Q, pull chosen", QAdapter(networks["anchored"], **common)),
+                    ("Q, published network", QAdapter(networks["neural"], **common)),
+                    ("no source", ThermodynamicPIHM(**common, max_iter=40)),
+                ):
+                    X = few[COLUMNS] if isinstance(estimator, QAdapter) else few[COLUMNS[1:]]
+                    row = {"muscle": muscle, "seed": seed, "count": count, "method": name}
+                    found.append(row | errors(estimator.fit(X, few["mdot"]), muscle, seed))
+                    cells = " ".join(f"{1e6 * found[-1][s]:8.2f}" for s in SETS)
+                    print(f"{muscle} seed {seed} {count:5d} samples {name:22s} {cells}", flush=True)
+        log.cache_clear()
+    return found
+
+
+def muscles_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Every muscle as source and as target."""
+    found = []
+    for seed in range(args.seeds):
+        for first in "ABC":
+            network = FrozenEstimator(source("anchored", first, seed, args.steps))
+            for second in "ABC":
+                if first == second:
+                    continue
+                few = log(f"D_{second}", second, seed).iloc[::100]
+                model = QAdapter(network, **sizes(second), random_state=seed).fit(few[COLUMNS], few["mdot"])
+                row = {"seed": seed, "source": first, "muscle": second, "Q": model.q_, "Q0": model.q0_}
+                found.append(row | errors(model, second, seed))
+                cells = " ".join(f"{1e6 * found[-1][s]:8.2f}" for s in SETS)
+                print(f"seed {seed} {first} -> {second} Q = {model.q_:.4f} (Q0 = {model.q0_:.4f}) {cells}", flush=True)
+        log.cache_clear()
+    return found
+
+
+def scaling_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Time and memory of one step in sample space, against its matrix products and factorisation alone."""
+    from pamid.training import LevenbergMarquardt, Problem
+    from pamid.training.network import initial_parameters
+
+    found = []
+    for width in (32, 64, 128, 256):
+        for n in (100, 300, 1000, 2000):
+            rng = np.random.default_rng(0)
+            direction, a = rng.normal(size=(n, 4)) * [1, 0, 1, 0], rng.normal(size=n)
+            problem = Problem.from_arrays(rng.normal(size=(n, 4)), direction, a, rng.normal(size=n))
+            start = initial_parameters((4, width, width, 1), np.random.RandomState(0), torch.float64)
+            trainer = LevenbergMarquardt(max_iter=10**6, batch_size=n, damping=1.0, tolerance=0.0)
+            steps = trainer.steps(problem, start, "softplus", np.random.RandomState(0))
+            next(steps)
+            spent = []
+            for _ in range(args.repeats):
+                begin = time.process_time()
+                next(steps)
+                spent.append(time.process_time() - begin)
+            tracemalloc.start()
+            floor = min(products(n, width) for _ in range(args.repeats))
+            tracemalloc.stop()
+            row = {
+                "width": width,
+                "n": n,
+                "seconds": min(spent),
+                "floor": floor,
+                "bytes": 8 * (6 * n * n + 20 * n * width),
+            }
+            found.append(row)
+            print(
+                f"width {width:4d} samples {n:5d} step {1e3 * row['seconds']:8.2f} ms, products {1e3 * floor:8.2f} ms, "
+                f"ratio {row['seconds'] / floor:5.2f}",
+                flush=True,
+            )
+    return found
+
+
+def products(n: int, width: int) -> float:
+    """Time the products of a step: forward, adjoint, gradient, trial, the Gram matrices of each layer, one factor."""
+    A, W, K = torch.randn(2 * n, width).double(), torch.randn(width, width).double(), torch.eye(n).double()
+    begin = time.process_time()
+    for _ in range(2):
+        _ = A @ W.T
+    _ = A @ W, A.T @ A
+    H = A[:n]
+    for _ in range(8):
+        _ = H @ H.T
+    _ = torch.linalg.cholesky(K)
+    return time.process_time() - begin
+
+
+# --- Festo ---------------------------------------------------------------------------------------------------
+def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Adapt between measured muscles: other cut lengths, other bore."""
+    if args.festo is None or not Path(args.festo).is_dir():
+        print("festo: skipped, there is no folder of measured data (--festo FOLDER)")
+        return []
+    from festo import table  # the neighbouring benchmark reads the logs
+
+    found: list[dict[str, Any]] = []
+    lengths = {20: 0.182, 30: 0.281, 40: 0.382}
+    data = {cut: table(Path(args.festo), cut, 3.0) for cut in lengths}
+    print("Festo: RMSE / N on the last repeat, F > 5 N")
+    for seed in range(args.seeds):
+        base = data[30][~data[30]["last"]]
+        first = StaticPIHM(lengths[30], 0.01, random_state=seed).fit(base[COLUMNS[1:]], base["F"])
+        for cut in (20, 40):
+            d = data[cut]
+            train, test = d[~d["last"]], d[d["last"] & (d["F"] > 5)]
+
+            def rmse(model: Any, X: Any, test: pd.DataFrame = test) -> float:
+                return float(np.sqrt(np.mean((model.predict(X) - test["F"]) ** 2)))
+
+            whole = StaticPIHM(lengths[cut], 0.01, random_state=seed).fit(train[COLUMNS[1:]], train["F"])
+            row = {"cut": cut, "seed": seed, "all": rmse(whole, test[COLUMNS[1:]])}
+            for count in (30, 100, 300):
+                few = train.iloc[:: len(train) // count]
+                options = {"rest_length": lengths[cut], "rest_diameter": 0.01, "random_state": seed}
+                model = QAdapter(FrozenEstimator(first), **options).fit(few[COLUMNS], few["F"])
+                row[str(count)] = rmse(model, test[COLUMNS])
+            found.append(row)
+            print(f"30 -> {cut} cm seed {seed}", {k: round(v, 3) for k, v in row.items()}, flush=True)
+    return found
+
+
+PARTS = {
+    "table": table_part,
+    "samples": samples_part,
+    "muscles": muscles_part,
+    "scaling": scaling_part,
+    "festo": festo_part,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="which parts (default: all)")
+    parser.add_argument("--seeds", type=int, default=5, help="seeds of noise, weights and draws (default 5)")
+    parser.add_argument("--targets", nargs="+", default=["B", "C"], choices=["B", "C"], help="target muscles")
+    parser.add_argument("--epochs", type=int, default=EPOCHS, help="epochs of the published methods (default 10000)")
+    parser.add_argument(
+        "--scratch-epochs", type=int, default=10, help="epochs of Algorithm 1 from scratch (default 10)"
+    )
+    parser.add_argument("--steps", type=int, default=40, help="steps of a source or from scratch (default 40)")
+    parser.add_argument("--repeats", type=int, default=5, help="repeats of a timing (default 5)")
+    parser.add_argument("--skip-adam", action="store_true", help="leave the published methods out")
+    parser.add_argument("--festo", metavar="FOLDER", help="folder of measured Festo logs")
+    parser.add_argument(
+        "--out", metavar="FILE.json", help="where to keep all figures, for benchmarks/adaptation_plots.py"
+    )
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    warnings.simplefilter("ignore")
+    kept: dict[str, Any] = {}
+    for part in args.parts:
+        print(f"\n--- {part}", flush=True)
+        kept[part] = PARTS[part](args)
+        if part == "table":
+            medians(kept[part])
+        if args.out:
+            Path(args.out).write_text(json.dumps(kept), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,215 @@
+"""``pamid adapt``: make a model of another muscle from a saved one and a short log."""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from typing import TYPE_CHECKING, Any
+
+from ...errors import ExtrapolationWarning, ParameterError, TooFewTrajectoriesError
+from ..common import (
+    add_command,
+    add_log_options,
+    checked_output,
+    load_log,
+    note,
+    number,
+    print_json,
+    progress,
+    simulator_of,
+    table,
+)
+
+if TYPE_CHECKING:
+    from ...bench.parameters import BenchParameters
+
+METHODS = ("q", "scales", "full", "partial", "lora")
+
+_DESCRIPTION = """\
+Adapt a model that 'pamid fit' saved for one muscle to another muscle, from a short log of it.
+
+First the error to expect: for each fold of a grouped cross-validation the source is adapted to most runs and scored on
+those left out, beside the source as it is. Then it is adapted to all runs and written to --out, the source inside.
+The sizes of the target muscle, where its factor on the volume starts, come from --muscle, or from the simulator file
+that --sim names or that lies beside the log; without any the data alone decide.
+"""
+_EXAMPLES = """\
+  pamid adapt flow-A.pamid log-B.parquet --muscle B --out flow-B.pamid
+  pamid adapt force.pamid festo.csv --columns mapping.toml --muscle 0.182,0.01 --samples 100 --out festo.pamid
+  pamid adapt flow-A.pamid log-B.parquet --method scales --out flow-B.pamid --json
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(subparsers, "adapt", "adapt a saved model to another muscle", _DESCRIPTION, _EXAMPLES)
+    parser.add_argument(
+        "model", metavar="MODEL", help="model file of 'pamid fit' or 'pamid adapt', of the source muscle"
+    )
+    add_log_options(parser)
+    parser.add_argument(
+        "--muscle", metavar="NAME or L0,D0", help="target muscle: A, B, C, or its rest length and diameter in m"
+    )
+    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file of the target's bench")
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        default="q",
+        help="q: factor on the volume and a correction held to the source (default); scales: length, diameter, dead "
+        "volume; full, partial, lora: fine-tuning without a factor",
+    )
+    parser.add_argument(
+        "--trainer", choices=("levenberg_marquardt", "adam"), default="levenberg_marquardt", help="how to train"
+    )
+    parser.add_argument("--samples", type=int, default=1000, metavar="N", help="adapt on about N samples, 0 for all")
+    parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")
+    parser.add_argument("--out", metavar="MODEL.pamid", required=True, help="file to write the adapted model to")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...persistence import inspect, load, save
+    from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
+    from .fit import _pipeline, _with_rates
+
+    out = checked_output(args.out)
+    if args.samples < 0 or args.folds < 0 or args.folds == 1:
+        raise ParameterError(
+            f"--samples is {args.samples} and --folds is {args.folds}.",
+            "--samples of at least 0, --folds 0 or at least 2",
+            "Correct the number.",
+        )
+    head, source = inspect(args.model), load(args.model)
+    target = equation_of(source, head["metadata"].get("equation"))
+    params, sizes = _muscle(args)
+    estimator = _adapter(args, source, sizes)
+    signals = signal_table(load_log(args, nan="drop"), params, target)
+    steps, features = _with_rates(signals, estimator)
+    columns = list(features.columns) if steps else ["trajectory", "eps", "deps", "P", "dP"]
+    X, y = features[columns], signals[target.column]
+    stride = max(1, len(X) // args.samples) if args.samples else 1
+    rows = slice(None, None, stride)
+    last = source.steps[-1][1] if hasattr(source, "steps") else source
+    names = list(getattr(last, "feature_names_in_", [])) or columns
+    with warnings.catch_warnings():
+        # That another muscle moves outside the source's range is no news here.
+        warnings.simplefilter("ignore", ExtrapolationWarning)
+        raw = predict_table(last, features[[n for n in names if n in features]])
+    before = score_by_trajectory(signals, raw, target)
+    held_out = None
+    if args.folds:
+        predicted = _held_out(args, estimator, X, y, signals["run"].to_numpy(), stride)
+        held_out = score_by_trajectory(signals, predicted, target)
+    started = time.perf_counter()
+    with progress(args, "Adapting"):
+        fitted = estimator.fit(X.iloc[rows], y.iloc[rows])
+    seconds = time.perf_counter() - started
+    training = score_by_trajectory(signals, predict_table(fitted, X), target)
+    metadata = {
+        "equation": target.name,
+        "unit": target.unit,
+        "estimator": type(fitted).__name__,
+        "logs": list(args.log),
+    }
+    save(_pipeline(steps, fitted), out, metadata)
+    found = {
+        "Q": getattr(fitted, "q_", None),
+        "Q0": getattr(fitted, "q0_", None),
+        "Q_uncertainty": getattr(fitted, "q_uncertainty_", None),
+        "length_factor": getattr(fitted, "length_factor_", None),
+        "diameter_factor": getattr(fitted, "diameter_factor_", None),
+        "dead_volume": getattr(fitted, "dead_volume_", None),
+    }
+    found = {name: value for name, value in found.items() if value is not None}
+    short = {k: {n: s[n] for n in ("rmse", "nrmse", "n_samples")} for k, s in (("before", before), ("after", training))}
+    report = {
+        "model": str(out),
+        "source": args.model,
+        "method": args.method,
+        "equation": target.name,
+        "unit": target.unit,
+        "parameters": found,
+        "n_parameters": fitted.n_parameters_,
+        "n_samples": len(X.iloc[rows]),
+        **short,
+        "held_out": None if held_out is None else {n: held_out[n] for n in ("rmse", "nrmse", "n_samples")},
+        "adapt_seconds": seconds,
+        "n_iter": fitted.n_iter_,
+    }
+    if args.json:
+        print_json(report)
+        return 0
+    for name, value in found.items():
+        print(f"{name} = {number(value)}")
+    lines = [["source as it is", *_cells(before)], ["adapted, on the log", *_cells(training)]]
+    if held_out is not None:
+        lines.append(["adapted, held-out runs", *_cells(held_out)])
+    print(table([type(fitted).__name__, f"rmse / {target.unit}", "nrmse", "samples"], lines))
+    print(f"saved: {out} (adapted on {report['n_samples']} samples in {seconds:.2f} s)")
+    return 0
+
+
+def _cells(score: dict[str, Any]) -> list[str]:
+    return [number(score["rmse"]), number(score["nrmse"]), str(score["n_samples"])]
+
+
+def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | None, tuple[float, float] | None]:
+    """Return the bench of the target, if there is one, and its muscle's sizes."""
+    from ...bench.parameters import BenchParameters
+
+    params = simulator_of(args)
+    sizes = None if params is None else (params.muscle.rest_length, params.muscle.rest_diameter)
+    if args.muscle is None:
+        return params, sizes
+    if "," not in args.muscle:
+        named = BenchParameters.for_muscle(args.muscle)
+        own = (named.muscle.rest_length, named.muscle.rest_diameter)
+        if sizes is not None and sizes != own:
+            note(args, f"--muscle {args.muscle} has other sizes than the simulator file; --muscle is taken")
+        return params if params is not None else named, own
+    try:
+        length, diameter = (float(part) for part in args.muscle.split(","))
+    except ValueError:
+        raise ParameterError(
+            f"--muscle is {args.muscle!r}.", "A, B, C, or rest length and diameter in m", "Write --muscle 0.2,0.02."
+        ) from None
+    return params, (length, diameter)
+
+
+def _adapter(args: argparse.Namespace, source: Any, sizes: tuple[float, float] | None) -> Any:
+    """Return the estimator of a method; the estimators say themselves which method they are."""
+    from sklearn.frozen import FrozenEstimator
+
+    from pamid.estimators import all_estimators
+
+    kind = next(c for _, c in all_estimators() if getattr(c, "method", None) == args.method)
+    settings: dict[str, Any] = {"trainer": args.trainer, "random_state": args.seed}
+    if sizes is not None:
+        settings |= {"rest_length": sizes[0], "rest_diameter": sizes[1]}
+    return kind(FrozenEstimator(source), **settings)
+
+
+def _held_out(args: argparse.Namespace, estimator: Any, X: Any, y: Any, runs: Any, stride: int) -> Any:
+    """Predict each run by an adaptation to the others."""
+    import numpy as np
+    from sklearn.base import clone
+    from sklearn.model_selection import GroupKFold
+
+    from .._tables import predict_table
+
+    n_runs = len(np.unique(runs.astype(str)))
+    if n_runs < 2:
+        raise TooFewTrajectoriesError(
+            f"The log has {n_runs} trajectory.",
+            "at least 2, to score the adapted model on runs that it has not seen",
+            "Add a log, or pass --folds 0 to go without the check.",
+        )
+    predicted = np.full(len(X), np.nan)
+    folds = min(args.folds, n_runs)
+    with progress(args, "Held-out check, fold", folds) as step:
+        for train, test in GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, runs):
+            fitted = clone(estimator).fit(X.iloc[train[::stride]], y.iloc[train[::stride]])
+            predicted[test] = predict_table(fitted, X.iloc[test])
+            step("")
+    return predicted
