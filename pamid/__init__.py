@@ -31,8 +31,8 @@ _HOME = {
 """In which room each public name lives."""
 
 _ROOMS = (
-    "bench", "compare", "effects", "equations", "errors", "estimators", "laws", "persistence", "plots", "signals",
-    "training", "volume",
+    "bench", "compare", "effects", "equations", "errors", "estimators", "gap", "laws", "persistence", "plots",
+    "report", "signals", "training", "volume",
 )  # fmt: skip
 """Rooms that ``import pamid`` alone makes reachable, such as ``pamid.estimators``."""
 

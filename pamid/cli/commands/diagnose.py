@@ -1,0 +1,249 @@
+"""``pamid diagnose``: where simulator and log part, which missing effect is the cause, how far the gap shrinks."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import shutil
+import tempfile
+import textwrap
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import OutputError, ParameterError, UnknownOptionError
+from ..common import add_command, add_log_options, load_log, note, number, print_json, progress, simulator_of, table
+
+if TYPE_CHECKING:
+    from ...gap.diagnosis import Diagnosis
+    from ...report.sections import Source
+
+FILES = ("diagnosis.json", "corrected.toml", "report.html")
+"""What --out receives."""
+
+_CANDIDATES = 6
+_DESCRIPTION = """\
+Diagnose the gap between a simulator and a log: where it lies (equation, region of the state, frequencies, runs), which
+effect that the simulator lacks is the cause, and how far the gap shrinks once it is added, on runs that the fit has not
+seen. The parameters under [tolerance] are refitted first and with every candidate, so that a parameter a little off is
+no gap.
+
+The answer is one cause, one of a class that this log cannot split, several causes, a cause that is not in the library,
+or no gap. Where the log leaves a choice, the run to record next is named.
+
+DIR receives report.html (opens in any browser, without a network), diagnosis.json, and corrected.toml, the simulator
+with the causes added, which 'pamid evaluate' and 'pamid simulate' take.
+"""
+_EXAMPLES = """\
+  pamid diagnose log.parquet --sim sim.toml --out diagnosis
+  pamid diagnose log.parquet --out diagnosis --effects coulomb_friction,hysteresis,leakage
+  pamid diagnose bench.csv --columns mapping.toml --sim sim.toml --out diagnosis --without creep --json
+  pamid evaluate other.parquet --sim diagnosis/corrected.toml
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    summary = "where simulator and log part, the cause, and how far the gap shrinks"
+    parser = add_command(subparsers, "diagnose", summary, _DESCRIPTION, _EXAMPLES)
+    add_log_options(parser)
+    parser.add_argument(
+        "--sim", metavar="SIM.toml", help="simulator file (default: LOG.sim.toml or sim.toml beside LOG)"
+    )
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder for report, diagnosis and simulator")
+    parser.add_argument(
+        "--effects", metavar="A,B,...", default="all", help="effects that may be the cause (default: the whole library)"
+    )
+    parser.add_argument(
+        "--without", metavar="A,B,...", action="append", default=[], help="effects to leave out; repeatable"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...gap import diagnose
+    from ...report import answers
+
+    folder = _checked_folder(args.out)
+    effects = _effects(args.effects, args.without)
+    log = load_log(args)
+    params = simulator_of(args)
+    if params is None:
+        raise ParameterError(
+            "No simulator is named, and none lies beside the log.", "a simulator file", "Add --sim SIM.toml."
+        )
+    started = time.perf_counter()
+    with progress(args, "Diagnosing") as step:
+        d = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
+        step("report")
+        files = write(d, folder, _source(args, log))
+    if args.json:
+        print_json({**d.as_dict(), "files": {file.name: str(file) for file in files}})
+        return 0
+    told = answers(d)
+    print(f"{told.verdict}\n")
+    for word, text in (("where", told.where), ("which", told.which), ("how far", told.how_far)):
+        print(_paragraph(word, text))
+    if d.candidates:
+        print(f"\n{_ranking(d)}")
+    _print_notes(d)
+    print()
+    for file in files:
+        print(f"wrote {file}")
+    note(args, f"took {time.perf_counter() - started:.0f} s")
+    return 0
+
+
+def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
+    """Write report, diagnosis and simulator into a folder, all of them or none.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        What to write.
+    folder : Path
+        Where to; made if it is not there.
+    source : Source
+        Where the diagnosis comes from.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written; what was there before then stays.
+    """
+    from ...report import report_html
+
+    page, plain = report_html(d, source), d.to_json() + "\n"
+    new = not folder.exists()
+    stage = None
+    try:
+        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent if new else folder))
+        (stage / "diagnosis.json").write_text(plain, encoding="utf-8", errors="replace")
+        (stage / "report.html").write_text(page, encoding="utf-8", errors="replace")
+        assert d.corrected is not None
+        d.corrected.to_toml(stage / "corrected.toml")
+        if new:
+            stage.chmod(0o755)
+            stage.rename(folder)
+        else:
+            for name in FILES:
+                (stage / name).replace(folder / name)
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        raise OutputError(
+            f"{folder} cannot be written: {error.strerror or error}.",
+            "a folder that can be written",
+            "Choose another folder, or make room.",
+        ) from None
+    finally:
+        if stage is not None:
+            with contextlib.suppress(OSError):
+                shutil.rmtree(stage)
+    return [folder / name for name in FILES]
+
+
+def _checked_folder(path: str) -> Path:
+    """Return the folder of the results; what stands in its way is said before anything expensive starts."""
+    folder = Path(path).resolve() if path in (".", "..") else Path(path)
+    if folder.is_dir():
+        blocked = [name for name in FILES if (folder / name).is_dir()]
+        if blocked:
+            raise OutputError(f"{folder / blocked[0]} is a folder.", "a file or nothing there", "Choose another --out.")
+        return folder
+    if folder.exists():
+        raise OutputError(f"{folder} is a file.", "the name of a folder", "Choose another --out.")
+    if not folder.parent.is_dir():
+        raise OutputError(f"The folder {folder.parent} does not exist.", "an existing folder", "Create it first.")
+    return folder
+
+
+def _effects(chosen: str, without: Sequence[str]) -> str | list[str]:
+    """Return the names of the effects that may be the cause."""
+    import difflib
+
+    from ...effects import all_effects
+
+    known = all_effects()
+
+    def names(text: str, option: str) -> list[str]:
+        found = [name.strip() for name in text.split(",") if name.strip()]
+        for name in found:
+            if name not in known:
+                close = difflib.get_close_matches(name, known, n=3)
+                raise UnknownOptionError(
+                    f"{option} names {name!r}, which is no effect.",
+                    f"one of {', '.join(known)}",
+                    f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
+                )
+        return found
+
+    left_out = {name for text in without for name in names(text, "--without")}
+    if chosen.strip() == "all" and not left_out:
+        return "all"
+    kept = list(known) if chosen.strip() == "all" else names(chosen, "--effects")
+    kept = [name for name in dict.fromkeys(kept) if name not in left_out]
+    if not kept:
+        raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")
+    return kept
+
+
+def _source(args: argparse.Namespace, log: Any) -> Source:
+    from ...report.sections import Source
+
+    logs = args.log if isinstance(args.log, list) else [args.log]
+    more = f" and {len(logs) - 1} more" if len(logs) > 1 else ""
+    return Source(
+        log=f"{_short(logs[0])}{more}",
+        simulator=_short(args.sim) if args.sim else "the simulator beside it",
+        rows=len(log),
+        runs=int(log["trajectory"].nunique()) if "trajectory" in log else 0,
+    )
+
+
+def _short(path: str) -> str:
+    """Return the end of a path; a report travels, and the rest of it says nothing elsewhere."""
+    return "/".join(Path(path).parts[-2:])
+
+
+def _ranking(d: Diagnosis) -> str:
+    from ...report.drawings.ranking import answer_names
+    from ...report.sentences import NOT_EFFECTS, reason
+
+    told = answer_names(d)
+    first = sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))[: max(_CANDIDATES, len(told))]
+    rows = [
+        [
+            c.effect,
+            number(round(c.confidence, 3)),
+            number(round(c.closed_share, 3)) if c.effect not in NOT_EFFECTS else "-",
+            "" if c.effect in told else reason(d, c),
+        ]
+        for c in first
+    ]
+    return table(["candidate", "confidence", "closes alone", "why not"], rows)
+
+
+def _print_notes(d: Diagnosis) -> None:
+    from ...report.sentences import experiment
+
+    lines = [("note", text) for text in d.notes]
+    if d.next_experiment is not None:
+        lines.append(("next", experiment(d.next_experiment)))
+    if lines:
+        print()
+    for word, text in lines:
+        print(_paragraph(word, text))
+
+
+def _paragraph(word: str, text: str) -> str:
+    """Return a text with a word before it, wrapped to the terminal; control characters of a log's names left out."""
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    width = max(40, min(shutil.get_terminal_size((110, 24)).columns, 120))
+    return textwrap.fill(clean, width, initial_indent=f"{word:<9}", subsequent_indent=" " * 9)

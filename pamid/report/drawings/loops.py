@@ -1,0 +1,91 @@
+"""The residual of one run as loops over the state, and over time, before and after, with the noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
+from ..quantities import residual, signal
+from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of, usable
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ...gap.diagnosis import Diagnosis
+
+_ACROSS = {"force": ("eps", "P"), "flow": ("P", "eps"), "valve": ("u", "P"), "joint": ("q", "eps")}
+_MOST = 1500  # windows drawn of one run
+_STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
+
+
+def loop_figure(d: Diagnosis, equation: str | None = None, trajectory: str | None = None) -> Figure:
+    """Draw the residual of a run over the state and over time.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        What to draw.
+    equation : str, optional
+        Its equation; the one with most of the gap by default.
+    trajectory : str, optional
+        The run; the most telling one by default.
+
+    Returns
+    -------
+    Figure
+        The loop above, the same over time below.
+    """
+    equation = chosen_equation(d, equation)
+    trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
+    part = _first_stretch(of_trajectory(d, equation, trajectory))
+    quantity = residual(equation, unit_of(d, equation))
+    across = _across(part, equation)
+    with style():
+        figure, axes = new_figure(4.3, 3.9, 2, 1, height_ratios=(1.7, 1.0))
+        loop, course = axes[:, 0]
+        _draw(loop, part, across, quantity.factor, states(d))
+        loop.set_xlabel(signal(across).label)
+        loop.set_ylabel(quantity.label)
+        _draw(course, part, "time", quantity.factor, states(d))
+        course.set_xlabel("time / s")
+        course.set_ylabel(f"/ {quantity.unit}")
+        handles, labels = loop.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    return figure
+
+
+def _first_stretch(part: pd.DataFrame) -> pd.DataFrame:
+    """Return at most so many windows as a picture can show, from the beginning, whole loops rather than every n-th."""
+    return part.iloc[:_MOST]
+
+
+def _across(part: pd.DataFrame, equation: str) -> str:
+    for name in (*_ACROSS.get(equation, ()), "eps", "P", "u"):
+        if usable(part, name):
+            x = part[name].to_numpy(dtype=float)
+            if float(np.nanmax(x) - np.nanmin(x)) > _STILL.get(name, 0.0):
+                return name
+    return "time"
+
+
+def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple[str, ...]) -> None:
+    x = signal(across).factor * part[across].to_numpy(dtype=float)
+    time = part["time"].to_numpy(dtype=float)
+    broken = np.zeros(len(time), dtype=bool)
+    if len(time) > 2:  # nothing is drawn across a gap of the log
+        steps = np.diff(time)
+        broken[1:] = steps > 5 * np.median(steps)
+    noise = 2 * factor * float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
+    ax.axhspan(-noise, noise, color=FAINT, alpha=0.6, linewidth=0, label="noise, ± 2 σ")
+    ax.axhline(0.0, color=GREY, linewidth=0.5)
+    for name, colour, width in zip(names, (ORANGE, BLUE), (0.9, 1.6), strict=False):  # told apart in grey as well
+        y = np.where(broken, np.nan, factor * part[name].to_numpy(dtype=float))
+        ax.plot(x, y, color=colour, linewidth=width, label=name if len(names) > 1 else "error")
+    values = factor * part[list(names)].to_numpy(dtype=float)
+    low, high = np.nanquantile(values, (0.002, 0.998))
+    pad = 0.12 * max(high - low, noise, 1e-12)
+    ax.set_ylim(min(low, -noise) - pad, max(high, noise) + pad)

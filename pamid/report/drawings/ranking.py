@@ -1,0 +1,60 @@
+"""The candidates by their confidence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...plots.style import BLUE, FAINT, GREY, new_figure, style
+from ..quantities import effect
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...gap.diagnosis import Diagnosis
+
+
+def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
+    """Draw the confidence in each of the likeliest candidates.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        What to draw.
+    most : int, default=10
+        Candidates that are drawn.
+
+    Returns
+    -------
+    Figure
+        A bar for each, those of the answer in colour.
+    """
+    candidates = sorted(d.candidates, key=lambda c: -c.confidence)[:most]
+    told = answer_names(d)
+    with style():
+        figure, axes = new_figure(4.3, 0.7 + 0.24 * max(len(candidates), 1))
+        ax = axes[0, 0]
+        for place, candidate in enumerate(candidates):
+            colour = BLUE if candidate.effect in told else GREY
+            ax.barh(place, 100 * candidate.confidence, color=colour, height=0.62)
+            ax.annotate(
+                f"{100 * candidate.confidence:.0f}",
+                (100 * candidate.confidence, place),
+                xytext=(3, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8,
+            )
+        ax.set_yticks(range(len(candidates)), [effect(c.effect) for c in candidates])
+        ax.tick_params(axis="y", length=0)
+        ax.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
+        ax.set_xlim(0, 110)
+        ax.axvline(100, color=FAINT, linewidth=0.7, zorder=0)
+        ax.set_xlabel("confidence / %")
+    return figure
+
+
+def answer_names(d: Diagnosis) -> set[str]:
+    """Return the candidates that the verdict names."""
+    if d.verdict in ("none", "unknown"):
+        return {d.verdict}
+    return {name for cause in d.causes for name in cause.effects}

@@ -1,0 +1,132 @@
+"""The page: one file that opens anywhere, without a network."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import OutputError
+from .sections import Source, all_sections
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+    from ..gap.diagnosis import Diagnosis
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNIT = re.compile(r"(?<=\d) (?=%|(?:N|mg|Hz|bar|Pa|deg|rad|kg|K|m|s)\b)")
+_POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
+
+
+def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
+    """Return a diagnosis as a page.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What `pamid.gap.diagnose` returned.
+    source : Source, optional
+        Where it comes from: names of log and simulator, rows, runs.
+
+    Returns
+    -------
+    str
+        HTML that holds its pictures and its style and asks for nothing else. All text is escaped.
+    """
+    from markupsafe import Markup
+
+    source = source or Source()
+    environment = _environment()
+    sections = [cls(diagnosis, source) for cls in all_sections()]
+    shown = [
+        {
+            "name": s.name,
+            "title": s.heading(),
+            "body": Markup(environment.get_template(f"{s.name}.html").render(s.content())),
+        }
+        for s in sections
+        if s.shown()
+    ]
+    style = Markup((_TEMPLATES / "page.css").read_text(encoding="utf-8"))
+    return environment.get_template("page.html").render(sections=shown, source=source, style=style)
+
+
+def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None = None) -> Path:
+    """Write a diagnosis as a page, whole or not at all.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What `pamid.gap.diagnose` returned.
+    path : path-like
+        The file; one that exists is replaced.
+    source : Source, optional
+        Where the diagnosis comes from.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    text = report_html(diagnosis, source)
+    target = Path(path)
+    draft = None
+    try:
+        handle, draft = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+        with os.fdopen(handle, "w", encoding="utf-8", errors="replace", newline="\n") as stream:
+            stream.write(text)
+        Path(draft).chmod(0o644)
+        Path(draft).replace(target)
+    except OSError as error:
+        if draft is not None:
+            with contextlib.suppress(OSError):
+                Path(draft).unlink()
+        raise OutputError(
+            f"{target} cannot be written: {error.strerror or error}.",
+            "a folder that can be written",
+            "Choose another folder, or make room.",
+        ) from None
+    return target
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["typeset"] = _typeset
+    environment.filters["bar"] = _bar
+    return environment
+
+
+def _typeset(text: str) -> str:
+    """Write powers as such: ``2e-10 m^3`` becomes 2 · 10⁻¹⁰ m³."""
+    text = _UNIT.sub("\u00a0", text)
+    text = _POWER.sub(lambda m: f" · 10{(m[1].replace('+', '') + m[2]).translate(_RAISED)}", text)
+    return re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), text)
+
+
+def _bar(share: Any) -> str:
+    """Return the width of a bar in per cent of its place."""
+    try:
+        value = float(share)
+    except (TypeError, ValueError):
+        return "0"
+    return f"{100 * min(max(value, 0.0), 1.0):.1f}" if value == value else "0"

@@ -1,0 +1,150 @@
+"""What signals, equations and effects are called in text and on axes, and in which unit people read them."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from ..plots.style import SHOWN
+
+
+class Quantity(NamedTuple):
+    """A signal as people read it.
+
+    Parameters
+    ----------
+    words : str
+        What it is called.
+    factor : float
+        From SI to the unit shown.
+    unit : str
+        The unit shown; empty for a plain number.
+    """
+
+    words: str
+    factor: float
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """Text for an axis."""
+        return f"{self.words} / {self.unit}" if self.unit else self.words
+
+
+SIGNALS = {
+    "eps": Quantity("contraction", 100.0, "%"),
+    "deps": Quantity("contraction rate", 100.0, "%/s"),
+    "P": Quantity("pressure, absolute", 1e-5, "bar"),
+    "dP": Quantity("pressure rate", 1e-5, "bar/s"),
+    "u": Quantity("valve command", 1.0, ""),
+    "F": Quantity("tension", 1.0, "N"),
+    "mdot": Quantity("mass flow", 1e6, "mg/s"),
+    "q": Quantity("joint angle", 180.0 / math.pi, "deg"),
+    "dq": Quantity("joint speed", 180.0 / math.pi, "deg/s"),
+    "q_ref": Quantity("wanted joint angle", 180.0 / math.pi, "deg"),
+    "time": Quantity("time", 1.0, "s"),
+}
+"""Signals of a log and what follows from them."""
+
+RESIDUALS = {
+    "force": "force error",
+    "flow": "flow error",
+    "valve": "valve flow error",
+    "joint": "torque error",
+}
+"""What an equation's residual is called."""
+
+NAMES = ("coulomb", "stribeck", "bouc", "wen")
+"""Words in names of effects that are names of people."""
+
+
+def signal(name: str) -> Quantity:
+    """Return a signal by its column, ``eps1`` or ``eps`` alike."""
+    bare = re.sub(r"[12]$", "", name)
+    known = SIGNALS.get(name) or SIGNALS.get(bare)
+    if known is None:
+        return Quantity(name, 1.0, "")
+    muscle = name[len(bare) :]
+    return known._replace(words=f"{known.words} of muscle {muscle}") if muscle and bare in SIGNALS else known
+
+
+def residual(equation: str, unit: str) -> Quantity:
+    """Return an equation's residual as people read it."""
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    return Quantity(RESIDUALS.get(equation, f"{equation} error"), factor, shown)
+
+
+def effect(name: str) -> str:
+    """Return an effect's name as words: ``coulomb_friction`` is Coulomb friction."""
+    words = name.split("_")
+    return " ".join(w.capitalize() if w in NAMES else w for w in words)
+
+
+def amount(value: float, unit: str = "", digits: int = 3) -> str:
+    """Return a number with its unit, in plain characters."""
+    if not math.isfinite(value):
+        return "unknown"
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    text = f"{value * factor:.{digits}g}"
+    return text if shown in ("", "-") else f"{text} {shown}"
+
+
+def percent(share: float) -> str:
+    """Return a share as a whole per cent; what is not quite all or nothing is not rounded to it."""
+    if not math.isfinite(share):
+        return "an unknown share"
+    if 0.0 < share < 0.005:
+        return "under 1 %"
+    if 0.995 < share < 1.0:
+        return "over 99 %"
+    return f"{100 * share:.0f} %"
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """Return an interval; an end that is not finite is said to be open."""
+    if not (math.isfinite(low) or math.isfinite(high)):
+        return "not bounded by this log"
+    if not math.isfinite(low):
+        return f"up to {amount(high, unit)}"
+    if not math.isfinite(high):
+        return f"from {amount(low, unit)}, no upper bound"
+    _, shown = SHOWN.get(unit, (1.0, unit))
+    tail = "" if shown in ("", "-") else f" {shown}"
+    for digits in (3, 4, 5):  # a narrow interval takes the digits that show it
+        ends = [amount(v, unit, digits).removesuffix(tail) for v in (low, high)]
+        if ends[0] != ends[1]:
+            break
+    return f"{ends[0]} to {ends[1]}{tail}"
+
+
+def cell(share: float) -> str:
+    """Return a share as a whole per cent, short enough for a table."""
+    return percent(share).replace("under ", "<").replace("over ", ">").replace("an unknown share", "")
+
+
+def share_span(low: float, high: float) -> str:
+    """Return an interval of shares."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "not bounded by this log"
+    if 0.9995 < low < high <= 1.0:
+        return "over 99.9 %"
+    for digits in (0, 1, 2):
+        ends = [f"{100 * v:.{digits}f}" for v in (low, high)]
+        if ends[0] != ends[1]:
+            return f"{ends[0]} to {ends[1]} %"
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def probability(p: float) -> str:
+    """Return a p value."""
+    if not math.isfinite(p):
+        return "p unknown"
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def listed(words: list[str], last: str = "and") -> str:
+    """Return words as a list of a sentence."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"

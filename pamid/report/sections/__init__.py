@@ -1,0 +1,23 @@
+"""The sections of the page, one small class and one template each."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from .base import Picture, Section, Source
+
+__all__ = ["Picture", "Section", "Source", "all_sections"]
+
+
+def all_sections() -> list[type[Section]]:
+    """Return the sections in the order of the page.
+
+    Returns
+    -------
+    list of class
+        Every `Section` that a module of this package defines.
+    """
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}")
+    return sorted(Section.__subclasses__(), key=lambda section: section.rank)

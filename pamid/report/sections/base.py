@@ -1,0 +1,93 @@
+"""What a section of the page is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...gap.diagnosis import Diagnosis
+
+
+class Source(NamedTuple):
+    """Where a diagnosis comes from.
+
+    Parameters
+    ----------
+    log : str, default=""
+        Name of the log.
+    simulator : str, default=""
+        Name of the simulator file.
+    rows : int, default=0
+        Rows of the log.
+    runs : int, default=0
+        Its runs.
+    command : str, default=""
+        The command that made it.
+    """
+
+    log: str = ""
+    simulator: str = ""
+    rows: int = 0
+    runs: int = 0
+    command: str = ""
+
+
+class Picture(NamedTuple):
+    """A figure on the page.
+
+    Parameters
+    ----------
+    svg : Markup
+        The ``svg`` element.
+    caption : str
+        What to see in it; plain text.
+    """
+
+    svg: Any
+    caption: str
+
+
+class Section(ABC):
+    """One section of the page: a template of its name, and what it needs. A module of this package adds one by itself.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What is told.
+    source : Source
+        Where it comes from.
+    """
+
+    name: ClassVar[str]
+    """Name of its template and its anchor."""
+    title: ClassVar[str]
+    """Heading; empty for none."""
+    rank: ClassVar[int]
+    """Place on the page."""
+
+    def __init__(self, diagnosis: Diagnosis, source: Source) -> None:
+        self.diagnosis = diagnosis
+        self.source = source
+
+    def shown(self) -> bool:
+        """Whether the diagnosis has something for it."""
+        return True
+
+    def heading(self) -> str:
+        """Return the heading under this diagnosis."""
+        return self.title
+
+    @abstractmethod
+    def content(self) -> dict[str, Any]:
+        """Return what its template reads."""
+
+    def picture(self, figure: Figure, name: str, caption: str) -> Picture:
+        """Return a figure for the page."""
+        from markupsafe import Markup
+
+        from ..svg import inline_svg
+
+        return Picture(Markup(inline_svg(figure, f"{self.name}-{name}", caption)), caption)

@@ -1,0 +1,52 @@
+"""How far the gap shrinks."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..drawings.closure import closure_figure
+from ..quantities import RESIDUALS, amount, percent, share_span
+from .base import Picture, Section
+
+
+class HowFarSection(Section):
+    """Closure as a waterfall and a table of all equations."""
+
+    name: ClassVar[str] = "how-far"
+    title: ClassVar[str] = "How far the gap shrinks"
+    rank: ClassVar[int] = 60
+
+    def heading(self) -> str:
+        """Return the heading under this diagnosis."""
+        return self.title if self.diagnosis.causes else "The errors and their noise"
+
+    def shown(self) -> bool:
+        """Whether closure was tested."""
+        return bool(self.diagnosis.closure)
+
+    def content(self) -> dict[str, Any]:
+        """Return waterfalls and the table."""
+        d = self.diagnosis
+        rows = [
+            {
+                "equation": c.equation,
+                "before": amount(c.rmse_before, c.unit),
+                "after": amount(c.rmse_after, c.unit),
+                "noise": amount(c.noise_floor, c.unit),
+                "closed": percent(c.closed_share) if d.causes else "",
+                "ci": share_span(*c.ci90) if d.causes else "",
+            }
+            for c in d.closure
+        ]
+        told = list(dict.fromkeys(c.equation for c in d.causes))
+        with_gap = [c.equation for c in d.closure if c.equation in told][:2] if d.causes else []
+        pictures: list[Picture] = [
+            self.picture(
+                closure_figure(d, name),
+                name,
+                f"The mean square {RESIDUALS.get(name, name)}, on runs that the fit had not seen: before, what the "
+                "causes take away, after, and how much of that is noise.",
+            )
+            for name in with_gap
+        ]
+        return {"rows": rows, "pictures": pictures, "gap": d.gap, "added": bool(d.causes)}

@@ -1,0 +1,32 @@
+"""Runs before and after."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..drawings.loops import loop_figure
+from ..drawings.windows import equations, telling_trajectories
+from ..quantities import RESIDUALS
+from .base import Section
+
+
+class LoopsSection(Section):
+    """The residual of the most telling runs as loops and over time."""
+
+    name: ClassVar[str] = "loops"
+    title: ClassVar[str] = "The error in single runs"
+    rank: ClassVar[int] = 40
+
+    def shown(self) -> bool:
+        """Whether there are windows."""
+        return bool(equations(self.diagnosis))
+
+    def content(self) -> dict[str, Any]:
+        """Return the pictures."""
+        d = self.diagnosis
+        name = d.causes[0].equation if d.causes and d.causes[0].equation in equations(d) else equations(d)[0]
+        pictures = []
+        for place, trajectory in enumerate(telling_trajectories(d, name, 3 if d.gap else 2)):
+            caption = f"{RESIDUALS.get(name, name).capitalize()} in the run {trajectory}."
+            pictures.append(self.picture(loop_figure(d, name, trajectory), str(place), caption))
+        return {"pictures": pictures, "added": bool(d.causes)}

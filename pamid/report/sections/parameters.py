@@ -1,0 +1,52 @@
+"""The parameters of the causes."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..quantities import amount, effect, percent, share_span, span
+from .base import Section
+
+
+class ParametersSection(Section):
+    """What was identified, with intervals, and what the simulator was refitted to."""
+
+    name: ClassVar[str] = "parameters"
+    title: ClassVar[str] = "What was identified"
+    rank: ClassVar[int] = 70
+
+    def heading(self) -> str:
+        """Return the heading under this diagnosis."""
+        return self.title if self.diagnosis.causes else "Parameters of the simulator"
+
+    def shown(self) -> bool:
+        """Whether there is a cause or a tolerance."""
+        corrected = self.diagnosis.corrected
+        return bool(self.diagnosis.causes or (corrected is not None and corrected.tolerance))
+
+    def content(self) -> dict[str, Any]:
+        """Return the tables."""
+        from ...bench.parameters import UNITS
+
+        d = self.diagnosis
+        causes = [
+            {
+                "name": effect(c.effects[0]),
+                "others": [effect(e) for e in c.effects[1:]],
+                "equation": c.equation,
+                "share": percent(c.share),
+                "ci": share_span(*c.share_ci90),
+                "rows": [
+                    {"name": name.replace("_", " "), "value": amount(p.value, p.unit), "ci": span(*p.ci90, p.unit)}
+                    for name, p in c.parameters.items()
+                ],
+            }
+            for c in d.causes
+        ]
+        refitted = []
+        if d.corrected is not None and d.nominal is not None:
+            for name, tolerance in d.corrected.tolerance.items():
+                value, before = (amount(p.get(name), UNITS.get(name, ""), 4) for p in (d.corrected, d.nominal))
+                row = {"name": name, "value": value, "before": before, "tolerance": f"± {100 * tolerance:g} %"}
+                refitted.append(row)
+        return {"causes": causes, "refitted": refitted}

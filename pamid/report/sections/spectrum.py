@@ -1,0 +1,45 @@
+"""The residual by frequency."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ...errors import ShortTrajectoryError
+from ..drawings.spectrum import spectrum_figure
+from ..drawings.windows import equations
+from ..quantities import RESIDUALS, cell
+from .base import Picture, Section
+
+
+class SpectrumSection(Section):
+    """The spectrum of the residual and the bands that hold the gap."""
+
+    name: ClassVar[str] = "spectrum"
+    title: ClassVar[str] = "The error by frequency"
+    rank: ClassVar[int] = 50
+
+    def shown(self) -> bool:
+        """Whether there are windows."""
+        return bool(equations(self.diagnosis))
+
+    def content(self) -> dict[str, Any]:
+        """Return the spectrum and the bands."""
+        d = self.diagnosis
+        name = equations(d)[0]
+        pictures: list[Picture] = []
+        try:
+            caption = f"Spectrum of the {RESIDUALS.get(name, name)}."
+            pictures.append(self.picture(spectrum_figure(d, name), name, caption))
+        except ShortTrajectoryError:
+            pass  # a log of very short runs has no spectrum
+        bands = [
+            {
+                "equation": b.equation,
+                "band": f"{b.from_hz:g} to {b.to_hz:g} Hz",
+                "share": b.share,
+                "text": cell(b.share),
+            }
+            for b in d.bands
+            if b.equation == name
+        ]
+        return {"pictures": pictures, "bands": bands if d.gap else []}

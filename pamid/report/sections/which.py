@@ -1,0 +1,77 @@
+"""The candidates, and what was ruled out and why."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..drawings.ranking import answer_names
+from ..quantities import cell, effect
+from ..sentences import NOT_EFFECTS, query_words, reason
+from .base import Section
+
+_FIRST = 6
+
+
+class WhichSection(Section):
+    """The ranking of the whole library with ``none`` and ``unknown``."""
+
+    name: ClassVar[str] = "which"
+    title: ClassVar[str] = "Which effect causes it"
+    rank: ClassVar[int] = 30
+
+    def heading(self) -> str:
+        """Return the heading under this diagnosis."""
+        return self.title if self.diagnosis.gap else "What was tried"
+
+    def shown(self) -> bool:
+        """Whether candidates were ranked."""
+        return bool(self.diagnosis.candidates)
+
+    def content(self) -> dict[str, Any]:
+        """Return the ranking."""
+        d = self.diagnosis
+        told = answer_names(d)
+        rows = [
+            {
+                "name": _name(c.effect),
+                "confidence": c.confidence,
+                "text": cell(c.confidence),
+                "closes": cell(c.closed_share) if c.effect not in NOT_EFFECTS else "",
+                "why": "the answer" if c.effect in told else reason(d, c),
+                "told": c.effect in told,
+            }
+            for c in sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))
+        ]
+        apart = [
+            {"names": [effect(e) for e in cause.effects], "by": cause.told_apart_by}
+            for cause in d.causes
+            if len(cause.effects) > 1
+        ]
+        first = max(_FIRST, len(told) + 2)
+        return {
+            "first": rows[:first],
+            "others": rows[first:],
+            "apart": apart,
+            "leftover": _leftover(d.leftover) if d.verdict == "unknown" else [],
+        }
+
+
+def _name(name: str) -> str:
+    known = {"none": "none (no gap)", "unknown": "unknown (not in the library)"}
+    return known.get(name, effect(name))
+
+
+def _leftover(found: dict[str, Any]) -> list[tuple[str, str]]:
+    lines = []
+    for key, value in found.items():
+        if isinstance(value, (list, tuple)):
+            text = ", ".join(str(v) for v in value)
+        elif isinstance(value, float):
+            text = cell(value) if "share" in key else f"{value:.3g}"
+        elif key in ("query", "region"):
+            text = query_words(str(value))
+        else:
+            text = str(value)
+        if text:
+            lines.append((key.replace("_", " "), text))
+    return lines

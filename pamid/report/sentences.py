@@ -1,0 +1,303 @@
+"""A diagnosis in sentences, one for each of where, which and how far; command line, page and display share them."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .quantities import amount, effect, listed, percent, probability, share_span, signal, span
+
+if TYPE_CHECKING:
+    from ..gap.diagnosis import Candidate, Cause, Closure, Diagnosis, NextExperiment, Region
+
+_MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
+_CONCENTRATED = 1.5  # a region is worth a word if it holds this many times its share of the samples
+_CONDITION = re.compile(r"^\(*\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*(-?[\d.]+(?:[eE][-+]?\d+)?)\s*\)*$")
+_SIDE = re.compile(r"[12]$")
+_EXPERIMENT_UNITS = {
+    "frequency": "rad/s", "amplitude": "deg", "angle": "deg", "start": "deg", "end": "deg", "seconds": "s",
+    "rise": "Pa", "at": "s", "after": "s", "phase": "rad",
+}  # fmt: skip
+_NOTHING = 0.02  # share closed that is not worth a name
+NOT_EFFECTS = ("none", "unknown")
+
+
+class Answers(NamedTuple):
+    """A diagnosis in four sentences.
+
+    Parameters
+    ----------
+    verdict : str
+        The answer in a few words.
+    where, which, how_far : str
+        One sentence each.
+    """
+
+    verdict: str
+    where: str
+    which: str
+    how_far: str
+
+
+def answers(diagnosis: Diagnosis) -> Answers:
+    """Say a diagnosis in plain words.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What `pamid.gap.diagnose` returned.
+
+    Returns
+    -------
+    Answers
+        The verdict, where the gap lies, which effect causes it, how far it shrinks.
+    """
+    return Answers(verdict(diagnosis), where(diagnosis), which(diagnosis), how_far(diagnosis))
+
+
+def verdict(d: Diagnosis) -> str:
+    """Return the answer in a few words."""
+    if d.verdict == "none":
+        return "No gap beyond the noise"
+    if d.verdict == "unknown" or not d.causes:
+        return "A gap whose cause is not in the library"
+    if d.verdict == "several":
+        count = len(d.causes)
+        return f"{_count(count)} causes: {listed([_either(c) for c in d.causes])}"
+    first = d.causes[0]
+    if len(first.effects) > 1:
+        return f"One cause, and this log cannot tell which: {_either(first)}"
+    return f"One cause: {effect(first.effects[0])}"
+
+
+# --- where --------------------------------------------------------------------------------------------------
+def where(d: Diagnosis) -> str:
+    """Return where the gap lies."""
+    names = [e.equation for e in d.equations]
+    if d.verdict == "none":
+        tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees" if names else "all agree"
+        return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)})."
+    held = sorted(d.equations, key=lambda e: -e.share)
+    if not held:
+        return f"Simulator and log part ({probability(d.p_value)})."
+    told, total = [], 0.0
+    for finding in held:
+        told.append(finding)
+        total += finding.share
+        if total >= _MOST_OF_IT:
+            break
+    first = told[0].equation
+    if len(told) == 1:
+        text = f"{_capital(percent(told[0].share))} of the gap lies in the {first} equation"
+    else:
+        text = f"The gap lies in the equations of {listed([f'{e.equation} ({percent(e.share)})' for e in told])}"
+    part = "that" if len(told) == 1 else f"the {first} part"
+    return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}."
+
+
+def _region_text(regions: list[Region], equation: str, part: str) -> str:
+    region = leading_region(regions, equation)
+    if region is None:
+        return f"{part} is spread over the whole state"
+    samples = f"in {percent(region.samples)} of the samples"
+    return f"{percent(region.share)} of {part} is found {samples}, {query_words(region.query)}"
+
+
+def leading_region(regions: list[Region], equation: str) -> Region | None:
+    """Return the region that holds most of an equation's gap beyond its share of the samples, if one does."""
+    own = [r for r in regions if r.equation == equation and r.share >= _CONCENTRATED * r.samples and r.share > 0.2]
+    return max(own, key=lambda r: r.share - r.samples, default=None)
+
+
+def _band_text(d: Diagnosis, equation: str) -> str:
+    own = [b for b in d.bands if b.equation == equation and math.isfinite(b.share)]
+    if not own:
+        return ""
+    band = max(own, key=lambda b: b.share)
+    if band.share < 0.4:
+        return ", at all frequencies"
+    place = f"below {band.to_hz:g} Hz" if band.from_hz <= 0 else f"from {band.from_hz:g} to {band.to_hz:g} Hz"
+    return f", and {percent(band.share)} {place}"
+
+
+def query_words(query: str) -> str:
+    """Return a region's query in words, or as it is where it is not a plain list of conditions."""
+    found = [_CONDITION.match(part.strip()) for part in query.split(" and ")]
+    plain = [m for m in found if m is not None]
+    if len(plain) < len(found):
+        return f"where {query}"
+    # Both muscles are alike: what is said of the first one alone holds for either.
+    alike = not any(m[1].endswith("2") for m in plain)
+    return f"where {listed([_condition(m[1], m[2], float(m[3]), alike) for m in plain])}"
+
+
+def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
+    above = sign[0] == ">"
+    bare, side = _SIDE.sub("", name), name[-1] if _SIDE.search(name) else ""
+    if alike:
+        name, side = bare, ""
+    muscle = f"muscle {side}" if side else "the muscle"
+    if limit == 0.0:
+        moving = {
+            "deps": ("shortens", "lengthens"),
+            "dP": ("gains pressure", "loses pressure"),
+            "u": ("is being filled", "is being vented"),
+        }
+        if bare in moving:
+            return f"{muscle} {moving[bare][0 if above else 1]}"
+    quantity = signal(name)
+    value = f"{limit * quantity.factor:.3g}"
+    unit = f" {quantity.unit}" if quantity.unit else ""
+    return f"the {quantity.words.replace(', absolute', '')} is {'above' if above else 'below'} {value}{unit}"
+
+
+# --- which --------------------------------------------------------------------------------------------------
+def which(d: Diagnosis) -> str:
+    """Return which effect causes the gap."""
+    if d.verdict == "none":
+        return f"None: the parameters within their tolerances and the sensors' noise explain the log{_confidence(d)}."
+    if d.verdict == "unknown" or not d.causes:
+        text = "No effect of the library explains it"
+        best = best_effect(d)
+        if best is not None and best.closed_share < _NOTHING:
+            text = "No effect of the library explains any of it"
+        elif best is not None:
+            text += f": the best, {effect(best.effect)}, closes {percent(best.closed_share)} of the gap"
+        depends = d.leftover.get("depends_on") or d.leftover.get("signals")
+        if isinstance(depends, (list, tuple)) and depends:
+            text += f"; what is left depends on {listed([signal(str(s)).words for s in depends])}"
+        return text + "."
+    if d.verdict == "several":
+        parts = [f"{_either(c)} ({c.equation}, {percent(c.share)} of the gap)" for c in d.causes]
+        low = min(c.confidence for c in d.causes)
+        return f"{_capital(listed(parts))}; confidence {percent(low)} or more in each."
+    cause = d.causes[0]
+    certain = f"confidence {percent(cause.confidence)}"
+    if len(cause.effects) > 1:
+        text = f"Either {_either(cause)}, in the {cause.equation} equation ({certain} that it is one of them)"
+        return f"{text}; {_sentence_end(cause.told_apart_by or 'this log cannot tell them apart')}"
+    return f"{_capital(effect(cause.effects[0]))}, in the {cause.equation} equation ({certain}){_sizes(cause)}."
+
+
+def _sizes(cause: Cause) -> str:
+    told = []
+    for name, p in list(cause.parameters.items())[:2]:
+        told.append(f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)})")
+    return f": {', '.join(told)}" if told else ""
+
+
+def _confidence(d: Diagnosis) -> str:
+    none = next((c for c in d.candidates if c.effect == "none"), None)
+    return f" (confidence {percent(none.confidence)})" if none is not None else ""
+
+
+def best_effect(d: Diagnosis) -> Any:
+    """Return the effect of the library that closes most by itself; None if none was tried."""
+    own = [c for c in d.candidates if c.effect not in NOT_EFFECTS and math.isfinite(c.closed_share)]
+    return max(own, key=lambda c: c.closed_share, default=None)
+
+
+# --- how far ------------------------------------------------------------------------------------------------
+def how_far(d: Diagnosis) -> str:
+    """Return how far the gap shrinks."""
+    if d.verdict == "none":
+        return f"There is nothing to close{_errors(d)}."
+    if d.verdict == "unknown" or not d.causes:
+        return "Nothing is added to the simulator, since what closes part of a gap for the wrong reason misleads."
+    order = {e.equation: e.share for e in d.equations}
+    main = d.causes[0].equation
+    closures = sorted(d.closure, key=lambda c: (c.equation != main, -order.get(c.equation, 0.0)))
+    if not closures:
+        return "How much of the gap closes could not be tested on runs that the fit had not seen."
+    c = closures[0]
+    it = "them" if len(d.causes) > 1 else "the likelier one" if len(d.causes[0].effects) > 1 else "it"
+    text = (
+        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the {c.equation} gap "
+        f"on runs that the fit had not seen: {amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} "
+        f"at a noise of {_noise(c)}"
+    )
+    others = [f"{o.equation} {percent(o.closed_share)}" for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
+    return f"{text}; {listed(others)}." if others else f"{text}."
+
+
+def _errors(d: Diagnosis) -> str:
+    """Return the errors of the first equations beside their noise."""
+    from ..equations import all_equations
+
+    lines, known = [], all_equations()
+    for finding in d.equations[:2]:
+        part = d.windows[d.windows["equation"] == finding.equation]
+        if len(part) and finding.equation in known:
+            error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
+            unit = known[finding.equation].unit
+            lines.append(f"{finding.equation} {amount(error, unit)} at a noise of {amount(noise, unit)}")
+    return f": {listed(lines)}" if lines else ""
+
+
+def reason(d: Diagnosis, c: Candidate) -> str:
+    """Return why a candidate is not the answer; empty where nothing speaks against it."""
+    if c.ruled_out:
+        return c.ruled_out
+    if c.effect == "none" and d.gap:
+        return f"the error is more than noise ({probability(d.p_value)})"
+    return "effects of the library explain it" if c.effect == "unknown" and d.causes else ""
+
+
+def _noise(c: Closure) -> str:
+    return amount(c.noise_floor, c.unit)
+
+
+# --- next ---------------------------------------------------------------------------------------------------
+def experiment(e: NextExperiment) -> str:
+    """Return what to record next."""
+    kind = str(e.trajectory.get("kind", "a run")).replace("_", " ")
+    numbers = [
+        f"{str(name).replace('_', ' ')} {_plain(value)} {_EXPERIMENT_UNITS.get(str(name), '')}".rstrip()
+        for name, value in e.trajectory.items()
+        if name not in ("kind", "name")
+    ]
+    text = f"Record a run of the kind {kind}"
+    if numbers:
+        text += f" ({', '.join(numbers)})"
+    if e.separates:
+        text += f": it tells {listed([effect(s) for s in e.separates], 'from')} apart"
+        text = text.removesuffix(" apart") if len(e.separates) == 2 else text
+    if math.isfinite(e.expected) and e.expected > 0:
+        ratio = math.exp(min(e.expected, 20.0))
+        odds = "more than 1000" if ratio > 1000 else f"about {float(f'{ratio:.2g}'):g}"
+        text += f"; the wrong one should then be {odds} times less likely"
+    return text + "."
+
+
+def experiment_reason(e: NextExperiment) -> str:
+    """Return why this run, as a sentence."""
+    return _sentence_end(_capital(e.reason)) if e.reason else ""
+
+
+def experiment_option(e: NextExperiment) -> str:
+    """Return the run as ``pamid simulate --trajectory`` takes it."""
+    kind = str(e.trajectory.get("kind", ""))
+    values = [f"{k}={_plain(v)}" for k, v in e.trajectory.items() if k not in ("kind", "name")]
+    return f"{kind}:{','.join(values)}" if values else kind
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+
+
+# --- words --------------------------------------------------------------------------------------------------
+def _either(cause: Cause) -> str:
+    return listed([effect(name) for name in cause.effects], "or")
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _sentence_end(text: str) -> str:
+    return text if text.endswith(".") else f"{text}."
+
+
+def _count(n: int) -> str:
+    return {2: "Two", 3: "Three", 4: "Four"}.get(n, str(n))

@@ -1,0 +1,64 @@
+"""A figure as SVG that stands inside a page: it scales, asks for nothing off the page, and several do not collide."""
+
+from __future__ import annotations
+
+import io
+import re
+from html import escape
+from typing import TYPE_CHECKING
+
+from ..plots.style import style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DPI = 160  # of what is drawn as cells of colour
+_ID = re.compile(r' id="([^"]*)"')
+_REFERENCE = re.compile(r'(?:url\(#|href="#)([^")]*)')
+_HEAD = re.compile(r"<svg[^>]*?viewBox=\"([^\"]*)\"[^>]*>", re.DOTALL)
+
+
+def inline_svg(figure: Figure, name: str, words: str) -> str:
+    """Return a figure as the text of an ``svg`` element.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    name : str
+        Name of the figure, unique within the page: plain letters, digits and hyphens.
+    words : str
+        What a reader who does not see it must know.
+
+    Returns
+    -------
+    str
+        The element, safe to be put into a page as it is.
+    """
+    stream = io.StringIO()
+    with style():
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=_DPI)
+    text = stream.getvalue()
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    head = _HEAD.search(text)
+    if head is None:  # pragma: no cover - matplotlib always writes one
+        raise ValueError("matplotlib wrote no svg element")
+    body = _renamed(text[head.end() :], name)
+    body = re.sub(r"\n\s*", "\n", body)
+    label = escape(words, quote=True)
+    return f'<svg viewBox="{head[1]}" role="img" aria-label="{label}">{body}'
+
+
+def _renamed(body: str, name: str) -> str:
+    """Keep only the names that something refers to, each once, and make them the figure's own."""
+    asked = set(_REFERENCE.findall(body))
+    given: set[str] = set()
+
+    def kept(match: re.Match[str]) -> str:
+        if match[1] not in asked or match[1] in given:
+            return ""
+        given.add(match[1])
+        return f' id="{name}-{match[1]}"'
+
+    body = _ID.sub(kept, body)
+    return _REFERENCE.sub(lambda m: m[0].replace(f"#{m[1]}", f"#{name}-{m[1]}", 1), body)
