@@ -32,6 +32,7 @@ class Backlash(Effect):
     family = "hysteresis"
     equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
+    prior = -6.0  # rare on a bench whose muscles pull against each other
     source = "10.1016/S0005-1098(02)00047-X"
     n_states = 1
     path_dependent = True

@@ -173,6 +173,9 @@ class Effect(ABC):
     channel: ClassVar[str] = ""
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
 
+    prior: ClassVar[float] = 0.0
+    """Logarithm of the odds with which it is expected: less than 0 for what another effect holds as a special case."""
+
     registry: ClassVar[dict[str, type[Effect]]] = {}
     """Effects by name, filled as they are defined."""
 

@@ -10,14 +10,16 @@ from .plant import Plant
 
 
 class ValveAsymmetry(Effect):
-    r"""Ports of different size: the vent passes (1 + α) times what the nominal valve passes.
+    r"""Ports of different size: the vent passes more than the inlet.
 
-    .. math:: u' = u\ (u \ge 0), \qquad u' = (1 + \alpha)\,u\ (u < 0)
+    .. math:: u' = (1 - \sigma\alpha)\,u\ (u \ge 0), \qquad u' = (1 + (1 - \sigma)\,\alpha)\,u\ (u < 0)
+
+    With σ = 0 the nominal conductance is that of the inlet, with σ = 1/2 the mean of both.
 
     Parameters
     ----------
     **values : float
-        ``asymmetry`` α (dimensionless).
+        ``asymmetry`` α, ``split`` σ (both dimensionless).
 
     References
     ----------
@@ -30,9 +32,14 @@ class ValveAsymmetry(Effect):
     equations = ("valve",)
     roles = ("command",)
     source = "ISO 6358-1:2013"
-    parameters = (Parameter("asymmetry", "-", -0.9, 2.0, 0.2, "excess conductance of the vent", linear=True),)
+    parameters = (
+        Parameter("asymmetry", "-", -0.9, 0.9, 0.2, "conductance of the vent less that of the inlet", linear=True),
+        Parameter("split", "-", 0.0, 1.0, 0.0, "share of it that the inlet lacks"),
+    )
     asymmetry: float
+    split: float
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return the command, enlarged where it vents."""
-        return u + self.asymmetry * np.minimum(u, 0.0)
+        """Return the command, enlarged where it vents and reduced where it fills."""
+        part = self.split * self.asymmetry
+        return u + (self.asymmetry - part) * np.minimum(u, 0.0) - part * np.maximum(u, 0.0)

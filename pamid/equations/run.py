@@ -166,7 +166,7 @@ class Run:
 
     # --- effects --------------------------------------------------------------------------------------------
     def smooth(self, channel: str, deriv: int) -> np.ndarray:
-        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; shape (n_samples, k)."""
+        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; one column a muscle."""
         key = (channel, deriv)
         if key not in self.smoothed:
             from scipy.signal import savgol_filter

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..effects import all_effects
 from .diagnosis import Closure, Interval, ParameterEstimate
-from .evidence import Evidence
+from .evidence import AnyEvidence
 from .fit import Fit, Fitter, slots_of
 from .likelihood import NU
 
@@ -87,7 +87,7 @@ class Clusters:
 
 
 def closures(
-    evidence: Evidence, before: np.ndarray, after: np.ndarray, random_state: np.random.RandomState
+    evidence: AnyEvidence, before: np.ndarray, after: np.ndarray, random_state: np.random.RandomState
 ) -> list[Closure]:
     """Return how far each equation's gap shrinks on held-out trajectories.
 
@@ -159,7 +159,7 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
     return {name: float(np.clip(v / total, 0.0, 1.0)) for name, v in share.items()}
 
 
-def main_equation(evidence: Evidence, effect: str, contribution: np.ndarray) -> str:
+def main_equation(evidence: AnyEvidence, effect: str, contribution: np.ndarray) -> str:
     """Return the equation in which an effect is loudest."""
     loud = {
         name: float(np.mean(np.square(contribution[part])))

@@ -249,9 +249,9 @@ class Diagnosis:
         What to record next.
     notes : list of str
         What the reader must know: what the log lacks, what the noise floor rests on.
-    nominal : BenchParameters
-        The simulator as given, refitted within its tolerances.
-    corrected : BenchParameters
+    nominal : BenchParameters or None
+        The simulator as given, refitted within its tolerances; None where a single equation was diagnosed.
+    corrected : BenchParameters or None
         The simulator with the causes added.
     windows : DataFrame
         One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
@@ -271,8 +271,8 @@ class Diagnosis:
     closure: list[Closure]
     next_experiment: NextExperiment | None
     notes: list[str]
-    nominal: BenchParameters
-    corrected: BenchParameters
+    nominal: BenchParameters | None
+    corrected: BenchParameters | None
     windows: pd.DataFrame
     leftover: dict[str, Any] = field(default_factory=dict)
 

@@ -15,6 +15,7 @@ from .experiment import next_experiment
 from .fit import Fit
 from .notes import check, notes_on, without_stuck
 from .search import Search
+from .signal_evidence import SignalEvidence
 from .significance import excess
 from .verdict import Verdict, decide
 from .where import bands, regions, shares, trajectories
@@ -101,10 +102,34 @@ def diagnose(
     if len(thinned) < len(log):
         notes.append(f"{len(thinned):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
     evidence = Evidence(thinned, params)
-    random_state = np.random.RandomState(seed)
+    return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say)
+
+
+def explain(
+    evidence: Evidence | SignalEvidence,
+    library: Sequence[str],
+    random_state: np.random.RandomState,
+    notes: list[str],
+    say: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Decide on evidence and write down what it says.
+
+    Parameters
+    ----------
+    evidence : Evidence or SignalEvidence
+        The log, held against its model.
+    library : sequence of str
+        Effects that may be causes.
+    random_state : RandomState
+        Draws behind p-values and intervals.
+    notes : list of str
+        What the reader must know.
+    say : callable, optional
+        Called with a short text at each step.
+    """
     verdict, search = decide(evidence, library, random_state, say)
     say("measure the closure")
-    return _written(evidence, search, verdict, params, notes + notes_on(evidence), random_state, say)
+    return _written(evidence, search, verdict, notes, random_state, say)
 
 
 MAX_ROWS = 160_000
@@ -124,10 +149,9 @@ def _thinned(log: pd.DataFrame) -> pd.DataFrame:
 
 
 def _written(
-    evidence: Evidence,
+    evidence: Evidence | SignalEvidence,
     search: Search,
     verdict: Verdict,
-    params: BenchParameters,
     notes: list[str],
     random_state: np.random.RandomState,
     say: Callable[[str], None],
@@ -146,11 +170,14 @@ def _written(
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
     causes = _causes(evidence, search, verdict, clusters, closure) if known else []
-    deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
-    say("look for the next experiment")
-    experiment, rivals = next_experiment(evidence, search, verdict, params)
-    if rivals and causes:
-        causes = [_told_apart(c, experiment, rivals) for c in causes]
+    experiment, nominal, corrected = None, None, None
+    if isinstance(evidence, Evidence):
+        say("look for the next experiment")
+        experiment, rivals = next_experiment(evidence, search, verdict, evidence.params)
+        causes = [_told_apart(c, experiment, rivals) for c in causes] if rivals else causes
+        nominal = evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True)))
+        deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
+        corrected = evidence.simulator(fit.spec if known else {}, deviations)
     return Diagnosis(
         verdict=verdict.kind,
         p_value=verdict.p_value,
@@ -163,13 +190,13 @@ def _written(
         closure=[c for c in closure if verdict.kind != "none"],
         next_experiment=experiment,
         notes=notes,
-        nominal=evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True))),
-        corrected=evidence.simulator(fit.spec if known else {}, deviations),
+        nominal=nominal,
+        corrected=corrected,
         windows=_windows(evidence, before, after),
     )
 
 
-def _balanced(evidence: Evidence, power: np.ndarray) -> np.ndarray:
+def _balanced(evidence: Evidence | SignalEvidence, power: np.ndarray) -> np.ndarray:
     """Return the power with each equation's weighed by how clearly it shows there, not by its unit."""
     out = np.zeros(len(power))
     for part in evidence.parts:
@@ -179,7 +206,9 @@ def _balanced(evidence: Evidence, power: np.ndarray) -> np.ndarray:
     return out
 
 
-def _equations(evidence: Evidence, before: np.ndarray, after: np.ndarray, verdict: Verdict) -> list[EquationFinding]:
+def _equations(
+    evidence: Evidence | SignalEvidence, before: np.ndarray, after: np.ndarray, verdict: Verdict
+) -> list[EquationFinding]:
     from .likelihood import scale
 
     sizes = [scale(before[part], 0.0) for part in evidence.parts]
@@ -203,7 +232,7 @@ def _equations(evidence: Evidence, before: np.ndarray, after: np.ndarray, verdic
 
 
 def _causes(
-    evidence: Evidence, search: Search, verdict: Verdict, clusters: Clusters, closure: list[Any]
+    evidence: Evidence | SignalEvidence, search: Search, verdict: Verdict, clusters: Clusters, closure: list[Any]
 ) -> list[Cause]:
     fit = verdict.fit
     part_of = shapley(search.fitter, verdict.base, fit)
@@ -294,7 +323,7 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
     return sorted(rows, key=lambda c: (-c.confidence, place.get(c.effect, 99), -c.score))
 
 
-def _explained(base: Fit, fit: Fit, evidence: Evidence) -> float:
+def _explained(base: Fit, fit: Fit, evidence: Evidence | SignalEvidence) -> float:
     """Return the share of the explainable gap that a fit closes where the gap is largest."""
     b = np.array([float(np.mean(np.square(base.z[p]))) - 1.0 for p in evidence.parts])
     a = np.array([float(np.mean(np.square(fit.z[p]))) - 1.0 for p in evidence.parts])
@@ -302,7 +331,7 @@ def _explained(base: Fit, fit: Fit, evidence: Evidence) -> float:
     return float(np.clip((b[k] - a[k]) / b[k], 0.0, 1.0)) if b[k] > 0.02 else 0.0
 
 
-def _windows(evidence: Evidence, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
+def _windows(evidence: Evidence | SignalEvidence, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
     import pandas as pd
 
     names = np.empty(len(before), dtype=object)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
+
+if TYPE_CHECKING:
+    from .signal_evidence import SignalEvidence
+
+AnyEvidence: TypeAlias = "Evidence | SignalEvidence"
 
 Spec = Mapping[str, Mapping[str, float]]
 """Effects by name, with the values of their parameters."""
@@ -188,6 +193,11 @@ class Evidence:
             if library[name].n_states and "measure" in library[name].hooks()
             for key, value in values.items()
         )
+
+    @staticmethod
+    def column(name: str) -> str:
+        """Return the column of `pamid.gap.state_table` with a signal of the state, that of muscle 1 of two."""
+        return name if name in ("q", "dq") else f"{name}1"
 
     @property
     def state(self) -> dict[str, np.ndarray]:

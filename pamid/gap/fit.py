@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects import Parameter, all_effects
-from .evidence import Evidence, Spec
+from .evidence import AnyEvidence, Spec
 from .likelihood import Solution, solve
 
 WINDOWS_PER_ORDER = {1: 1.0, 2: 0.67, 3: 0.55}
@@ -56,7 +56,7 @@ class Fitter:
         What a window of each equation counts for.
     """
 
-    def __init__(self, evidence: Evidence, weights: np.ndarray | None = None) -> None:
+    def __init__(self, evidence: AnyEvidence, weights: np.ndarray | None = None) -> None:
         self.evidence = evidence
         self.weights = np.ones(len(evidence.parts)) if weights is None else weights
         self.n = evidence.J.shape[1]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects import all_effects
-from .evidence import Evidence
+from .evidence import AnyEvidence
 from .fit import Fit, Fitter, joined
 from .likelihood import form_cost, scale
 from .templates import Template, templates
@@ -20,6 +20,8 @@ FORM = 0.3
 """How far, as a share, the form of an effect may differ smoothly from the library's over the range of the state."""
 INEXACT = 0.015
 """How far, as a share, it may differ otherwise."""
+EXACT = 0.003
+"""The same for faults of sensors and wrong parameters, whose forms are known."""
 CROSS = 0.01
 """What an effect may add, as a share, to windows and equations that the library's form does not know of."""
 _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
@@ -84,7 +86,7 @@ class Search:
 
     def __init__(
         self,
-        evidence: Evidence,
+        evidence: AnyEvidence,
         fitter: Fitter,
         library: Sequence[str],
         progress: Callable[[str], None] | None = None,
@@ -121,8 +123,11 @@ class Search:
         Where an effect acts it may be wrong by `INEXACT` of what it adds there; and what is loud in one equation may
         well whisper in another one.
         """
-        variance = np.zeros(len(self.evidence.z0))
-        for d in self.contributions(fit).values():
+        variance, library = np.zeros(len(self.evidence.z0)), all_effects()
+        for name, d in self.contributions(fit).items():
+            if not _CONSTITUTIVE & set(library[name].hooks()):
+                variance += np.square(EXACT * d)
+                continue
             loudest = max(float(np.sqrt(np.mean(np.square(d[part])))) for part in self.evidence.parts)
             variance += np.square(INEXACT * d) + (CROSS * loudest) ** 2
         return np.sqrt(1.0 + variance) if np.any(variance) else None
@@ -190,7 +195,7 @@ class Search:
                     soft,
                     self.evidence.widening(fit.spec),
                 )
-                gain = s.loglik - before.loose - penalty(m, self.evidence)
+                gain = s.loglik - before.loose - penalty(m, self.evidence) + all_effects()[name].prior
                 if name not in screened or gain > screened[name][0]:
                     screened[name] = (gain, t.values(s.x[self.fitter.n : self.fitter.n + m]))
         rivals = []
@@ -208,7 +213,8 @@ class Search:
         What an effect gains only by bending its form counts half: a form is known roughly, but it is known.
         """
         bent = 0.5 * (after.plain - before.plain) + 0.5 * (after.loose - before.loose)
-        cost = penalty(after.fit.size - before.fit.size, self.evidence)
+        library = all_effects()
+        cost = penalty(after.fit.size - before.fit.size, self.evidence) - library[after.added].prior
         return min(bent, after.loose - before.loose) - cost if degenerate(after.fit, after.added) is None else -cost
 
 
@@ -235,7 +241,7 @@ def _raw_scale(z: np.ndarray) -> float:
     return scale(z, 0.0)
 
 
-def penalty(k: int, evidence: Evidence) -> float:
+def penalty(k: int, evidence: AnyEvidence) -> float:
     """Return what k further parameters cost (Schwarz)."""
     return 0.5 * k * float(np.log(max(len(evidence.z0), 2)))
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Plant, Signals, all_effects, make_effect
 from ..equations.noise import channel_noise
 from .evidence import STATE, Spec
@@ -20,7 +21,16 @@ OUTPUT = {"force": ("F", "force"), "torque": ("F", "force"), "flow": ("mdot", "f
 INPUTS = {"P": "pressure", "q": "position"}
 """For each sensor channel of an input its role."""
 WINDOW = 0.02
+_ROLES = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate", "u": "command"}
 _STRAIN = 0.2  # range that the position of a muscle typically covers; others are scaled to it
+
+
+class _Ambient:
+    """What is known of a bench without its numbers: the ambient pressure, 0 if the pressures are gauge pressures."""
+
+    def __init__(self, pressure: np.ndarray | None) -> None:
+        gauge = pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
+        self.atmospheric_pressure = 0.0 if gauge else ATMOSPHERIC_PRESSURE
 
 
 class SignalEvidence:
@@ -48,6 +58,8 @@ class SignalEvidence:
         Length (or angle) that counts as a strain of one.
     floor : float, default=0.0
         Standard deviation of what no model of these signals predicts, in the target's unit.
+    columns : mapping of str to str, optional
+        The user's name of each role, for what is written about it.
     """
 
     def __init__(
@@ -61,9 +73,11 @@ class SignalEvidence:
         plant: Plant | None = None,
         position_scale: float = 1.0,
         floor: float = 0.0,
+        columns: Mapping[str, str] | None = None,
     ) -> None:
         self.table, self.y, self.nominal, self.dt = dict(table), y, nominal, dt
-        self.plant, self.scale, self.kind = plant, position_scale, equation
+        self.plant: Any = plant or _Ambient(self.table.get("pressure"))
+        self.scale, self.kind = position_scale, equation
         edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
         self.borders = np.array(edges[:-1])
         self.n = max(1, round(WINDOW / dt))
@@ -90,8 +104,13 @@ class SignalEvidence:
         self._touched: dict[str, bool] = {}
         centre = self.first + self.n // 2
         empty = np.full(len(self.first), np.nan)
-        roles = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate", "u": "command"}
-        self.state = {k: self.table[r][centre] if (r := roles.get(k, "")) in self.table else empty for k in STATE}
+        self.state = {k: self.table[r][centre] if (r := _ROLES.get(k, "")) in self.table else empty for k in STATE}
+        self._columns = dict(columns or {})
+
+    def column(self, name: str) -> str:
+        """Return the user's name of a signal of the state."""
+        role = _ROLES.get(name, name)
+        return self._columns.get(role, role)
 
     def _mean(self, x: np.ndarray) -> np.ndarray:
         if not len(self.first):
@@ -116,7 +135,7 @@ class SignalEvidence:
             if effect.channel == channel:
                 x = None
                 if effect.n_states:
-                    x = effect.trace(Signals(**{role: total}), self.plant, self.dt, self.borders)  # type: ignore[arg-type]
+                    x = effect.trace(Signals(**{role: total}), self.plant, self.dt, self.borders)
                 total = np.asarray(effect.measure(total, x), dtype=float)
         return total - self.predicted
 
@@ -129,11 +148,13 @@ class SignalEvidence:
         for role in ("position", "velocity"):
             if role in used:
                 used[role] = used[role] / scale
+        # Without a pressure, what grows with it has nothing to grow with.
+        used.setdefault("pressure", np.full(len(self.y), self.plant.atmospheric_pressure))
         s = Signals(**used)
-        x = effect.trace(s, self.plant, self.dt, self.borders)  # type: ignore[arg-type]
+        x = effect.trace(s, self.plant, self.dt, self.borders)
         total: Any = 0.0
         if self.kind == "flow":
-            a, b = effect.flow(s, x, self.plant)  # type: ignore[arg-type]
+            a, b = effect.flow(s, x, self.plant)
             return np.broadcast_to(a + (b * used["pressure_rate"] if np.any(b) else 0.0), self.y.shape).astype(float)
         for hook in ("force", "torque"):
             if hook in effect.hooks():

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .evidence import Evidence
+from .evidence import AnyEvidence
 from .fit import Fit
 from .likelihood import NU
 from .search import penalty
@@ -37,7 +37,7 @@ class Significance(NamedTuple):
 
 
 def library_test(
-    evidence: Evidence, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
+    evidence: AnyEvidence, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
 ) -> Significance:
     r"""Test whether any effect of the library explains more than noise would let it.
 
@@ -97,7 +97,7 @@ def library_test(
     return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
 
 
-def _signs(evidence: Evidence, random_state: np.random.RandomState) -> np.ndarray:
+def _signs(evidence: AnyEvidence, random_state: np.random.RandomState) -> np.ndarray:
     """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
     stretch = np.floor(evidence.time / BLOCK).astype(int)
     _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
@@ -124,7 +124,7 @@ NOISE_KNOWN = 0.04
 """How well the noise of an equation is known from its own signals, as a share."""
 
 
-def excess(evidence: Evidence, z: np.ndarray, part: slice, size: float) -> Excess:
+def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Excess:
     """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
     from scipy.stats import norm
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .evidence import Evidence
+from .evidence import AnyEvidence
 from .fit import Fit, Fitter
 from .search import MAX_CAUSES, Rival, Search, Stage
 from .significance import Excess, Significance, excess, library_test
@@ -16,7 +16,7 @@ FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 LEAST_GAIN = 10.0
 """Gain in log-likelihood that an effect must bring at least; noise alone rarely brings five."""
-AUDIBLE = 0.03
+AUDIBLE = 0.025
 """A further cause that is fainter than this share of the loudest one may be an error of its form."""
 CLOSES = 0.4
 """Share of what is left in an equation that a further cause must close."""
@@ -67,7 +67,7 @@ class Verdict:
 
 
 def decide(
-    evidence: Evidence,
+    evidence: AnyEvidence,
     library: Sequence[str],
     random_state: np.random.RandomState,
     progress: Callable[[str], None] | None = None,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .diagnosis import Band, Region, TrajectoryShare
-from .evidence import Evidence
+from .evidence import AnyEvidence
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +63,7 @@ def shares(values: np.ndarray) -> np.ndarray:
     return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
 
 
-def regions(evidence: Evidence, equation: str, power: np.ndarray, most: int = 2) -> list[Region]:
+def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 2) -> list[Region]:
     """Return the regions of the state that hold more of an equation's gap than of its samples.
 
     Parameters
@@ -97,34 +97,34 @@ def regions(evidence: Evidence, equation: str, power: np.ndarray, most: int = 2)
         if share - samples > _LIFT * (1.0 - samples) and share > 0.15:
             found.append((share - samples, node, share, samples))
     found.sort(reverse=True)
-    side = "" if equation == "joint" else "1"
     out = []
     for _, node, share, samples in found[:most]:
-        query = _path(tree.tree_, int(node), list(state), side)
+        query = _path(tree.tree_, int(node), {n: evidence.column(n) for n in state})
         if query:
             out.append(Region(equation, query, share, samples))
     return out
 
 
-def _path(tree: object, node: int, names: list[str], side: str) -> str:
+def _path(tree: Any, node: int, columns: dict[str, str]) -> str:
     """Return the conditions that lead to a leaf, one for each bound of each signal."""
+    names = list(columns)
     parent: dict[int, tuple[int, bool]] = {}
-    for k in range(tree.node_count):  # type: ignore[attr-defined]
-        for child, right in ((tree.children_left[k], False), (tree.children_right[k], True)):  # type: ignore[attr-defined]
+    for k in range(tree.node_count):
+        for child, right in ((tree.children_left[k], False), (tree.children_right[k], True)):
             if child >= 0:
                 parent[int(child)] = (k, right)
     low: dict[str, float] = {}
     high: dict[str, float] = {}
     while node in parent:
         node, right = parent[node]
-        name, value = names[tree.feature[node]], float(tree.threshold[node])  # type: ignore[attr-defined]
+        name, value = names[tree.feature[node]], float(tree.threshold[node])
         if right:
             low[name] = max(low.get(name, -np.inf), value)
         else:
             high[name] = min(high.get(name, np.inf), value)
     terms = []
     for name in names:
-        column = name + side
+        column = columns[name]
         if name in low:
             terms.append(f"{column} > {low[name]:.4g}")
         if name in high:
@@ -132,7 +132,7 @@ def _path(tree: object, node: int, names: list[str], side: str) -> str:
     return " and ".join(terms)
 
 
-def bands(evidence: Evidence, equation: str, gap: np.ndarray) -> list[Band]:
+def bands(evidence: AnyEvidence, equation: str, gap: np.ndarray) -> list[Band]:
     """Return how the power of an equation's gap is spread over frequency."""
     part = evidence.parts[evidence.equations.index(equation)]
     g, run, side, time = gap[part], evidence.run[part], evidence.side[part], evidence.time[part]
@@ -150,7 +150,7 @@ def bands(evidence: Evidence, equation: str, gap: np.ndarray) -> list[Band]:
     return [Band(equation, *b, share=float(s)) for b, s in zip(BANDS, shares(power), strict=True)]
 
 
-def trajectories(evidence: Evidence, power: np.ndarray) -> list[TrajectoryShare]:
+def trajectories(evidence: AnyEvidence, power: np.ndarray) -> list[TrajectoryShare]:
     """Return how a gap's power is spread over the trajectories, the largest share first."""
     sums = np.bincount(evidence.block, power, minlength=len(evidence.trajectories))
     found = [TrajectoryShare(n, float(s)) for n, s in zip(evidence.trajectories, shares(sums), strict=True)]
