@@ -17,7 +17,7 @@ if not (ROOT / "benchmarks" / "withheld").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 sys.path.append(str(ROOT))
 
-from benchmarks.withheld import generator, judge, metrics, regions, runner, suites  # noqa: E402
+from benchmarks.withheld import generator, judge, metrics, regions, report, runner, suites  # noqa: E402
 from benchmarks.withheld.catalogue import CONFUSABLE, FOREIGN, VOCABULARY, catalogue  # noqa: E402
 from benchmarks.withheld.generator import Spec  # noqa: E402
 from benchmarks.withheld.metrics import Answer, Truth  # noqa: E402
@@ -25,7 +25,7 @@ from benchmarks.withheld.strength import refit, residuals, rms  # noqa: E402
 from pamid.effects import all_effects  # noqa: E402
 from pamid.equations import evaluate_log  # noqa: E402
 
-LAYOUT = (2, 700)
+LAYOUT = (2, 500)
 WHERE = {
     "friction": {"force"}, "hysteresis": {"force"}, "elasticity": {"force", "flow"}, "viscoelasticity": {"force"},
     "gas": {"flow", "valve"}, "valve": {"valve"}, "sensor": {"force", "flow", "valve", "joint"},
@@ -102,7 +102,7 @@ def test_at_amplitude_zero_nothing_is_changed(plain, runs) -> None:
 
 
 def test_every_effect_shows_where_it_belongs_and_stays_finite() -> None:
-    draws = [generator.draw(spec(50 + k, "B", **{name: 5.0}), 2, 700) for k, name in enumerate(VOCABULARY)]
+    draws = [generator.draw(spec(50 + k, "B", **{name: 5.0}), 2, 500) for k, name in enumerate(VOCABULARY)]
     for d in draws:
         if "valve_saturation" in d.shapes:  # a usual one shows only where a command is full
             d.shapes["valve_saturation"] |= {"a": 0.6, "sharp": 8.0}
@@ -262,16 +262,29 @@ def test_matrices_transpose_each_other() -> None:
 
 def test_regions_agree_with_where_the_energy_is() -> None:
     contribution = np.zeros((10, 2))
-    contribution[:4, 0] = 1.0
-    true_mask = regions.true_region(contribution, 1.0)
-    assert true_mask.sum() == 4
-    table = pd.DataFrame({"eps1": np.linspace(0, 1, 200), "eps2": 1.0})
+    contribution[:4, 0] = contribution[6:, 1] = 1.0
+    table = pd.DataFrame({"eps1": np.linspace(0, 1, 200), "q": 1.0})
+    table["eps2"] = 1 - table["eps1"]
     centres = np.arange(10) * 20 + 10
-    one = regions.named_region(table, ["eps1 < 0.4"], centres, 2)
-    assert regions.f1(one, true_mask) == 1.0
-    both = regions.named_region(table, ["eps1 < 0.4 and eps2 > 0"], centres, 2)
-    assert regions.f1(both, true_mask) == pytest.approx(2 * 4 / (8 + 4))
-    assert regions.f1(~one, true_mask) == 0.0
+
+    def score(*queries: str) -> float:
+        return regions.agreement(table, queries, centres, contribution)
+
+    assert regions.true_region(contribution[:, 0], 1.0).sum() == 4
+    assert score("eps1 < 0.4") == score("eps1 < 0.2", "eps1 >= 0.2 and eps1 < 0.4") == 1.0
+    assert score("eps1 < 0.4", "eps2 < 0.4") == 1.0
+    assert score("eps2 < 0.4 and eps1 > 2") == 0.0
+    assert score("eps1 >= 0.4") == 0.0
+    assert score("q > 0") == score() == pytest.approx(2 * 4 / (10 + 4))
+
+
+def test_amplitudes_are_compared_where_they_mean_the_same() -> None:
+    key = {"effects": {"force_bias": {"parameters": {"a": 2.0, "sign": -1.0}}}}
+    cause = {"effects": ["force_bias"], "parameters": {"offset": {"value": -2.1, "ci90": [-2.3, -1.9]}}}
+    assert judge.amplitude_covered({"causes": [cause]}, key) is True
+    cause["parameters"]["offset"]["ci90"] = [1.9, 2.3]
+    assert judge.amplitude_covered({"causes": [cause]}, key) is False
+    assert judge.amplitude_covered({"causes": [{**cause, "effects": ["length"]}]}, key) is None
 
 
 # --- running it ---------------------------------------------------------------------------------------------
@@ -311,6 +324,20 @@ def test_a_stopped_run_goes_on_to_the_same_result(tmp_path, monkeypatch) -> None
     listed = runner.records([json.loads((tmp_path / "single-0000.json").read_text())], "ours")
     assert metrics.first(listed, 1.0).value == metrics.located(listed).value == 1.0
     assert listed[0][1].realised < 0  # the stub does not even refit the nominal numbers
+
+
+def test_the_diagnosis_passes_a_very_short_check() -> None:
+    asked = [spec(0, "B"), spec(1, "C", leakage=20.0)]
+    results = [runner.examine(case, runner.ours, rivals=False) for case in generator.generate(asked, (3, 1200))]
+    for result in results:
+        assert "error" not in result, result.get("traceback")
+        assert result["out_of_form"] == []
+    listed = runner.records(results, "ours")
+    assert metrics.false_alarms(listed).value == 0.0
+    assert metrics.detected(listed).value == metrics.located(listed).value == 1.0
+    assert metrics.first(listed, 1.0).value == 1.0
+    assert metrics.closed(listed).value > 0.9
+    assert "| right effect first: effect ≥ 1 × the floor | ≥ 97 % | 1 | 100.0 %" in report.table(results)
 
 
 def test_a_diagnosis_that_raises_counts_as_wrong() -> None:

@@ -78,7 +78,7 @@ def reference(kind: str, samples: int, rng: np.random.Generator) -> Reference:
         "step",
         "stairs",
     )  # logged from its middle: what the bench remembers from before is not in the log
-    lead = int(rng.integers(250, 500)) if moving else 150
+    lead = min(int(rng.integers(250, 500)) if moving else 150, samples // 3)
     t = (np.arange(samples) - (0 if moving else lead)) * DT
     t = np.maximum(t, 0.0)
     amplitude = np.radians(degrees)

@@ -17,7 +17,7 @@ from .catalogue import VOCABULARY
 from .generator import Case
 from .metrics import Answer, Truth
 from .quantities import LONG, nominal
-from .regions import f1, named_region, true_region
+from .regions import agreement
 from .strength import Readings, refit
 
 
@@ -74,12 +74,33 @@ def closed_share(future: pd.DataFrame, before: BenchParameters, after: BenchPara
 
 def regions(case: Case, found: Sequence[Mapping[str, Any]], equation: str, table: pd.DataFrame) -> float:
     """Return the F1 of the named regions of an equation against the true one."""
-    contribution = case.contributions[equation]
     queries = [str(r["query"]) for r in found if r["equation"] == equation]
-    if not queries:
-        return 0.0
-    named = named_region(table, queries, case.centres[equation], contribution.shape[1])
-    return f1(named, true_region(contribution))
+    return agreement(table, queries, case.centres[equation], case.contributions[equation])
+
+
+SAME_FORM = {
+    "pressure_bias": ("offset", "signed"),
+    "force_bias": ("offset", "signed"),
+    "flow_bias": ("offset", "signed"),
+    "length": ("deviation", "signed"),
+    "transport_delay": ("delay", "plain"),
+    "angle_delay": ("delay", "plain"),
+}
+"""Effects that mean the same here as in the library, and the parameter that is their amplitude."""
+
+
+def amplitude_covered(d: Mapping[str, Any], key: Mapping[str, Any]) -> bool | None:
+    """Return whether the 90 % interval of a right cause's amplitude holds the true one; None if not comparable."""
+    for name, effect in key["effects"].items():
+        for cause in d.get("causes", []):
+            if name not in SAME_FORM or cause["effects"][0] != name:
+                continue
+            parameter, how = SAME_FORM[name]
+            interval = _interval(cause["parameters"].get(parameter, {}).get("ci90"))
+            p = effect["parameters"]
+            value = p["a"] * (p["sign"] if how == "signed" else 1.0)
+            return None if interval is None else interval[0] <= value <= interval[1]
+    return None
 
 
 def answer(
@@ -88,6 +109,7 @@ def answer(
     families: Mapping[str, str],
     region: float | None,
     realised: float | None,
+    amplitude: bool | None,
     seconds: float,
 ) -> Answer:
     """Return the answer that a ``diagnosis.json`` gives."""
@@ -104,6 +126,7 @@ def answer(
         region_f1=region,
         predicted=closure and _number(closure["closed_share"]),
         realised=realised,
+        amplitude=amplitude,
         interval=closure and _interval(closure["ci90"]),
         seconds=seconds,
     )

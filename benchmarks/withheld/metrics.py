@@ -84,6 +84,8 @@ class Answer:
         Share of the explainable gap that the correction closes: as said, and on unseen trajectories.
     interval : tuple of float or None
         90 % interval of `predicted`.
+    amplitude : bool or None
+        Whether the 90 % interval of the amplitude holds the true one, where it means the same on the bench.
     seconds : float
         Time it took.
     """
@@ -98,6 +100,7 @@ class Answer:
     predicted: float | None = None
     realised: float | None = None
     interval: tuple[float, float] | None = None
+    amplitude: bool | None = None
     seconds: float = math.nan
 
     @property
@@ -293,6 +296,21 @@ def covered(records: Sequence[Record]) -> Figure:
     """Share of 90 % intervals of the closed share that hold the realised one; loud effects that were given a name."""
     kept = [a for _, a in _single(records, LOUD) if a.named and a.realised is not None and a.interval is not None]
     return share(a.interval[0] <= a.realised <= a.interval[1] for a in kept if a.interval and a.realised is not None)
+
+
+def covered_nearly(records: Sequence[Record]) -> Figure:
+    """Share of these intervals that come within one point of the realised share."""
+    kept = [a for _, a in _single(records, LOUD) if a.named]
+    return share(
+        a.interval[0] - 0.01 <= a.realised <= a.interval[1] + 0.01
+        for a in kept
+        if a.interval is not None and a.realised is not None
+    )
+
+
+def amplitude_covered(records: Sequence[Record]) -> Figure:
+    """Share of 90 % intervals of amplitudes that hold the true one; single effects that mean the same on the bench."""
+    return share(a.amplitude for _, a in _single(records) if a.amplitude is not None)
 
 
 def wrong_family(records: Sequence[Record]) -> Figure:

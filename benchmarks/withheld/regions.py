@@ -24,10 +24,14 @@ def true_region(contribution: np.ndarray, held: float = HELD) -> np.ndarray:
     return mask.reshape(contribution.shape)
 
 
-def named_region(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarray, sides: int) -> np.ndarray:
-    """Return the windows that queries name, as a mask of shape (windows, sides).
+def spoken_of(queries: Sequence[str], sides: int) -> list[int]:
+    """Return the muscles that queries speak of: those whose columns (``eps1``, ``P2``) they read, or all."""
+    muscles = {int(k) - 1 for query in queries for k in re.findall(r"\b[A-Za-z_]+([12])\b", query)}
+    return sorted(muscles) if muscles and sides > 1 else list(range(sides))
 
-    A query on columns of one muscle alone (``eps1``, ``P1``) speaks of that muscle; any other one of both.
+
+def named_region(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarray) -> np.ndarray:
+    """Return the windows that queries name, as a mask.
 
     Parameters
     ----------
@@ -37,17 +41,25 @@ def named_region(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarra
         pandas queries.
     centres : array of int
         Rows at the centres of the windows.
-    sides : int
-        2 for an equation of the muscles, 1 for the joint.
     """
-    mask = np.zeros((len(centres), sides), dtype=bool)
+    rows, table = np.zeros(len(table), dtype=bool), table.reset_index(drop=True)
     for query in queries:
-        rows = np.zeros(len(table), dtype=bool)
-        rows[table.reset_index(drop=True).query(query).index.to_numpy()] = True
-        muscles = {int(k) - 1 for k in re.findall(r"\b[A-Za-z_]+([12])\b", query)}
-        side = slice(None) if sides == 1 or len(muscles) != 1 else min(muscles)
-        mask[:, side] |= rows[centres] if isinstance(side, int) else rows[centres][:, None]
-    return mask
+        rows[table.query(query).index.to_numpy()] = True
+    return rows[centres]
+
+
+def agreement(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarray, contribution: np.ndarray) -> float:
+    """Return the F1 of named regions, over the windows of the muscles that they speak of; both muscles are alike.
+
+    Without a region the gap is said to be everywhere.
+    """
+    sides = contribution.shape[1]
+    scores = []
+    for side in spoken_of(queries, sides):
+        own = [q for q in queries if side in spoken_of([q], sides)]
+        named = named_region(table, own, centres) if own else np.ones(len(centres), dtype=bool)
+        scores.append(f1(named, true_region(contribution[:, side])))
+    return float(np.mean(scores))
 
 
 def f1(named: np.ndarray, true: np.ndarray) -> float:

@@ -103,7 +103,7 @@ def _ours(case: Case, params: Any, true: Truth, d: Any, said: Mapping[str, Any],
         if said.get("causes"):
             realised = judge.closed_share(case.future_clean, judge.refitted(case, params), d.corrected, main)
     families = {n: c.family for n, c in all_effects().items()}
-    return judge.answer(said, true, families, region, realised, seconds)
+    return judge.answer(said, true, families, region, realised, judge.amplitude_covered(said, case.key), seconds)
 
 
 def _rivals(case: Case, params: Any, names: Sequence[str], answers: dict[str, Any]) -> dict[str, Any]:
