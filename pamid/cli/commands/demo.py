@@ -29,8 +29,8 @@ _ESTIMATORS = {
 _DESCRIPTION = """\
 Do the main job from end to end on simulated data, and show each command before it runs: simulate a bench whose muscles
 have hysteresis and threads that stretch, hold its log against the nominal simulator that knows of neither, fit the
-hybrid model of the force and save it, and compare the hybrid models of force and flow with the classical ones on runs
-that no fit has seen.
+hybrid model of the force and save it, compare the hybrid models of force and flow with the classical ones on runs that
+no fit has seen, and adapt a model of the flow from one muscle to another.
 
 It takes about a minute of one core and needs no data. Everything is written to --out.
 """
@@ -109,5 +109,25 @@ def _comparison(folder: Path) -> list[Step]:
     ]
 
 
-PARTS = (_simulation, _evaluation, _fit, _comparison)
+def _adaptation(folder: Path) -> list[Step]:
+    steps = []
+    for muscle, runs in (("A", ((4, 20), (10, 10), (2, 15))), ("B", ((4, 15), (10, 15)))):
+        command = ["simulate", "--muscle", muscle, "--out", str(folder / f"{muscle}.parquet")]
+        for frequency, amplitude in runs:
+            command += ["--trajectory", f"sine:frequency={frequency},amplitude={amplitude},seconds=0.8"]
+        steps.append((f"Simulate muscle {muscle}", command))
+    fit = ["fit", str(folder / "A.parquet"), "--estimator", "ThermodynamicPIHM", "--out", str(folder / "flow-A.pamid")]
+    fit += ["--folds", "0", "--thin", "5", "--set", "hidden_layer_sizes=(32, 32)", "--set", "max_iter=15"]
+    adapt = ["adapt", str(folder / "flow-A.pamid"), str(folder / "B.parquet"), "--muscle", "B", "--samples", "300"]
+    return [
+        *steps,
+        ("Fit the hybrid model of the flow to muscle A", fit),
+        (
+            "Adapt it to muscle B, of twice the diameter, from 300 samples",
+            [*adapt, "--folds", "2", "--out", str(folder / "flow-B.pamid")],
+        ),
+    ]
+
+
+PARTS = (_simulation, _evaluation, _fit, _comparison, _adaptation)
 """The parts of the demo, each a function of the folder that says its steps; a new part goes to the end."""
