@@ -53,10 +53,13 @@ class FlowEquation(Equation):
             gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
         n, first = run.n, run.starts(len(gain), 2)
         scale = average(per_flow[:-1], n, 2, first)
-        drift = supplied[:-1] * (self._opening(run, run.P[1:]) / self._opening(run, run.P[:-1]) - 1.0) / 2
+        drift = supplied[:-1] * self._opening(run) / 2
         held = average(supplied[:-1] + drift - gain, n, 2, first) / scale
         ramp = average(np.diff(supplied, axis=0) / 2 - drift, n, 2, first) / scale
         value = held + _share(held, ramp) * ramp
+        time, measured = average(run.time[:-1], n, 2, first) + run.dt / 2, average(run.mdot[:-1], n, 2, first)
+        if not run.model.noise:
+            return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(n, 2)
         change = np.convolve(weights, [1.0, -1.0]) / run.dt
         joint, muscle = run.model.params.joint, run.model.params.muscle
@@ -67,21 +70,16 @@ class FlowEquation(Equation):
             (centre(run.P * run.volume_slope, n, 2, first) * turn / RT, run.noise("q"), run.weights("q", change)),
             n_windows=len(first),
         )
-        return Residual(
-            average(run.time[:-1], n, 2, first) + run.dt / 2,
-            value,
-            average(run.mdot[:-1], n, 2, first),
-            noise,
-        )
+        return Residual(time, value, measured, noise)
 
     @staticmethod
-    def _opening(run: Run, P: np.ndarray) -> np.ndarray:
-        """Return what the flow at a held command is proportional to, as the signs of the measured flow say."""
+    def _opening(run: Run) -> np.ndarray:
+        """Return by what share the flow at a held command grows to the next sample, by the measured flow's sign."""
         gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
-        filling = gas.supply_pressure * flow_function(P / gas.supply_pressure, b)
-        venting = P * flow_function(gas.atmospheric_pressure / P, b)
-        opening = np.where(run.mdot[:-1] > 0, filling, venting)
-        return np.maximum(opening, 0.05 * gas.supply_pressure)  # near balance the flow is too small to matter
+        least = 0.05 * gas.supply_pressure  # near balance the flow is too small to matter
+        filling = np.maximum(gas.supply_pressure * flow_function(run.P / gas.supply_pressure, b), least)
+        venting = np.maximum(run.P * flow_function(gas.atmospheric_pressure / run.P, b), least)
+        return np.where(run.mdot[:-1] > 0, filling[1:] / filling[:-1], venting[1:] / venting[:-1]) - 1.0
 
 
 def _share(held: np.ndarray, ramp: np.ndarray) -> float:

@@ -30,6 +30,10 @@ class ForceEquation(Equation):
         gauge = run.P - p.gas.atmospheric_pressure
         modelled = gauge / L0 * run.volume_slope + run.added_force()
         n, first = run.n, run.starts(len(run.q), 1)
+        measured = average(run.F, n, 1, first)
+        value, time = measured - average(np.asarray(modelled), n, 1, first), average(run.time, n, 1, first)
+        if not run.model.noise:
+            return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(n, 1)
         h = 1e-6
         plant = run.model.plant
@@ -42,7 +46,4 @@ class ForceEquation(Equation):
             (per_angle, run.noise("q"), run.weights("q", weights)),
             n_windows=len(first),
         )
-        measured = average(run.F, n, 1, first)
-        return Residual(
-            average(run.time, n, 1, first), measured - average(np.asarray(modelled), n, 1, first), measured, noise
-        )
+        return Residual(time, value, measured, noise)

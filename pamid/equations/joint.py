@@ -39,6 +39,10 @@ class JointEquation(Equation):
         driven = (pull[:-2] + 10.0 * pull[1:-1] + pull[2:]) / 12.0
         left = driven - joint.viscous_damping * speed - joint.inertia * acceleration
         n, first = run.n, run.starts(len(left), 3, shift=-1)
+        time, measured = average(run.time[1:-1], n, 3, first), average(torque[1:-1], n, 3, first)[:, None]
+        value = average(left, n, 3, first)[:, None]
+        if not run.model.noise:
+            return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(n, 3)
         motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
         motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
@@ -47,9 +51,4 @@ class JointEquation(Equation):
             spread((1.0, run.noise("q"), run.weights("q", motion)), n_windows=len(first)),
             np.sqrt(sum(side.variance(run.weights("F", sides)) for side in run.noise("F"))),
         )
-        return Residual(
-            average(run.time[1:-1], n, 3, first),
-            average(left, n, 3, first)[:, None],
-            average(torque[1:-1], n, 3, first)[:, None],
-            noise,
-        )
+        return Residual(time, value, measured, noise)

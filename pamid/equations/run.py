@@ -48,10 +48,12 @@ class Model:
     settled : bool, default=False
         Whether the ends of every stretch are left out, as they are for effects with memory, so that simulators with
         and without memory are held against the same windows.
+    noise : bool, default=True
+        Whether residuals come with their noise; zeros otherwise.
     """
 
-    def __init__(self, params: BenchParameters, settled: bool = False) -> None:
-        self.settled = settled
+    def __init__(self, params: BenchParameters, settled: bool = False, noise: bool = True) -> None:
+        self.settled, self.noise = settled, noise
         self.params = params.adjusted() if params.effects else params
         self.effects: list[Effect] = self.params.make_effects()
         self.plant: Plant = self.params.plant()
@@ -166,7 +168,7 @@ class Run:
 
     # --- effects --------------------------------------------------------------------------------------------
     def smooth(self, channel: str, deriv: int) -> np.ndarray:
-        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; one column a muscle."""
+        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; a column a muscle."""
         key = (channel, deriv)
         if key not in self.smoothed:
             from scipy.signal import savgol_filter

@@ -157,7 +157,7 @@ class Evidence:
             Equations to evaluate, those that the effects change by default; None for all.
         """
         wanted = self.equations if equations is None else (list(equations) or self.touched(spec))
-        model = Model(self.simulator(spec, deviations), settled=True)
+        model = Model(self.simulator(spec, deviations), settled=True, noise=bool(self._lagging(spec)))
         out = np.empty(len(self.noise)) if equations is None else self.z0.copy()
         lagging = self._lagging(spec)
         ratio = np.ones(len(self.noise)) if lagging else None
