@@ -126,7 +126,10 @@ class Marquardt:
 
     def step(self) -> bool:
         """Take one step that lowers the loss; return whether there was one."""
-        here = self._around(self.x)
+        with np.errstate(over="ignore", invalid="ignore"):
+            here = self._around(self.x)
+        if not (np.isfinite(here.gradient).all() and np.isfinite(here.matrix).all()):
+            return False  # slopes beyond the numbers show no way
         gradient = here.gradient + self._alpha * self.x
         matrix = here.matrix + self._alpha * np.eye(len(self.x))
         scale = np.maximum(np.diag(matrix), 1e-9 * max(float(np.trace(matrix)) / len(matrix), 1e-300))

@@ -333,11 +333,13 @@ class NARXRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimato
         for k in range(segments.wanted.shape[1]):
             phi = np.concatenate([past, segments.inputs[:, k]], axis=1)
             f, to_phi, to_theta = self._derivatives(theta, phi)
-            z = np.clip(past[:, 0] + self.step_scale_ * f, -_FAR, _FAR)
+            bare = past[:, 0] + self.step_scale_ * f
+            z = np.clip(bare, -_FAR, _FAR)
             share = to_theta
             if k:
                 share = share + np.einsum("ni,nip->np", to_phi[:, :n_past], carried)
             J = carried[:, 0] + self.step_scale_ * share
+            J[z != bare] = 0.0  # a run that is held no longer answers to the parameters
             counts = segments.counts[:, k]
             r = counts * (z - segments.wanted[:, k])
             loss += float(r @ r)

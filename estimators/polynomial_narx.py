@@ -31,7 +31,7 @@ class PolynomialNARX(NARXRegressor):
         Rows of the inputs that it sees, the present one first.
     degree : int, default=3
         Highest degree of a monomial.
-    n_terms : int, default=20
+    n_terms : int, default=12
         Most terms.
     threshold : float, default=1e-6
         Share of the step's variance that a term must explain to enter, dimensionless.
@@ -122,7 +122,7 @@ class PolynomialNARX(NARXRegressor):
         output_lags: int = 2,
         input_lags: int = 2,
         degree: int = 3,
-        n_terms: int = 20,
+        n_terms: int = 12,
         threshold: float = 1e-6,
         horizon: int = 50,
         start: str | None = None,

@@ -128,6 +128,16 @@ def test_terms_and_coefficients_are_read_off():
     assert all(e > 0 for e in fit.standard_errors_.values())
 
 
+def test_slopes_beyond_the_numbers_end_a_fit_and_not_the_program():
+    from pamid.estimators._hidden_layer import Marquardt, Normal
+
+    def around(x):
+        return Normal(1.0, np.array([np.nan]), np.array([[np.inf]]))
+
+    steps = Marquardt(np.ones(1), around, lambda x: float(x @ x))
+    assert steps.step() is False and steps.loss == 1.0
+
+
 def test_wrong_settings():
     train = runs()
     with pytest.raises(MissingTrajectoryError):
