@@ -123,9 +123,9 @@ class Search:
         Where an effect acts it may be wrong by `INEXACT` of what it adds there; and what is loud in one equation may
         well whisper in another one.
         """
-        variance, library = np.zeros(len(self.evidence.z0)), all_effects()
+        variance = np.zeros(len(self.evidence.z0))
         for name, d in self.contributions(fit).items():
-            if not _CONSTITUTIVE & set(library[name].hooks()):
+            if not has_form(name):
                 variance += np.square(EXACT * d)
                 continue
             loudest = max(float(np.sqrt(np.mean(np.square(d[part])))) for part in self.evidence.parts)
@@ -139,13 +139,7 @@ class Search:
         such a variation explains is no evidence for a second cause.
         """
         signals = _signals(self.evidence.state)
-        library = all_effects()
-        columns = [
-            d * signal
-            for name, d in self.contributions(fit).items()
-            if _CONSTITUTIVE & set(library[name].hooks())  # a sensor's fault or a wrong length has no form to bend
-            for signal in signals
-        ]
+        columns = [d * signal for name, d in self.contributions(fit).items() if has_form(name) for signal in signals]
         return np.column_stack(columns) if columns else np.zeros((len(self.evidence.z0), 0))
 
     def rival(self, added: str, fit: Fit, soft: np.ndarray | None = None) -> Rival:
@@ -216,6 +210,11 @@ class Search:
         library = all_effects()
         cost = penalty(after.fit.size - before.fit.size, self.evidence) - library[after.added].prior
         return min(bent, after.loose - before.loose) - cost if degenerate(after.fit, after.added) is None else -cost
+
+
+def has_form(name: str) -> bool:
+    """Tell whether an effect has a form that may be bent; a sensor's fault or a wrong length has none."""
+    return bool(_CONSTITUTIVE & set(all_effects()[name].hooks()))
 
 
 def degenerate(fit: Fit, name: str) -> str | None:

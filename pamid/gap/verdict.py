@@ -9,15 +9,15 @@ import numpy as np
 
 from .evidence import AnyEvidence
 from .fit import Fit, Fitter
-from .search import MAX_CAUSES, Rival, Search, Stage
+from .search import CROSS, MAX_CAUSES, Rival, Search, Stage, has_form
 from .significance import Excess, Significance, excess, library_test
 
 FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 LEAST_GAIN = 10.0
 """Gain in log-likelihood that an effect must bring at least; noise alone rarely brings five."""
-AUDIBLE = 0.025
-"""A further cause that is fainter than this share of the loudest one may be an error of its form."""
+AUDIBLE = 0.03
+"""A further cause that is fainter in an equation than this share of one before may be an error of its form."""
 CLOSES = 0.4
 """Share of what is left in an equation that a further cause must close."""
 CLEAR = 1.5
@@ -73,7 +73,7 @@ def decide(
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Verdict, Search]:
     """Search the library and decide."""
-    search = Search(evidence, Fitter(evidence), library, progress)
+    search = Search(evidence, Fitter(evidence, getattr(evidence, "weights", None)), library, progress)
     base = search.base
     found = [t for many in search.templates.values() for t in many]
     test: Significance = library_test(evidence, base.fit, found, random_state)
@@ -129,17 +129,16 @@ def _grow(search: Search, verdict: Verdict, best: Rival) -> None:
 
 def _earns(search: Search, before: Rival, after: Rival) -> bool:
     """Tell whether a further cause is more than an error of form of those before it."""
-    known = search.contributions(before.fit)
-    loudest = max(
-        (float(np.sqrt(np.mean(np.square(d[p])))) for d in known.values() for p in search.evidence.parts), default=0.0
-    )
-    for part, b, a in zip(search.evidence.parts, before.left, after.left, strict=True):
-        del part
+    known = [d for name, d in search.contributions(before.fit).items() if has_form(name)]
+    audible = getattr(search.evidence, "audible", AUDIBLE)
+    loud = np.array([[float(np.sqrt(np.mean(np.square(d[p])))) for p in search.evidence.parts] for d in known])
+    for k, (b, a) in enumerate(zip(before.left, after.left, strict=True)):
         if b <= a or b <= 1.0:
             continue
+        least = max(audible * loud[:, k].max(), CROSS * loud.max()) if len(known) else 0.0
         closed = (b**2 - a**2) / max(b**2 - min(1.0, a**2), 1e-9)
         voice = np.sqrt(max(b**2 - max(a, 1.0) ** 2, 0.0))
-        if closed >= CLOSES and voice >= AUDIBLE * loudest:
+        if closed >= CLOSES and voice >= least:
             return True
     return False
 
@@ -162,10 +161,10 @@ def _exchanged(search: Search, verdict: Verdict, fit: Fit) -> Fit:
 def _left(search: Search, verdict: Verdict) -> float:
     """Return how much the causes leave where they leave most of it, against what their forms excuse; 1 is the limit."""
     final = search.rival("", verdict.fit)
-    worst = 0.0
+    worst, form = 0.0, getattr(search.evidence, "form_left", FORM_LEFT)
     excesses = [max(b**2 - 1.0, 0.0) for b in search.base.left]
     for before, after, total in zip(search.base.left, final.left, excesses, strict=True):
-        worst = max(worst, float(after / (CLEAR + FORM_LEFT * before)))
+        worst = max(worst, float(after / (CLEAR + form * before)))
         if before > 1.25 and total > 0.25 * max(excesses):
             worst = max(worst, float((after**2 - 1.0) / total / SHARE_LEFT))
     return worst
