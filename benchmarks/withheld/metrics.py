@@ -232,19 +232,24 @@ def off_library_named(records: Sequence[Record]) -> Figure:
     return share(bool(a.named) for _, a in of_suite(records, "off-library"))
 
 
+def _pairs(records: Sequence[Record]) -> list[Record]:
+    return [r for r in of_suite(records, "pairs") if r[0].strength >= DETECTABLE]
+
+
 def both(records: Sequence[Record]) -> Figure:
-    """Share of pairs of which both are named."""
-    return share(set(t.effects) <= a.named for t, a in of_suite(records, "pairs"))
+    """Share of pairs, each effect detectable alone, of which both are named."""
+    return share(set(t.effects) <= a.named for t, a in _pairs(records))
 
 
 def one_of_two(records: Sequence[Record]) -> Figure:
-    """Share of pairs of which at least one is named."""
-    return share(bool(set(t.effects) & a.named) for t, a in of_suite(records, "pairs"))
+    """Share of these pairs of which at least one is named."""
+    return share(bool(set(t.effects) & a.named) for t, a in _pairs(records))
 
 
 def confusable_first(records: Sequence[Record]) -> Figure:
     """Share of confusable cases, recorded with poor excitation, whose name heads the ranking."""
-    return share(a.ranking[0] == t.label for t, a in _ranked(of_suite(records, "confusable")))
+    kept = [r for r in of_suite(records, "confusable") if r[0].strength >= DETECTABLE]
+    return share(a.ranking[0] == t.label for t, a in _ranked(kept))
 
 
 # --- how sure ------------------------------------------------------------------------------------------------

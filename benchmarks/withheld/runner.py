@@ -8,6 +8,7 @@ import math
 import os
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -125,6 +126,17 @@ def ours(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> A
     return diagnose(log, params, effects=list(effects), seed=seed)
 
 
+def _leave_with(parent: int) -> None:
+    """Start a thread that ends this process once its parent is gone, which a waiting worker would never learn."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def run_batch(batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep: Path | None) -> int:
     """Generate a batch and examine those of its cases that have no file yet; return how many."""
     missing = [s.name for s in batch.specs if not (folder / f"{s.name}.json").is_file()]
@@ -185,7 +197,7 @@ def run(
             run_batch(batch, folder, rivals, only_rivals, keep)
             progress()
     else:
-        with ProcessPoolExecutor(jobs) as pool:
+        with ProcessPoolExecutor(jobs, initializer=_leave_with, initargs=(os.getpid(),)) as pool:
             waiting = {pool.submit(run_batch, b, folder, rivals, only_rivals, keep) for b in listed}
             try:
                 while waiting:
