@@ -12,6 +12,7 @@ from pamid.bench import BenchParameters, hold, simulate, sine, step, triangle
 from pamid.bench.sensors import IDEAL
 from pamid.effects import make_effect
 from pamid.equations import all_equations, channel_noise, evaluate_log, refit_within_tolerance, residuals
+from pamid.equations.noise import noise_beside
 from pamid.equations.windows import average, kernel, span, starts
 from pamid.errors import (
     ColumnTypeError,
@@ -308,3 +309,12 @@ def test_unknown_equation(log):
 
 def test_equations_are_discovered():
     assert list(all_equations()) == ["force", "flow", "valve", "joint"]
+
+
+def test_jitter_that_a_command_really_causes_is_no_noise():
+    rng = np.random.default_rng(0)
+    drive, noise = rng.normal(size=4000), 0.1 * rng.normal(size=4000)
+    alone = channel_noise(1.02 * drive + noise, 20)
+    beside = noise_beside(1.02 * drive + noise, drive, alone)
+    assert alone.white > 0.9 and beside.white == pytest.approx(0.1, rel=0.1)
+    assert noise_beside(noise, drive, channel_noise(noise, 20)).white == pytest.approx(0.1, rel=0.1)

@@ -33,6 +33,31 @@ class ChannelNoise(NamedTuple):
         return float(self.white**2 * (weights @ weights) + self.fixed**2 * weights.sum() ** 2)
 
 
+def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise) -> ChannelNoise:
+    """Return the noise of a channel without the jitter that what drives it really has.
+
+    A controller that reads noisy sensors commands a valve to and fro from sample to sample; the flow then follows, and
+    is no noise.
+
+    Parameters
+    ----------
+    x : array, shape (n_samples,)
+        The channel.
+    drive : array, shape (n_samples,)
+        What it would be without noise, as a model says.
+    noise : ChannelNoise
+        The channel's noise by itself.
+    """
+    jerk, cause = np.diff(x, 3), np.diff(drive, 3)
+    power = float(cause @ cause)
+    if len(jerk) < 10 or power == 0.0:
+        return noise
+    left = jerk - float(jerk @ cause) / power * cause
+    sigma = float(_MAD * np.median(np.abs(left)) / _DIFFERENCE)
+    least = max(sigma, noise.resolution / np.sqrt(12.0))
+    return noise._replace(white=least) if least < 0.5 * noise.white else noise
+
+
 def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
     r"""Estimate the noise of a channel over one trajectory.
 

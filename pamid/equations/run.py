@@ -20,8 +20,9 @@ from ..errors import (
     SamplingError,
     TimeOrderError,
 )
+from ..laws.valve import valve_flow
 from ..signals.paths import play
-from .noise import ChannelNoise, channel_noise
+from .noise import ChannelNoise, channel_noise, noise_beside
 from .windows import samples_per_window, span, starts
 
 if TYPE_CHECKING:
@@ -116,7 +117,10 @@ class Run:
         for name in ("q", *self.channels):
             series = self.q[:, None] if name == "q" else self.channels[name]
             if name not in self.noises:
-                self.noises[name] = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
+                found = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
+                if name == "mdot" and (drive := self._driven_flow()) is not None:
+                    found = [noise_beside(series[:, k], drive[:, k], one) for k, one in enumerate(found)]
+                self.noises[name] = found
             self.responses[name] = np.ones(1)
             for effect in faults:
                 if effect.channel != name:
@@ -127,6 +131,22 @@ class Run:
                 self.q = series[:, 0]
             else:
                 self.channels[name] = series
+
+    def _driven_flow(self) -> np.ndarray | None:
+        """Return the flow that the commands as read let through the nominal valves, kg/s; None without them."""
+        if "u" not in self.readings or "P" not in self.readings:
+            return None
+        gas, valve = self.model.params.gas, self.model.params.valve
+        flow = valve_flow(
+            self.readings["u"],
+            np.maximum(self.readings["P"], 1.0),
+            gas.supply_pressure,
+            gas.atmospheric_pressure,
+            sonic_conductance=valve.sonic_conductance,
+            critical_pressure_ratio=valve.critical_pressure_ratio,
+            reference_density=valve.reference_density,
+        )
+        return np.asarray(flow)
 
     def starts(self, n_rows: int, order: int, shift: int = 0) -> np.ndarray:
         """Return the first rows of the windows, less those at the ends where effects' memory is not yet known."""
