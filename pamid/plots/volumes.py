@@ -211,7 +211,7 @@ def volume_plot(
         handles, labels = axes[0, 0].get_legend_handles_labels()
         handles += axes[0, 0].plot([], [], color=INK, linewidth=0.8, alpha=0.5)
         labels += ["thin: no data there"]
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        figure.legend(handles, labels, loc="outside lower center", ncols=-(-len(labels) // 2))
         figure.suptitle(title or type(estimator).__name__, x=0.01, ha="left", fontsize=10, color=INK)
         if path is not None:
             save_figure(figure, path)
