@@ -46,7 +46,7 @@ class ForwardModel(OneLayerRegressor):
     ----------
     inputs : sequence of str, default=("P", "load")
         Signals that the network reads: absolute pressure (Pa), load (kg); also ``"dP"`` (Pa/s) or any other column.
-    hidden : int, default=20
+    hidden : int, default=10
         Units of the hidden layer.
     direction : bool, default=False
         Whether the last direction of the first input is an input, too; needs trajectories in time order.
@@ -128,7 +128,7 @@ class ForwardModel(OneLayerRegressor):
         self,
         inputs: Sequence[str] = ("P", "load"),
         *,
-        hidden: int = 20,
+        hidden: int = 10,
         direction: bool = False,
         direction_step: float = 5e4,
         alpha: float = 0.01,
