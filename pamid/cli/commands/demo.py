@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,10 @@ _RUNS = {
 }  # fmt: skip
 """Frequency (Hz), amplitude (degrees) and seconds of the runs: several of each kind, so that none is like no other."""
 
+_RECORDED = {"sine": ((2, 20, 3), (4, 10, 1.6), (10, 15, 1.2)), "triangle": ((2, 15, 3), (4, 20, 1.6))}
+_WITHHELD = ("coulomb_friction", {"amplitude": 5.0})
+"""The log that is diagnosed: its runs, and the effect that the diagnosis is not told of."""
+
 _ESTIMATORS = {
     "force": "StaticPIHM,GeometricForce,PolynomialForce,SINDyRegressor,MLP",
     "flow": "ThermodynamicPIHM,GeometricFlow,PolynomialFlow,SINDyRegressor",
@@ -30,7 +35,7 @@ _DESCRIPTION = """\
 Do the main job from end to end on simulated data, and show each command before it runs: simulate a bench whose muscles
 have hysteresis and threads that stretch, hold its log against the nominal simulator that knows of neither, fit the
 hybrid model of the force and save it, compare the hybrid models of force and flow with the classical ones on runs that
-no fit has seen, and adapt a model of the flow from one muscle to another.
+no fit has seen, adapt a model of the flow from one muscle to another, and diagnose a log whose effect is withheld.
 
 It takes about a minute of one core and needs no data. Everything is written to --out.
 """
@@ -69,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
         pictures = sorted(folder.glob("*.png"))
         print(f"\nDone in {time.perf_counter() - started:.0f} s. The pictures:")
         print("\n".join(f"  {picture}" for picture in pictures))
+        print(f"The report of the diagnosis, for a browser:\n  {folder / 'diagnosis' / 'report.html'}")
     return 0
 
 
@@ -79,9 +85,7 @@ def steps(folder: Path) -> list[Step]:
 
 def _simulation(folder: Path) -> list[Step]:
     command = ["simulate", "--muscle", "B", "--effect", "hysteresis", "--effect", "thread_extensibility"]
-    for kind, runs in _RUNS.items():
-        for frequency, amplitude, seconds in runs:
-            command += ["--trajectory", f"{kind}:frequency={frequency},amplitude={amplitude},seconds={seconds}"]
+    command += _trajectories(_RUNS)
     words = "Simulate the bench: muscle B with hysteresis and threads that stretch"
     return [(words, [*command, "--out", str(folder / "log.parquet")])]
 
@@ -129,5 +133,28 @@ def _adaptation(folder: Path) -> list[Step]:
     ]
 
 
-PARTS = (_simulation, _evaluation, _fit, _comparison, _adaptation)
+def _diagnosis(folder: Path) -> list[Step]:
+    from ...bench import BenchParameters
+
+    bench, log = folder / "bench.toml", folder / "bench.parquet"
+    BenchParameters.for_muscle("B").replace(effects=(_WITHHELD,)).to_toml(bench)
+    record = ["simulate", "--sim", str(bench), *_trajectories(_RECORDED), "--out", str(log)]
+    diagnose = ["diagnose", str(log), "--sim", str(folder / "bench.sim.toml"), "--out", str(folder / "diagnosis")]
+    return [
+        (f"Record a log on another bench; what it has and its simulator lacks stands in {bench} alone", record),
+        ("Diagnose the gap between the two: where it lies, which effect causes it, how far it closes", diagnose),
+    ]
+
+
+def _trajectories(kinds: Mapping[str, Sequence[tuple[float, float, float]]]) -> list[str]:
+    """Return the options that ask for runs."""
+    return [
+        word
+        for kind, runs in kinds.items()
+        for frequency, amplitude, seconds in runs
+        for word in ("--trajectory", f"{kind}:frequency={frequency},amplitude={amplitude},seconds={seconds}")
+    ]
+
+
+PARTS = (_simulation, _evaluation, _fit, _comparison, _adaptation, _diagnosis)
 """The parts of the demo, each a function of the folder that says its steps; a new part goes to the end."""
