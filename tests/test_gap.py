@@ -279,3 +279,13 @@ def test_every_effect_can_be_searched_alone(evidence):
     for name in all_effects():
         effect = make_effect(name)
         assert np.all(np.isfinite(evidence.z({name: effect.values}))), name
+
+
+def test_what_is_left_is_described():
+    """A supply that pulsates: no effect of the library, a line at its frequency."""
+    log = simulate(ACTUAL, RUNS, seed=1)
+    filling = log["u1"].clip(lower=0) * np.sin(2 * np.pi * 7.0 * log["time"])
+    d = diagnose(log.assign(mdot1=log["mdot1"] + 3e-4 * filling), NOMINAL, ["leakage", "valve_conductance"])
+    assert d.verdict == "unknown"
+    assert d.leftover["peak_hz"] == pytest.approx(7.0, abs=0.3) and d.leftover["peak_share"] > 0.1
+    assert set(d.leftover) >= {"equation", "predictable_share", "depends_on", "formula", "formula_share"}

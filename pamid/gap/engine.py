@@ -13,6 +13,7 @@ from .diagnosis import Candidate, Cause, Diagnosis, EquationFinding
 from .evidence import STATE, Evidence
 from .experiment import next_experiment
 from .fit import Fit
+from .leftover import leftover
 from .notes import check, notes_on, without_stuck
 from .search import Search
 from .signal_evidence import SignalEvidence
@@ -127,9 +128,12 @@ def explain(
     say : callable, optional
         Called with a short text at each step.
     """
-    verdict, search = decide(evidence, library, random_state, say)
-    say("measure the closure")
-    return _written(evidence, search, verdict, notes, random_state, say)
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
+        verdict, search = decide(evidence, library, random_state, say)
+        say("measure the closure")
+        return _written(evidence, search, verdict, notes, random_state, say)
 
 
 MAX_ROWS = 160_000
@@ -193,6 +197,7 @@ def _written(
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
+        leftover=leftover(evidence, equations[0].equation, base.z) if verdict.kind == "unknown" and equations else {},
     )
 
 

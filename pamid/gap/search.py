@@ -106,14 +106,15 @@ class Search:
 
     # --- forms that may differ ------------------------------------------------------------------------------
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
-        """Return what each effect of a fit adds to the residuals, in units of the noise."""
-        key = repr(fit.spec)
+        """Return what each effect of a fit adds to the residuals beyond what tolerances take up, in units of noise."""
+        key, J = repr(fit.spec), self.evidence.J
         if key not in self._contributions:
             whole = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
             found = {}
             for name in fit.spec:
                 rest = {k: v for k, v in fit.spec.items() if k != name}
-                found[name] = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
+                d = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
+                found[name] = d - J @ np.linalg.lstsq(J, d, rcond=None)[0] if J.shape[1] else d
             self._contributions = {**dict(list(self._contributions.items())[-3:]), key: found}
         return self._contributions[key]
 
@@ -163,6 +164,11 @@ class Search:
     def _left(self, z: np.ndarray) -> np.ndarray:
         return np.array([_raw_scale(z[part]) for part in self.evidence.parts])
 
+    def prior(self, name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected on this kind of system."""
+        of_system = getattr(self.evidence, "prior", None)
+        return float(all_effects()[name].prior if of_system is None else of_system(name))
+
     # --- stages ---------------------------------------------------------------------------------------------
     def stage(self, fit: Fit) -> Stage:
         """Try every effect of the library on top of a fit."""
@@ -189,7 +195,7 @@ class Search:
                     soft,
                     self.evidence.widening(fit.spec),
                 )
-                gain = s.loglik - before.loose - penalty(m, self.evidence) + all_effects()[name].prior
+                gain = s.loglik - before.loose - penalty(m, self.evidence) + self.prior(name)
                 if name not in screened or gain > screened[name][0]:
                     screened[name] = (gain, t.values(s.x[self.fitter.n : self.fitter.n + m]))
         rivals = []
@@ -207,14 +213,14 @@ class Search:
         What an effect gains only by bending its form counts half: a form is known roughly, but it is known.
         """
         bent = 0.5 * (after.plain - before.plain) + 0.5 * (after.loose - before.loose)
-        library = all_effects()
-        cost = penalty(after.fit.size - before.fit.size, self.evidence) - library[after.added].prior
+        cost = penalty(after.fit.size - before.fit.size, self.evidence) - self.prior(after.added)
         return min(bent, after.loose - before.loose) - cost if degenerate(after.fit, after.added) is None else -cost
 
 
 def has_form(name: str) -> bool:
-    """Tell whether an effect has a form that may be bent; a sensor's fault or a wrong length has none."""
-    return bool(_CONSTITUTIVE & set(all_effects()[name].hooks()))
+    """Tell whether an effect has a form that may be bent; a sensor's offset or gain or a wrong length has none."""
+    effect = all_effects()[name]
+    return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
 
 
 def degenerate(fit: Fit, name: str) -> str | None:

@@ -1,0 +1,120 @@
+"""What is left where no effect of the library is the cause: what it depends on, its rhythm, its closest formula."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .evidence import AnyEvidence
+
+_TERMS = 3
+"""Terms of the closest formula."""
+_LEAST = 200
+"""Windows below which nothing is said."""
+
+
+def leftover(evidence: AnyEvidence, equation: str, z: np.ndarray) -> dict[str, Any]:
+    r"""Describe the residual of one equation.
+
+    A flexible learner on the state predicts it for trajectories that it has not seen; the share that it predicts is
+    the least that some law of the state could explain. The formula is the sparse sum of a few terms of the state that
+    comes closest, found by orthogonal matching pursuit.
+
+    Parameters
+    ----------
+    evidence : Evidence or SignalEvidence
+        The log.
+    equation : str
+        The equation.
+    z : array, shape (n_windows,)
+        What is left, in units of the noise.
+
+    Returns
+    -------
+    dict
+        ``equation``; ``predictable_share`` of the excess over the noise, held out; ``depends_on``, signals by falling
+        influence; ``peak_hz`` and ``peak_share``, the strongest rhythm; ``formula`` and ``formula_share``.
+
+    References
+    ----------
+    S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by sparse identification of
+    nonlinear dynamical systems", PNAS 113(15), 2016. https://doi.org/10.1073/pnas.1517384113
+    """
+    part = evidence.parts[evidence.equations.index(equation)]
+    y = (z[part] * evidence.noise[part]).clip(*np.quantile(z[part] * evidence.noise[part], (0.001, 0.999)))
+    state = {
+        evidence.column(name).removesuffix("1"): values[part]
+        for name, values in evidence.state.items()
+        if np.all(np.isfinite(values[part])) and np.ptp(values[part]) > 0
+    }
+    found: dict[str, Any] = {"equation": equation}
+    if len(y) < _LEAST or not state:
+        return found
+    excess = max(float(np.mean(y**2)) - float(np.mean(np.square(evidence.noise[part]))), 1e-300)
+    found |= _learned(state, y, evidence.block[part], excess)
+    found |= _rhythm(y, evidence, part)
+    found |= _formula(state, y, excess)
+    return found
+
+
+def _learned(state: dict[str, np.ndarray], y: np.ndarray, block: np.ndarray, excess: float) -> dict[str, Any]:
+    from sklearn.ensemble import HistGradientBoostingRegressor
+    from sklearn.model_selection import GroupKFold, cross_val_predict
+
+    groups = block if len(np.unique(block)) > 2 else (4 * np.arange(len(y))) // len(y)
+    X = np.column_stack(list(state.values()))
+    learner = HistGradientBoostingRegressor(max_iter=60, min_samples_leaf=30, random_state=0)
+    predicted = cross_val_predict(learner, X, y, groups=groups, cv=GroupKFold(min(4, len(np.unique(groups)))))
+    share = (float(np.mean(y**2)) - float(np.mean((y - predicted) ** 2))) / excess
+    learner.fit(X, y)
+    whole = float(np.mean((y - learner.predict(X)) ** 2))
+    rng, loss = np.random.RandomState(0), {}
+    for k, name in enumerate(state):
+        mixed = X.copy()
+        mixed[:, k] = mixed[rng.permutation(len(X)), k]
+        loss[name] = float(np.mean((y - learner.predict(mixed)) ** 2)) - whole
+    names = [n for n in sorted(loss, key=lambda n: -loss[n]) if loss[n] > 0.1 * max(loss.values())]
+    return {"predictable_share": float(np.clip(share, 0.0, 1.0)), "depends_on": names if share > 0.1 else []}
+
+
+def _rhythm(y: np.ndarray, evidence: AnyEvidence, part: slice) -> dict[str, Any]:
+    """Return the frequency at which all runs together have a line, and its share of the power."""
+    run, side, time = evidence.run[part], evidence.side[part], evidence.time[part]
+    step = float(np.median(np.diff(time[(run == run[0]) & (side == side[0])])))
+    grid = np.arange(0.5, 0.5 / step, 0.1)
+    power, total = np.zeros(len(grid)), 0.0
+    for key in np.unique(np.column_stack([run, side]), axis=0):
+        mine = (run == key[0]) & (side == key[1])
+        if mine.sum() < 50:
+            continue
+        x, t = y[mine] - y[mine].mean(), time[mine]
+        phase = np.exp(-2j * np.pi * np.outer(grid, t))
+        power += 2.0 * np.abs(phase @ x) ** 2 / len(x)
+        total += float(x @ x)
+    if not total:
+        return {}
+    best = int(np.argmax(power))
+    return {"peak_hz": float(grid[best]), "peak_share": float(min(power[best] / total, 1.0))}
+
+
+def _formula(state: dict[str, np.ndarray], y: np.ndarray, excess: float) -> dict[str, Any]:
+    from sklearn.linear_model import OrthogonalMatchingPursuit
+
+    scales = {name: float(np.std(x)) for name, x in state.items()}
+    centred = {name: (x - np.mean(x)) / scales[name] for name, x in state.items()}
+    terms: dict[str, np.ndarray] = {"1": np.ones(len(y))}
+    for name, x in centred.items():
+        terms[f"{name}~"], terms[f"{name}~^2"] = x, x * x
+        terms[f"sign({name}~)"] = np.tanh(5.0 * x)
+    names = list(centred)
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            terms[f"{a}~*{b}~"] = centred[a] * centred[b]
+    X = np.column_stack(list(terms.values()))
+    fit = OrthogonalMatchingPursuit(n_nonzero_coefs=_TERMS, fit_intercept=False).fit(X, y)
+    left = float(np.mean((y - fit.predict(X)) ** 2))
+    chosen = [k for k in np.argsort(-np.abs(fit.coef_)) if fit.coef_[k]]
+    text = " ".join(f"{fit.coef_[k]:+.3g} {list(terms)[k]}" for k in chosen)
+    share = float(np.clip((float(np.mean(y**2)) - left) / excess, 0.0, 1.0))
+    return {"formula": text, "formula_share": share, "standardised": "x~ is x less its mean, over its deviation"}
