@@ -16,7 +16,7 @@ FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 LEAST_GAIN = 10.0
 """Gain in log-likelihood that an effect must bring at least; noise alone rarely brings five."""
-AUDIBLE = 0.03
+AUDIBLE = 0.05
 """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
 CLOSES = 0.4
 """Share of what is left in an equation that a further cause must close."""
