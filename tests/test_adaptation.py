@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from pamid.estimators import (
+    ConformalRegressor,
     FullFineTuning,
     JointPIHM,
     LawRegressor,
@@ -39,6 +40,7 @@ from pamid.errors import (
     IncompatibleError,
     InterruptedFitWarning,
     MissingColumnError,
+    MissingTrajectoryError,
     ParameterError,
     UnknownOptionError,
 )
@@ -434,6 +436,43 @@ def test_trainers_of_one_s_own(published):
         QAdapter(published, 4.0, trainer="sgd").fit(few, few["mdot"])
     held = QAdapter(published, 4.0, weight_decay=1e-6, validation_fraction=0.3, max_iter=4, random_state=0)
     assert len(held.fit(few, few["mdot"]).validation_curve_) >= 1
+
+
+# --- intervals --------------------------------------------------------------------------------------------------
+def offset_runs(rng, n_runs, rows=20):
+    """Runs whose errors depend on each other: each has an offset of its own, and its own number of rows."""
+    sizes = rng.integers(rows // 2, 2 * rows, n_runs)
+    run = np.repeat(np.arange(n_runs), sizes)
+    x = rng.normal(size=len(run))
+    return x[:, None], x + rng.normal(size=n_runs)[run] + 0.1 * rng.normal(size=len(run)), run
+
+
+def test_intervals_hold_on_new_trajectories():
+    rng, held = np.random.default_rng(0), []
+    for _ in range(150):
+        X, y, run = offset_runs(rng, 15)
+        X_new, y_new, _ = offset_runs(rng, 1)
+        model = ConformalRegressor(LinearRegression(), confidence=0.8).fit(X, y, groups=run)
+        lower, upper = model.predict_interval(X_new)
+        held.append(np.mean((lower < y_new) & (y_new < upper)))
+    assert np.mean(held) > 0.8 - 2 * np.std(held) / np.sqrt(len(held))
+    assert np.mean(held) < 0.93
+
+
+def test_intervals_around_an_adapted_model(flow):
+    few = table(1, runs=12, factor=4.0, noise=0.05)
+    model = ConformalRegressor(QAdapter(FrozenEstimator(flow), 4.0, base="frozen"), confidence=0.8)
+    model.fit(few, few["mdot"])
+    new = table(2, factor=4.0, noise=0.05)
+    lower, upper = model.predict_interval(new)
+    assert 0.6 < np.mean((lower < new["mdot"]) & (new["mdot"] < upper)) <= 1.0
+    with pytest.raises(MissingTrajectoryError, match="groups"):
+        model.fit(few[SIGNALS], few["mdot"])
+    with pytest.warns(ExcitationWarning, match="infinite"):
+        assert clone(model).set_params(confidence=0.95).fit(few, few["mdot"]).half_width_ == np.inf
+    for wrong in ({"confidence": 1.0}, {"n_splits": 1}):
+        with pytest.raises(ParameterError):
+            clone(model).set_params(**wrong).fit(few, few["mdot"])
 
 
 # --- command line ---------------------------------------------------------------------------------------------

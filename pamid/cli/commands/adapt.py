@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
         "logs": list(args.log),
     }
     save(_pipeline(steps, fitted), out, metadata)
-    found = {
+    values = {
         "Q": getattr(fitted, "q_", None),
         "Q0": getattr(fitted, "q0_", None),
         "Q_uncertainty": getattr(fitted, "q_uncertainty_", None),
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
         "diameter_factor": getattr(fitted, "diameter_factor_", None),
         "dead_volume": getattr(fitted, "dead_volume_", None),
     }
-    found = {name: value for name, value in found.items() if value is not None}
+    found = {name: float(value) for name, value in values.items() if value is not None}
     short = {k: {n: s[n] for n in ("rmse", "nrmse", "n_samples")} for k, s in (("before", before), ("after", training))}
     report = {
         "model": str(out),

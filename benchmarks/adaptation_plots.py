@@ -1,0 +1,115 @@
+"""Draw what ``benchmarks/adaptation.py --out FILE.json`` measured, and predictions on triangles and steps."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+
+SETS = ("target", "tri", "step")
+
+
+def curves(found: list[dict[str, Any]], folder: Path) -> None:
+    """Loss over the share of each method's own training time: Figure 5 of the study, with time in place of epochs."""
+    fig, axis = plt.subplots(figsize=(6, 3.5), layout="constrained")
+    for row in found:
+        if len(row.get("curve", [])) > 1:
+            seconds = np.linspace(0, row["seconds"], len(row["curve"]) + 1)[1:]
+            axis.loglog(seconds, row["curve"], label=row["method"])
+        elif "curve" in row and row["method"] == "Q alone":
+            axis.plot(row["seconds"], row["curve"][0], "k*", label="Q alone")
+    axis.set(
+        xlabel="CPU time of the adaptation / s", ylabel="loss / variance of the target", title="A to B, 315 samples"
+    )
+    axis.legend(fontsize=7)
+    fig.savefig(folder / "adaptation-loss.png", dpi=120)
+
+
+def counts(found: list[dict[str, Any]], folder: Path) -> None:
+    """Held-out error over the number of adaptation samples."""
+    d = pd.DataFrame(found)
+    muscles = sorted(d["muscle"].unique())
+    fig, axes = plt.subplots(len(muscles), 3, figsize=(9, 2.8 * len(muscles)), layout="constrained", squeeze=False)
+    for i, muscle in enumerate(muscles):
+        for axis, name in zip(axes[i], SETS, strict=True):
+            for method, g in d[d["muscle"] == muscle].groupby("method", sort=False):
+                v = g.groupby("count")[name]
+                axis.loglog(v.median().index, 1e6 * v.median(), "o-", ms=3, label=method)
+                axis.fill_between(v.min().index, 1e6 * v.min(), 1e6 * v.max(), alpha=0.15)
+            axis.set(title=f"{muscle}, {name}", xlabel="adaptation samples", ylabel="RMSE / 1e-6 kg/s")
+    axes[0][0].legend(fontsize=7)
+    fig.savefig(folder / "adaptation-samples.png", dpi=120)
+
+
+def scaling(found: list[dict[str, Any]], folder: Path) -> None:
+    """Draw time and memory of a step over samples and width."""
+    d = pd.DataFrame(found)
+    fig, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    for width, g in d.groupby("width"):
+        (line,) = axes[0].loglog(g["n"], 1e3 * g["seconds"], "o-", ms=3, label=f"width {width}")
+        axes[0].loglog(g["n"], 1e3 * g["floor"], ":", color=line.get_color())
+        axes[1].loglog(g["n"], g["bytes"] / 2**20, "o-", ms=3, label=f"width {width}")
+    axes[0].set(xlabel="samples", ylabel="CPU ms a step (dotted: products alone)")
+    axes[1].set(xlabel="samples", ylabel="MiB above the start")
+    axes[0].legend(fontsize=7)
+    fig.savefig(folder / "adaptation-scaling.png", dpi=120)
+
+
+def predictions(folder: Path, muscle: str, steps: int) -> None:
+    """Figures 6 and 7 of the study: flow on a triangle and on a step, of the model from scratch and the adapted one."""
+    from adaptation import COLUMNS, log, sizes, source  # the neighbouring benchmark
+    from pamid.estimators import QAdapter
+
+    few = log(f"D_{muscle}", muscle, 0).iloc[::100]
+    scratch = source("neural", muscle, 0, steps)
+    adapted = QAdapter(source("anchored", "A", 0, steps), **sizes(muscle), random_state=0).fit(
+        few[COLUMNS], few["mdot"]
+    )
+    fig, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
+    for axis, name, run in ((axes[0], "D_tri", 18), (axes[1], "D_step", 4)):
+        d = log(name, muscle, 0)
+        d = d[d["trajectory"] == d["trajectory"].unique()[run]]
+        axis.plot(d["time"], 1e3 * d["mdot"], color="0.6", label="measured")
+        axis.plot(d["time"], 1e3 * scratch.predict(d[COLUMNS[1:]]), lw=0.8, label="published network, from scratch")
+        axis.plot(d["time"], 1e3 * adapted.predict(d[COLUMNS]), "--", lw=0.8, label="adapted from A, 315 samples")
+        span = 1e3 * d["mdot"].abs().max()
+        axis.set(title=d["trajectory"].iloc[0], xlabel="time / s", ylabel="flow / g/s", ylim=(-1.6 * span, 1.6 * span))
+    axes[0].legend(fontsize=7)
+    fig.savefig(folder / f"adaptation-predictions-{muscle}.png", dpi=120)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="*", help="results of benchmarks/adaptation.py --out")
+    parser.add_argument("--folder", default="docs/images", help="where the pictures go (default docs/images)")
+    parser.add_argument(
+        "--predictions", nargs="*", default=[], choices=["B", "C"], help="draw predictions for these muscles"
+    )
+    parser.add_argument("--steps", type=int, default=40, help="steps of the trained models (default 40)")
+    args = parser.parse_args()
+    warnings.simplefilter("ignore")
+    folder = Path(args.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    draw = {"table": curves, "samples": counts, "scaling": scaling}
+    for file in args.files:
+        for part, found in json.loads(Path(file).read_text(encoding="utf-8")).items():
+            if part in draw and found:
+                draw[part](found, folder)
+    for muscle in args.predictions:
+        predictions(folder, muscle, args.steps)
+
+
+if __name__ == "__main__":
+    main()
