@@ -57,6 +57,10 @@ class HostileLogError(LogFormatError):
     """A log carries objects, or declares sizes that reading must never unfold."""
 
 
+class StreamError(LogError):
+    """A stream is not one of samples."""
+
+
 class EmptyLogError(LogError):
     """The log has no rows."""
 

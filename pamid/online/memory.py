@@ -1,0 +1,196 @@
+"""An effect along a stream: its contribution to each sample, its memory carried from block to block."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..effects import make_effect
+from ..effects.base import Effect, Signals
+from ..effects.plant import Plant
+from ..errors import IncompatibleError
+from ..signals.paths import play, reversals
+from ..signals.state import State
+
+STEP = 1e-4
+"""Step of the derivative by a parameter that is not linear, as a share of its range."""
+
+
+class StreamedEffect:
+    """One effect in one equation, sample after sample.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect, with the values at which its parameters start.
+    equation : {"force", "flow"}
+        The equation in which it is followed.
+    plant : Plant
+        The bench.
+    dt : float
+        Sampling interval, s.
+    play : float, default=0
+        Half the play through which the position is followed, so that an encoder's noise is no motion to and fro.
+
+    Attributes
+    ----------
+    names : list of str
+        Parameters that are followed: the linear ones, or all of an effect that has none.
+    """
+
+    def __init__(self, effect: Effect, equation: str, plant: Plant, dt: float, play: float = 0.0) -> None:
+        if equation not in effect.hooks() or effect.sampled:
+            raise IncompatibleError(
+                f"The effect {effect.name} adds nothing to the {equation} of one muscle.",
+                f"an effect with a share in {equation}",
+                "Choose another effect or equation.",
+            )
+        self.effect = effect
+        self.equation = equation
+        self.plant = plant
+        self.dt = dt
+        self.play = play
+        self.linear = [p.name for p in effect.parameters if p.linear]
+        self.names = self.linear or [p.name for p in effect.parameters]
+        self.units = [next(p.unit for p in effect.parameters if p.name == n) for n in self.names]
+        self.lower = np.array([next(p.lower for p in effect.parameters if p.name == n) for n in self.names])
+        self.upper = np.array([next(p.upper for p in effect.parameters if p.name == n) for n in self.names])
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget: what follows is another run."""
+        self.memory: Any = None
+        self.last: Signals | None = None
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What the effect remembers, as numbers and arrays."""
+        if self.memory is None or self.last is None:
+            return {}
+        last = {
+            role: float(v) for role in ("position", *self.effect.roles) if (v := getattr(self.last, role)) is not None
+        }
+        return {"memory": np.array(self.memory, dtype=float), "last": last}
+
+    def recall(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` was."""
+        self.memory = state.get("memory")
+        self.last = Signals(**state["last"]) if state else None
+
+    def linearised(self, state: State, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Advance over a block and return the contribution and its derivatives.
+
+        Parameters
+        ----------
+        state : State
+            Signals of the block, each of shape (n_samples,).
+        values : array, shape (n_parameters,)
+            Present values of the followed parameters.
+
+        Returns
+        -------
+        contribution : array, shape (n_samples,)
+            N or kg/s.
+        derivatives : array, shape (n_samples, n_parameters)
+            By the parameters.
+        """
+        s = Signals(position=state.eps, velocity=state.deps, pressure=state.P, pressure_rate=state.dP)
+        memory = self._along(s)
+        n = len(state.eps)
+        if self.linear:
+            columns = []
+            for name in self.linear:
+                # Parameters are bounded, so one that is proportional is evaluated where it surely is allowed.
+                p = next(q for q in self.effect.parameters if q.name == name)
+                unit = p.nominal if p.nominal else min(max(1.0, p.lower), p.upper)
+                others = dict.fromkeys(self.linear, 0.0)
+                columns.append(self._share(self.effect.replace(**{**others, name: unit}), s, memory, n) / unit)
+            derivatives = np.column_stack(columns)
+            return derivatives @ values, derivatives
+        inside = np.clip(values, self.lower, self.upper)
+        here = self._share(self._with(inside), s, memory, n)
+        columns = []
+        for k in range(len(self.names)):
+            h = STEP * (self.upper[k] - self.lower[k])
+            ends = [np.clip(inside[k] + d, self.lower[k], self.upper[k]) for d in (-h, h)]
+            shares = [self._share(self._with(_replaced(inside, k, v)), s, memory, n) for v in ends]
+            columns.append((shares[1] - shares[0]) / (ends[1] - ends[0]))
+        return here, np.column_stack(columns)
+
+    def _with(self, values: np.ndarray) -> Effect:
+        return self.effect.replace(**{n: float(v) for n, v in zip(self.names, values, strict=True)})
+
+    def _share(self, effect: Effect, s: Signals, memory: Any, n: int) -> np.ndarray:
+        if self.equation == "force":
+            return np.broadcast_to(np.asarray(effect.force(s, memory, self.plant), dtype=float), n)
+        step = effect.flow(s, memory, self.plant)
+        return np.broadcast_to(np.asarray(step.a + step.b * s.pressure_rate, dtype=float), n)
+
+    def _along(self, s: Signals) -> Any:
+        """Return the memory at each sample of a block and keep it for the next."""
+        if not self.effect.n_states:
+            return np.zeros((0,))
+        return self._along_path(s) if self.effect.path_dependent else self._along_time(s)
+
+    def _along_path(self, s: Signals) -> np.ndarray:
+        """Return memory that the path of the position alone decides: one step a reversal."""
+        x = _held(np.asarray(s.position, dtype=float), None if self.last is None else self.last.position)
+        if self.memory is None or self.last is None:
+            self.last = Signals(position=float(x[0]))
+            self.memory = np.asarray(self.effect.start(self.last, self.plant, self.dt))
+        x = play(np.concatenate([[self.last.position], x]), self.play)
+        turns = reversals(x)
+        states = np.empty((self.effect.n_states, len(turns)))
+        states[:, 0] = state = self.memory
+        for k in range(1, len(turns)):
+            before, now = Signals(position=x[turns[k - 1]]), Signals(position=x[turns[k]])
+            states[:, k] = state = self.effect.step(state, before, now, self.dt, self.plant)
+        last = np.maximum(np.searchsorted(turns, np.arange(len(x)), side="left") - 1, 0)
+        out = self.effect.step(
+            states[:, last], Signals(position=x[turns[last]]), Signals(position=x), self.dt, self.plant
+        )
+        self.memory, self.last = out[:, -1], Signals(position=float(x[-1]))
+        return out[:, 1:]
+
+    def _along_time(self, s: Signals) -> np.ndarray:
+        out = np.empty((self.effect.n_states, len(s.position)))
+        used = Signals(**{role: np.asarray(getattr(s, role)) for role in self.effect.roles})
+        for k in range(out.shape[1]):
+            now = used.at(k)
+            if not all(np.isfinite(getattr(now, role)) for role in self.effect.roles):
+                out[:, k] = np.nan if self.memory is None else self.memory
+                continue  # what was not measured is not remembered
+            if self.memory is None or self.last is None:
+                self.memory = np.asarray(self.effect.start(now, self.plant, self.dt))
+            else:
+                self.memory = self.effect.step(self.memory, self.last, now, self.dt, self.plant)
+            self.last = now
+            out[:, k] = self.memory
+        return out
+
+
+def _held(x: np.ndarray, before: float | None) -> np.ndarray:
+    """Return a signal whose missing values are the last one before them."""
+    known = np.isfinite(x)
+    if known.all():
+        return x
+    at = np.maximum.accumulate(np.where(known, np.arange(len(x)), -1))
+    first = before if before is not None else float(x[known][0]) if known.any() else 0.0
+    return np.where(at >= 0, x[np.maximum(at, 0)], first)
+
+
+def _replaced(values: np.ndarray, k: int, value: float) -> np.ndarray:
+    out = values.copy()
+    out[k] = value
+    return out
+
+
+def effect_of(entry: Any) -> Effect:
+    """Return an effect from an object, a name, or a pair of name and values."""
+    if isinstance(entry, Effect):
+        return entry
+    if isinstance(entry, str):
+        return make_effect(entry)
+    name, values = entry
+    return make_effect(name, **dict(values))

@@ -1,0 +1,287 @@
+"""The diagnosis on a stream: which effect has appeared since the monitor was calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects.plant import Plant
+from ..errors import EmptyLogError, MissingColumnError, ParameterError
+from ..laws.base import Law
+from ..signals.state import STATE_SIGNALS, State
+from ..volume.base import VolumeModel
+from .alarm import DriftAlarm, threshold
+from .memory import StreamedEffect, effect_of
+
+HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")
+"""Effects that may appear, by default."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a monitor has found.
+
+    Parameters
+    ----------
+    effect : str
+        The effect that explains the change best, or ``"unknown"`` where the residual grew and none does.
+    equation : str
+        The equation in which it appeared.
+    time : float
+        When the alarm was raised, s.
+    strength : float
+        Evidence over its threshold, above one.
+    value : float
+        Estimate of the effect's parameter, in its own unit; NaN if unknown.
+    unit : str
+        Its unit.
+    """
+
+    effect: str
+    equation: str
+    time: float
+    strength: float
+    value: float
+    unit: str
+
+
+class _Watch:
+    """One equation of one muscle with the effects that may appear in it."""
+
+    def __init__(self, law: Law, effects: list[StreamedEffect], settings: Mapping[str, float]) -> None:
+        self.law = law
+        self.effects = effects
+        self.names = [(e.effect.name, n, u) for e in effects for n, u in zip(e.names, e.units, strict=True)]
+        lower = np.concatenate([e.lower for e in effects]) if effects else np.zeros(0)
+        self.start = np.zeros(len(self.names))
+        groups = [k for k, e in enumerate(effects) for _ in e.names]
+        self.alarm = DriftAlarm(lower >= 0.0, settings["memory"], int(settings["hold"]), settings["limit"], groups)
+        self.offset = 0.0
+        self.factor = 1.0
+        self.noise = 1.0
+        self.power_scale = 1.0
+        self.power = 0.0
+        self.beyond = 0
+
+    def residual(self, volume: VolumeModel, state: State, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        modelled = np.asarray(self.law.predict(*volume.jet(state), state))
+        H = [e.linearised(state, np.zeros(len(e.names)))[1] for e in self.effects]
+        return measured - self.factor * modelled - self.offset, np.column_stack(H) if H else np.zeros(
+            (len(measured), 0)
+        )
+
+    def restart(self) -> None:
+        for e in self.effects:
+            e.restart()
+
+
+class GapMonitor:
+    """Watch one muscle for an effect that appears during operation: a leak, friction, hysteresis.
+
+    The healthy model predicts force and flow; what it leaves is held against what each effect of the library would
+    add. `calibrate` measures on a healthy stretch how large these sums are by themselves.
+
+    Parameters
+    ----------
+    volume : VolumeModel
+        The gas volume of the healthy muscle: ``volume_`` of a fitted model, or a classical volume.
+    laws : sequence of Law
+        What is watched: the law of force, of flow, or both.
+    plant : Plant
+        The bench that the effects refer to, ``BenchParameters.plant()``.
+    hypotheses : sequence of str, pair or Effect
+        Effects that may appear; those without a share in a law are left out of it.
+    dt : float, default=0.001
+        Sampling interval, s.
+    memory : float, default=0.5
+        Memory of the evidence, s.
+    hold : float, default=1.2
+        Seconds for which evidence must stay above its threshold before it is a finding; what it is takes longer to
+        tell than that it is.
+    false_alarms_per_hour : float, default=1
+        Allowed rate over all effects and equations, 1/h of signal.
+    play : float, default=0
+        Half the play through which friction and hysteresis follow the contraction, above the encoder's noise.
+    block : int, default=20
+        Samples taken at a time.
+
+    See Also
+    --------
+    pamid.estimators.OnlineAdapter : The same filter for a model that follows a muscle.
+    """
+
+    def __init__(
+        self,
+        volume: VolumeModel,
+        laws: Sequence[Law],
+        plant: Plant,
+        hypotheses: Sequence[Any] = HYPOTHESES,
+        *,
+        dt: float = 1e-3,
+        memory: float = 0.5,
+        hold: float = 1.2,
+        false_alarms_per_hour: float = 1.0,
+        play: float = 0.0,
+        block: int = 20,
+    ) -> None:
+        effects = [effect_of(h) for h in hypotheses]
+        self.volume = volume
+        self.dt = dt
+        self.block = int(block)
+        pairs = [(law, [e for e in effects if law.equation in e.hooks()]) for law in laws]
+        tests = sum(len([p for p in e.parameters if p.linear]) or 1 for _, found in pairs for e in found) + len(pairs)
+        if not tests or not all(value > 0 for value in (dt, memory, false_alarms_per_hour, block)):
+            raise ParameterError(
+                "The monitor has nothing to watch, or a time, rate or block that is not positive.",
+                "laws, effects that enter them, and positive settings",
+                "Correct the settings.",
+            )
+        self.settings = {
+            "memory": memory / dt,
+            "hold": max(hold / dt, 1.0),
+            "limit": threshold(false_alarms_per_hour, memory, tests),
+        }
+        self.watches = [
+            _Watch(law, [StreamedEffect(e, law.equation, plant, dt, play) for e in found], self.settings)
+            for law, found in pairs
+        ]
+        self.calibrated = False
+
+    def calibrate(self, table: Any) -> GapMonitor:
+        """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence.
+
+        Parameters
+        ----------
+        table : DataFrame
+            Columns ``eps``, ``deps``, ``P``, ``dP`` and the measured ``F`` and ``mdot``; a minute or more.
+
+        Returns
+        -------
+        GapMonitor
+            Itself.
+        """
+        state, measured = self._columns(table)
+        n = len(state.eps)
+        if n < 50 * self.block:
+            raise EmptyLogError(
+                f"The healthy stretch has {n} samples.",
+                f"at least {50 * self.block}, better a minute of signal",
+                "Record longer before something is expected to appear.",
+            )
+        for watch, y in zip(self.watches, measured, strict=True):
+            watch.factor, watch.offset = 1.0, 0.0
+            modelled = np.asarray(watch.law.predict(*self.volume.jet(state), state))
+            known = np.isfinite(y) & np.isfinite(modelled)
+            A = np.column_stack([modelled[known], np.ones(known.sum())])
+            scaled = A * np.array([1.0, np.std(y[known]) or 1.0])
+            factor, offset = np.linalg.lstsq(scaled, y[known], rcond=None)[0]
+            watch.factor, watch.offset = float(factor), float(offset * (np.std(y[known]) or 1.0))
+            residual, H = watch.residual(self.volume, state, y)
+            watch.noise = max(float(1.4826 * np.nanmedian(np.abs(residual))), 1e-12 * (np.nanmax(np.abs(y)) or 1.0))
+            # What healthy operation shows of each effect by itself is no news later.
+            known = np.isfinite(residual)
+            size = np.sqrt(np.mean(H[known] ** 2, axis=0))
+            size[size == 0] = 1.0
+            start = np.linalg.lstsq(H[known] / size, residual[known], rcond=1e-6)[0] / size
+            watch.start = start
+            residual = residual - H @ start
+            blocks = [slice(i, i + self.block) for i in range(0, n - self.block + 1, self.block)]
+            watch.alarm.calibrate(
+                np.array([watch.alarm.statistic(H[b], residual[b], watch.noise) for b in blocks]).reshape(
+                    len(blocks), H.shape[1]
+                )
+            )
+            watch.alarm.restart()
+            power = self._powers(watch, residual, blocks)
+            watch.power_scale = float(np.mean(power) + self.settings["limit"] * np.std(power))
+            watch.power_scale = max(watch.power_scale, 1.5 * float(np.max(power)))
+            watch.power, watch.beyond = 0.0, 0
+            watch.restart()
+        self.calibrated = True
+        return self
+
+    def _powers(self, watch: _Watch, residual: np.ndarray, blocks: list[slice]) -> np.ndarray:
+        fade = float(np.exp(-self.block / self.settings["memory"]))
+        out, power = [], 0.0
+        for b in blocks:
+            good = residual[b][np.isfinite(residual[b])]
+            if len(good):
+                power = fade * power + (1.0 - fade) * float(np.mean((good / watch.noise) ** 2))
+                out.append(power)
+        return np.array(out)
+
+    def update(self, table: Any) -> list[Finding]:
+        """Take the next samples, in their order.
+
+        Parameters
+        ----------
+        table : DataFrame
+            As for `calibrate`, with ``time`` (s) for the findings if there is one.
+
+        Returns
+        -------
+        list of Finding
+            Alarms raised in these samples, at most one a block and equation.
+        """
+        if not self.calibrated:
+            raise ParameterError(
+                "The monitor is not calibrated.", "a healthy stretch first", "Call calibrate with one."
+            )
+        state, measured = self._columns(table)
+        time = np.asarray(table["time"], dtype=float) if "time" in table else np.arange(len(state.eps)) * self.dt
+        found = []
+        for watch, y in zip(self.watches, measured, strict=True):
+            raw, H = watch.residual(self.volume, state, y)
+            residual = raw - H @ watch.start
+            for i in range(0, len(y), self.block):
+                b = slice(i, i + self.block)
+                finding = self._block(watch, H[b], residual[b], float(time[b][-1]))
+                if finding is not None:
+                    found.append(finding)
+        return sorted(found, key=lambda f: f.time)
+
+    def _block(self, watch: _Watch, H: np.ndarray, residual: np.ndarray, time: float) -> Finding | None:
+        good = np.isfinite(residual)
+        # Single wild samples are a sensor's fault; more of them together are a change.
+        wild = np.abs(residual) > 30.0 * watch.noise
+        if 0 < (wild & good).sum() < 0.2 * max(good.sum(), 1):
+            residual = np.where(wild, np.nan, residual)
+            good &= ~wild
+        if not good.any():
+            return None
+        named = watch.alarm.update(H, residual, watch.noise) if H.shape[1] else None
+        fade = float(np.exp(-len(residual) / self.settings["memory"]))
+        power = float(np.mean((residual[good] / watch.noise) ** 2))
+        # A jolt is over at once; a block counts no more than makes a few of them news.
+        watch.power = fade * watch.power + (1.0 - fade) * min(power, 5.0 * watch.power_scale)
+        beyond = watch.power > watch.power_scale
+        watch.beyond = watch.beyond + len(residual) if beyond else 0
+        if named is not None:
+            which, strength = named
+            effect, _, unit = watch.names[which]
+            value = watch.alarm.estimate(which)
+            return Finding(effect, watch.law.equation, time, strength, value, unit)
+        # A residual that grew while no effect explains it: longer, so that an effect can be named first.
+        if watch.beyond >= 2 * self.settings["hold"]:
+            strength = watch.power / watch.power_scale
+            return Finding("unknown", watch.law.equation, time, strength, float("nan"), watch.law.unit)
+        return None
+
+    def restart(self) -> None:
+        """Take the next samples as another run; the calibration stays."""
+        for watch in self.watches:
+            watch.restart()
+            watch.alarm.restart()
+            watch.power, watch.beyond = 0.0, 0
+
+    def _columns(self, table: Any) -> tuple[State, list[np.ndarray]]:
+        needed = [*STATE_SIGNALS, *(w.law.target for w in self.watches)]
+        if missing := [c for c in needed if c not in table]:
+            raise MissingColumnError(
+                f"The samples have no {', '.join(missing)}.", f"the columns {', '.join(needed)}", "Add them."
+            )
+        state = State(*(np.asarray(table[s], dtype=float) for s in STATE_SIGNALS))
+        return state, [np.asarray(table[w.law.target], dtype=float) for w in self.watches]
