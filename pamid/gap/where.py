@@ -18,7 +18,8 @@ BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 25.0))
 """Bands of frequency, Hz; windows of 20 ms see no more than 25 Hz."""
 _FEATURES = ("eps", "deps", "P", "dP", "u")
 _JOINT_FEATURES = ("q", "dq")
-_LIFT = 0.2  # a region holds at least this much more of the gap than of the samples
+ENERGY = 0.8
+"""Share of a gap's energy that its regions are to hold."""
 
 
 def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
@@ -63,21 +64,24 @@ def shares(values: np.ndarray) -> np.ndarray:
     return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
 
 
-def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 2) -> list[Region]:
-    """Return the regions of the state that hold more of an equation's gap than of its samples.
+def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 4) -> list[Region]:
+    """Return the regions of the state that together hold most of an equation's gap in few of its samples.
+
+    The fewest windows that hold `ENERGY` of the gap are told from the others by a shallow tree on the state; its
+    leaves in which they prevail are the regions.
 
     Parameters
     ----------
-    evidence : Evidence
+    evidence : Evidence or SignalEvidence
         The log.
     equation : str
         The equation.
     power : array, shape (n_windows,)
         The gap's power at each window.
-    most : int, default=2
+    most : int, default=4
         Most regions.
     """
-    from sklearn.tree import DecisionTreeRegressor
+    from sklearn.tree import DecisionTreeClassifier
 
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation == "joint" else _FEATURES
@@ -86,23 +90,22 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
     if not state or len(y) < 100 or not np.any(y > 0):
         return []
     X = np.column_stack(list(state.values()))
-    y = np.minimum(y, np.quantile(y, 0.995))
-    tree = DecisionTreeRegressor(max_leaf_nodes=5, min_samples_leaf=max(20, len(y) // 25), random_state=0).fit(X, y)
-    leaf = tree.apply(X)
-    total = y.sum()
+    order = np.argsort(-y)
+    held = np.cumsum(y[order]) / y.sum()
+    inside = np.zeros(len(y), dtype=bool)
+    inside[order[: int(np.searchsorted(held, ENERGY)) + 1]] = True
+    if inside.mean() > 0.95:
+        return []
+    tree = DecisionTreeClassifier(max_leaf_nodes=8, min_samples_leaf=max(10, len(y) // 60), random_state=0)
+    leaf = tree.fit(X, inside).apply(X)
     found = []
     for node in np.unique(leaf):
-        inside = leaf == node
-        share, samples = float(y[inside].sum() / total), float(inside.mean())
-        if share - samples > _LIFT * (1.0 - samples) and share > 0.15:
-            found.append((share - samples, node, share, samples))
-    found.sort(reverse=True)
-    out = []
-    for _, node, share, samples in found[:most]:
-        query = _path(tree.tree_, int(node), {n: evidence.column(n) for n in state})
-        if query:
-            out.append(Region(equation, query, share, samples))
-    return out
+        mine = leaf == node
+        if inside[mine].mean() > 0.5:
+            found.append((float(y[mine].sum() / y.sum()), int(node), float(mine.mean())))
+    columns = {n: evidence.column(n) for n in state}
+    out = [Region(equation, _path(tree.tree_, node, columns), share, samples) for share, node, samples in found]
+    return sorted((r for r in out if r.query), key=lambda r: -r.share)[:most]
 
 
 def _path(tree: Any, node: int, columns: dict[str, str]) -> str:
