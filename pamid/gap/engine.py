@@ -136,6 +136,8 @@ def explain(
         return _written(evidence, search, verdict, notes, random_state, say)
 
 
+_QUIET = 0.9
+"""Confidence in no gap where evidence of one is only just missing."""
 MAX_ROWS = 160_000
 """Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
 
@@ -286,7 +288,7 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
                 belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) / len(named)
         scores.setdefault(name, max((g for r, g in verdict.rivals[name] if r.added == name), default=0.0))
     if verdict.kind == "none":
-        belief["none"] = max(0.5, min(1.0, 0.75 + 0.25 * verdict.p_value))
+        belief["none"] = _QUIET + (1.0 - _QUIET) * min(1.0, verdict.p_value / 0.1)
         belief["unknown"] = 0.3 * (1.0 - belief["none"])
     else:
         belief["unknown"] = verdict.unknown if named or verdict.unknown > 0 else 0.05
