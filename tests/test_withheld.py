@@ -268,7 +268,7 @@ def test_regions_agree_with_where_the_energy_is() -> None:
     centres = np.arange(10) * 20 + 10
 
     def score(*queries: str) -> float:
-        return regions.agreement(table, queries, centres, contribution)
+        return regions.agreement(table, queries, centres, regions.true_region(contribution, 1.0))
 
     assert regions.true_region(contribution[:, 0], 1.0).sum() == 4
     assert score("eps1 < 0.4") == score("eps1 < 0.2", "eps1 >= 0.2 and eps1 < 0.4") == 1.0

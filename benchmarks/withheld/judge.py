@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pamid.bench import BenchParameters
@@ -17,7 +18,7 @@ from .catalogue import VOCABULARY
 from .generator import Case
 from .metrics import Answer, Truth
 from .quantities import LONG, nominal
-from .regions import agreement
+from .regions import agreement, true_region
 from .strength import Readings, refit
 
 
@@ -72,10 +73,12 @@ def closed_share(future: pd.DataFrame, before: BenchParameters, after: BenchPara
     return 1.0 - (better / worse) ** 2
 
 
-def regions(case: Case, found: Sequence[Mapping[str, Any]], equation: str, table: pd.DataFrame) -> float:
-    """Return the F1 of the named regions of an equation against the true one."""
+def regions(case: Case, found: Sequence[Mapping[str, Any]], equation: str, table: pd.DataFrame) -> tuple[float, float]:
+    """Return the F1 of an equation's named regions against where 80 % of the gap is, and where it is over the floor."""
     queries = [str(r["query"]) for r in found if r["equation"] == equation]
-    return agreement(table, queries, case.centres[equation], case.contributions[equation])
+    gap, centres = case.contributions[equation], case.centres[equation]
+    over = np.abs(gap) > case.key["floors"][equation]
+    return agreement(table, queries, centres, true_region(gap)), agreement(table, queries, centres, over)
 
 
 SAME_FORM = {
@@ -107,7 +110,7 @@ def answer(
     d: Mapping[str, Any],
     true: Truth,
     families: Mapping[str, str],
-    region: float | None,
+    region: tuple[float, float] | None,
     realised: float | None,
     amplitude: bool | None,
     seconds: float,
@@ -123,7 +126,8 @@ def answer(
         causes=tuple(tuple(c["effects"]) for c in d.get("causes", [])),
         families=dict(families),
         equation=max(where, key=lambda e: e["share"])["equation"] if where and d["gap"] else None,
-        region_f1=region,
+        region_f1=region and region[0],
+        over_floor_f1=region and region[1],
         predicted=closure and _number(closure["closed_share"]),
         realised=realised,
         amplitude=amplitude,

@@ -80,6 +80,8 @@ class Answer:
         Where most of the gap lies.
     region_f1 : float or None
         Agreement of the named regions with the true ones.
+    over_floor_f1 : float or None
+        The same with the windows in which the gap is larger than the floor.
     predicted, realised : float or None
         Share of the explainable gap that the correction closes: as said, and on unseen trajectories.
     interval : tuple of float or None
@@ -97,6 +99,7 @@ class Answer:
     families: dict[str, str] = field(default_factory=dict)
     equation: str | None = None
     region_f1: float | None = None
+    over_floor_f1: float | None = None
     predicted: float | None = None
     realised: float | None = None
     interval: tuple[float, float] | None = None
@@ -198,6 +201,11 @@ def located(records: Sequence[Record]) -> Figure:
 def region_f1(records: Sequence[Record]) -> Figure:
     """Mean agreement of the named regions with the smallest set of windows that holds 80 % of the gap; loud effects."""
     return spread((a.region_f1 for _, a in _single(records, LOUD)), np.mean)
+
+
+def over_floor_f1(records: Sequence[Record]) -> Figure:
+    """Mean agreement of the named regions with the windows in which the gap is larger than the floor; loud effects."""
+    return spread((a.over_floor_f1 for _, a in _single(records, LOUD)), np.mean)
 
 
 # --- which ---------------------------------------------------------------------------------------------------

@@ -13,8 +13,10 @@ HELD = 0.8
 
 
 def true_region(contribution: np.ndarray, held: float = HELD) -> np.ndarray:
-    """Return the smallest set of windows that holds a share of the energy, as a mask."""
-    energy = np.square(contribution).ravel()
+    """Return the smallest set of windows that holds a share of each side's energy, as a mask."""
+    if contribution.ndim > 1:
+        return np.column_stack([true_region(side, held) for side in contribution.T])
+    energy = np.square(contribution)
     order = np.argsort(-energy, kind="stable")
     total = np.cumsum(energy[order])
     if not len(total) or total[-1] <= 0:
@@ -48,17 +50,28 @@ def named_region(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarra
     return rows[centres]
 
 
-def agreement(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarray, contribution: np.ndarray) -> float:
+def agreement(table: pd.DataFrame, queries: Sequence[str], centres: np.ndarray, true: np.ndarray) -> float:
     """Return the F1 of named regions, over the windows of the muscles that they speak of; both muscles are alike.
 
     Without a region the gap is said to be everywhere.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a sample, with the columns that the queries read.
+    queries : sequence of str
+        pandas queries.
+    centres : array of int
+        Rows at the centres of the windows.
+    true : array of bool, shape (windows, sides)
+        The true region.
     """
-    sides = contribution.shape[1]
+    sides = true.shape[1]
     scores = []
     for side in spoken_of(queries, sides):
         own = [q for q in queries if side in spoken_of([q], sides)]
         named = named_region(table, own, centres) if own else np.ones(len(centres), dtype=bool)
-        scores.append(f1(named, true_region(contribution[:, side])))
+        scores.append(f1(named, true[:, side]))
     return float(np.mean(scores))
 
 

@@ -43,6 +43,7 @@ ROWS: tuple[Row, ...] = (
     ("predicted minus realised closed share (median)", "≤ 5 points", m.misjudged, _percent(0.05, False), "p"),
     ("coverage of the 90 % interval", "88–92 %", m.covered, lambda v: 0.88 <= v <= 0.92, "%"),
     ("closed by a wrong family, held out (median)", "≤ 5 %", m.wrong_family, _percent(0.05, False), "%"),
+    ("region F1, where the gap is over the floor", "–", m.over_floor_f1, lambda v: True, "2"),
     ("coverage of the closed share to within a point", "–", m.covered_nearly, lambda v: True, "%"),
     ("coverage of the amplitude, where it means the same", "–", m.amplitude_covered, lambda v: True, "%"),
     ("confusable pairs, poor excitation: right effect first", "–", m.confusable_first, lambda v: True, "%"),
