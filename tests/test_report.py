@@ -32,7 +32,7 @@ from pamid.report.drawings.loops import loop_figure
 from pamid.report.drawings.maps import bounds, map_figure
 from pamid.report.drawings.ranking import ranking_figure
 from pamid.report.drawings.spectrum import spectrum_figure
-from pamid.report.quantities import amount, percent, span
+from pamid.report.quantities import amount, percent, share_span, span
 from pamid.report.sections import Source, all_sections
 from pamid.report.sentences import query_words
 
@@ -226,6 +226,10 @@ def test_intervals_that_data_do_not_bound_are_said_to_be_open():
     assert span(1.0, np.inf, "N") == "from 1 N, no upper bound"
     assert span(-np.inf, np.inf, "N") == "not bounded by this log"
     assert span(1e-6, 2e-6, "kg/s") == "1 to 2 mg/s"
+    assert span(5.998, 6.003, "N") == "5.998 to 6.003 N"
+    assert [share_span(*e) for e in ((1.0, 1.0), (0.9996, 0.9999), (0.991, 0.993), (0.9, 1.0))] == [
+        "100 %", "over 99.9 %", "99.1 to 99.3 %", "90 to 100 %",
+    ]  # fmt: skip
     assert amount(np.nan, "N") == "unknown"
     assert [percent(s) for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == ["0 %", "under 1 %", "50 %", "over 99 %", "100 %"]
 

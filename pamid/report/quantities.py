@@ -127,6 +127,8 @@ def share_span(low: float, high: float) -> str:
     """Return an interval of shares."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "not bounded by this log"
+    if low == high:
+        return f"{100 * low:.0f} %"
     if 0.9995 < low < high <= 1.0:
         return "over 99.9 %"
     for digits in (0, 1, 2):

@@ -1,0 +1,193 @@
+"""One equation of any actuator held against a model: evidence in typical units, and its diagnosis in the log's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..effects import Plant, all_effects
+from .diagnosis import Diagnosis
+from .floor import explainable_floor, sense_of
+from .scaling import Scaling, Table, scaling_of
+from .signal_evidence import SignalEvidence
+from .templates import Template, templates
+
+_STUCK = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
+
+
+def gather(
+    signals: Table,
+    y: np.ndarray,
+    nominal: Callable[[Table], np.ndarray],
+    codes: np.ndarray,
+    dt: float,
+    library: Sequence[str],
+    *,
+    equation: str = "force",
+    plant: Plant | None = None,
+    position_scale: float = 1.0,
+    sense: str | int = "auto",
+    labels: Mapping[str, str] | None = None,
+    names: Sequence[str] | None = None,
+    without: np.ndarray | None = None,
+    seed: int = 0,
+) -> tuple[SignalEvidence, Scaling, float]:
+    """Return the evidence on one equation, the units it is in, and its floor in the unit of the target.
+
+    Parameters
+    ----------
+    signals : mapping of str to array, shape (n_samples,)
+        Signals by role, in the user's units.
+    y : array, shape (n_samples,)
+        Measured target.
+    nominal : callable
+        Takes signals by role, returns the modelled target.
+    codes : array of int, shape (n_samples,)
+        Trajectory of each row; contiguous.
+    dt : float
+        Sampling interval, s.
+    library : sequence of str
+        Effects that may be causes.
+    equation : str, default="force"
+        What the target is.
+    plant : Plant, optional
+        Numbers of the bench; signals are then in SI and stay as they are.
+    position_scale : float, default=1.0
+        What counts as a strain of one.
+    sense : "auto", 1 or -1, default="auto"
+        1 where effects take away from the target, -1 where they add to it.
+    labels : mapping of str to str, optional
+        The user's name of each role.
+    names : sequence of str, optional
+        Names of the trajectories, by code.
+    without : array of bool, shape (n_samples,), optional
+        Rows that are left out.
+    seed : int, default=0
+        Seed of the learner behind the floor.
+    """
+    residual = y - nominal(signals)
+    lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(codes)]])) * dt
+    scaling = Scaling(position=position_scale)
+    if plant is None:
+        scaling = scaling_of(signals, residual, float(np.median(lengths)), dt, position_scale, equation)
+
+    def look(towards: int) -> tuple[Scaling, SignalEvidence, list[Template]]:
+        scaled = replace(scaling, target=towards * scaling.target)
+        evidence = evidence_in(scaled, signals, y, nominal, codes, dt, equation, plant, labels, names, without)
+        return scaled, evidence, [t for name in library for t in templates(evidence, all_effects()[name])]
+
+    chosen, evidence, found = look(1 if sense == "auto" else int(sense))
+    if sense == "auto" and sense_of(evidence, found) < 0:
+        chosen, evidence, found = look(-1)
+    floor = explainable_floor(evidence, found, seed)
+    evidence.assume(floor.rms, floor.left)
+    return evidence, chosen, floor.rms * abs(chosen.target)
+
+
+def evidence_in(
+    scaling: Scaling,
+    signals: Table,
+    y: np.ndarray,
+    nominal: Callable[[Table], np.ndarray],
+    codes: np.ndarray,
+    dt: float,
+    equation: str,
+    plant: Plant | None = None,
+    labels: Mapping[str, str] | None = None,
+    names: Sequence[str] | None = None,
+    without: np.ndarray | None = None,
+) -> SignalEvidence:
+    """Return the evidence in given units; the arguments are those of `gather`."""
+
+    def modelled(table: Table) -> np.ndarray:
+        return np.asarray(nominal(scaling.outward(table)), dtype=float) / scaling.target
+
+    evidence = SignalEvidence(
+        scaling.inward(signals),
+        y / scaling.target,
+        modelled,
+        codes,
+        dt * scaling.time,
+        equation,
+        plant,
+        scaling.position,
+        columns=labels,
+        shown=signals,
+        without=without,
+    )
+    if names is not None:
+        evidence.trajectories = [str(names[codes[a]]) for a in evidence.borders]
+    return evidence
+
+
+def outward(found: Diagnosis, evidence: SignalEvidence, scaling: Scaling) -> Diagnosis:
+    """Return a diagnosis in the units of the log."""
+    size = abs(scaling.target)
+    library = all_effects()
+    causes = []
+    for cause in found.causes:
+        units = {p.name: p.unit for p in library[cause.effects[0]].parameters}
+        parameters = {}
+        for name, p in cause.parameters.items():
+            f = scaling.factor(units[name])
+            parameters[name] = replace(p, value=p.value * f, ci90=(p.ci90[0] * f, p.ci90[1] * f))
+        causes.append(replace(cause, parameters=parameters))
+    windows = found.windows.assign(
+        time=found.windows["time"] / scaling.time,
+        **{k: found.windows[k] * scaling.target for k in ("measured", "before", "after")},
+        noise=found.windows["noise"] * size,
+    )
+    return replace(
+        found,
+        bands=[replace(b, from_hz=b.from_hz * scaling.time, to_hz=b.to_hz * scaling.time) for b in found.bands],
+        causes=causes,
+        closure=[
+            replace(
+                c, rmse_before=c.rmse_before * size, rmse_after=c.rmse_after * size, noise_floor=c.noise_floor * size
+            )
+            for c in found.closure
+        ],
+        windows=windows,
+    )
+
+
+def stuck_rows(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
+    """Return the rows in which a reading repeats one value for long while other signals move: clipped or stuck.
+
+    A signal that never changes at all counts as constant rather than stuck.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    if len(x) < 50 or np.ptp(x) == 0.0:
+        return out
+    edges = np.flatnonzero(np.concatenate([[True], (np.diff(x) != 0) | (np.diff(codes) != 0), [True]]))
+    lengths = np.diff(edges)
+    usual = float(np.median(lengths))
+    for a, b in pairwise(edges.tolist()):
+        if b - a > max(20.0, 10.0 * usual) and any(_moves(v, a, b) for v in others.values()):
+            out[a:b] = True
+    return out
+
+
+def _moves(x: np.ndarray, a: int, b: int) -> bool:
+    return bool(np.ptp(x[a:b]) > 5 * _STUCK * max(float(np.ptp(x)), 1e-300))
+
+
+def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return a diagnosis without its table, and the table's columns as arrays."""
+    fields = {k: v for k, v in vars(found).items() if k not in ("windows", "nominal", "corrected")}
+    columns = {
+        str(k): np.asarray(v.to_numpy(), dtype=str if v.dtype == object else None) for k, v in found.windows.items()
+    }
+    return fields, columns
+
+
+def rebuilt(fields: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> Diagnosis:
+    """Return the diagnosis that `plain` took apart."""
+    import pandas as pd
+
+    table = {k: v.astype(object) if v.dtype.kind == "U" else v for k, v in columns.items()}
+    return Diagnosis(**fields, nominal=None, corrected=None, windows=pd.DataFrame(table))

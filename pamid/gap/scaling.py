@@ -1,0 +1,124 @@
+"""Units in which any actuator looks like the muscles that the library's bounds and grids are written for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects import all_effects
+from .evidence import Spec
+
+Table = Mapping[str, np.ndarray]
+
+_STRAIN = 0.2  # range that the contraction of a muscle typically covers
+_RUN = 10.0  # s, a typical run
+_RUNS = (0.5, 100.0)  # s: runs in between are taken as they are
+_SIZE = {"force": 10.0, "torque": 10.0, "flow": 1e-4}  # N, N m, kg/s: a typical gap
+_PRESSURE = {"force": 5e5, "torque": 5e5, "flow": 2e3}  # Pa; of a flow that is not in pascal: a head
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """How signals and target are turned into those of a typical muscle, and parameters of effects back.
+
+    Parameters
+    ----------
+    position : float
+        Length, angle, voltage ... that counts as a strain of one.
+    time : float
+        What a second of the log counts, s.
+    pressure : float
+        What a unit of the log's pressure counts, Pa.
+    target : float
+        What counts as one newton of the target, in its unit; negative where effects add to it what they resist.
+    """
+
+    position: float = 1.0
+    time: float = 1.0
+    pressure: float = 1.0
+    target: float = 1.0
+
+    def inward(self, table: Table) -> dict[str, np.ndarray]:
+        """Return signals in typical units; the position stays, since it is turned into strains where it is used."""
+        return {role: x * self._of(role) for role, x in table.items()}
+
+    def outward(self, table: Table) -> dict[str, np.ndarray]:
+        """Return signals in the units of the log."""
+        return {role: x / self._of(role) for role, x in table.items()}
+
+    def _of(self, role: str) -> float:
+        return {
+            "time": self.time,
+            "velocity": 1.0 / self.time,
+            "pressure": self.pressure,
+            "pressure_rate": self.pressure / self.time,
+        }.get(role, 1.0)
+
+    def factor(self, unit: str) -> float:
+        """Return what a parameter in typical units is multiplied by, to be in units of the log.
+
+        Newton stands for the unit of the target, pascal for that of the pressure.
+        """
+        size = abs(self.target)
+        base = {
+            "N": size,
+            "s": 1.0 / self.time,
+            "Pa": 1.0 / self.pressure,
+            "kg": size / self.time,
+            "m^3": size / self.time,
+        }
+        factor = 1.0
+        for k, part in enumerate(unit.split("/")):
+            for name, power in re.findall(r"(kg|m\^3|[A-Za-z]+)(?:\^(\d+))?", part):
+                factor *= base.get(name, 1.0) ** (int(power or 1) * (-1 if k else 1))
+        return factor
+
+    def values(self, spec: Spec, outward: bool = True) -> dict[str, dict[str, float]]:
+        """Return effects with their values in units of the log, or back in typical ones."""
+        library = all_effects()
+        found: dict[str, dict[str, float]] = {}
+        for name, values in spec.items():
+            units = {p.name: p for p in library[name].parameters}
+            found[name] = {}
+            for key, v in values.items():
+                p, f = units[key], self.factor(units[key].unit)
+                found[name][key] = v * f if outward else float(np.clip(v / f, p.lower, p.upper))
+        return found
+
+
+def scaling_of(
+    table: Table, residual: np.ndarray, run_length: float, interval: float, position: float, equation: str = "force"
+) -> Scaling:
+    """Return the units in which a log looks like that of a muscle.
+
+    Parameters
+    ----------
+    table : mapping of str to array
+        Signals by role.
+    residual : array
+        Measured minus modelled.
+    run_length, interval : float
+        Typical length of a run and sampling interval, s.
+    position : float
+        What counts as a strain of one.
+    equation : str, default="force"
+        What the target is.
+    """
+    size = float(np.sqrt(np.mean(np.square(residual)))) if len(residual) else 0.0
+    usual = _RUNS[0] <= run_length <= _RUNS[1] and interval <= 0.02
+    top = float(np.max(np.abs(table["pressure"]))) if "pressure" in table and len(table["pressure"]) else 0.0
+    return Scaling(
+        position=position,
+        time=1.0 if usual or run_length <= 0 else _RUN / run_length,
+        pressure=_PRESSURE[equation] / top if 0.0 < top < 2e4 else 1.0,
+        target=size / _SIZE[equation] if size > 0 else 1.0,
+    )
+
+
+def strain_scale(position: np.ndarray, contraction: bool) -> float:
+    """Return what counts as a strain of one: one for a contraction ratio, else five times the range."""
+    span = float(np.ptp(position)) if len(position) else 0.0
+    return 1.0 if contraction or span == 0.0 else span / _STRAIN
