@@ -70,6 +70,7 @@ def main() -> int:
     parser.add_argument(
         "--data", default="twin", help="twin, lifts, a folder with data.parquet and sim.toml, or one with Festo logs"
     )
+    parser.add_argument("--estimators", nargs="+", help="other models than those of the problem's list")
     parser.add_argument("--split", choices=("run", "kind"), default="run", help="what a fold leaves out (default: run)")
     parser.add_argument("--folds", type=int, default=4, help="folds of whole runs (default: 4)")
     parser.add_argument("--rows", type=int, default=3000, help="most rows of a fit (default: 3000)")
@@ -87,7 +88,7 @@ def main() -> int:
         result = compare(
             table,
             args.problem,
-            MODELS[args.problem],
+            args.estimators or MODELS[args.problem],
             cv=args.folds,
             split=args.split,
             rows=rows,

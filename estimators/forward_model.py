@@ -50,7 +50,7 @@ class ForwardModel(OneLayerRegressor):
         Units of the hidden layer.
     direction : bool, default=False
         Whether the last direction of the first input is an input, too; needs trajectories in time order.
-    direction_step : float, default=50000
+    direction_step : float, default=100000
         By how much it must come back before its direction has turned, in its unit (Pa); in between the input is in
         between.
     alpha : float, default=0.01
@@ -130,7 +130,7 @@ class ForwardModel(OneLayerRegressor):
         *,
         hidden: int = 10,
         direction: bool = False,
-        direction_step: float = 5e4,
+        direction_step: float = 1e5,
         alpha: float = 0.01,
         max_iter: int = 200,
         tol: float = 1e-5,

@@ -19,6 +19,8 @@ from ._progress import ProgressMixin, fit_progress
 from ._torch_loop import local_generator, standardisation
 from ._trajectories import trajectory_codes
 
+_CANDIDATE_STEPS = 15
+
 
 class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
     r"""Hybrid of a force model and a network: the model is identified first, the network learns what it leaves.
@@ -38,12 +40,14 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         Units of the hidden layer.
     vanishing : bool, default=True
         Whether the network's share vanishes with the gauge pressure.
-    alpha : float, default=0.01
+    alpha : float, default=1.0
         Weight decay: factor of the squared weights in the sum of squares of the standardised residual, dimensionless.
     max_iter : int, default=100
         Most Levenberg–Marquardt steps.
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
+    n_starts : int, default=3
+        Initial weights tried for a few steps, of which the best goes on.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     random_state : int or RandomState, optional
@@ -107,9 +111,10 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         inputs: Sequence[str] = ("eps", "deps", "P", "dP"),
         hidden: int = 12,
         vanishing: bool = True,
-        alpha: float = 0.01,
+        alpha: float = 1.0,
         max_iter: int = 100,
         tol: float = 1e-5,
+        n_starts: int = 3,
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
         random_state: Any = None,
         signals: Signals | None = None,
@@ -121,6 +126,7 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         self.alpha = alpha
         self.max_iter = max_iter
         self.tol = tol
+        self.n_starts = n_starts
         self.atmospheric_pressure = atmospheric_pressure
         self.random_state = random_state
         self.signals = signals
@@ -168,7 +174,7 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         IncompatibleError
             If the model needs the order of time.
         """
-        check_counts(self, "hidden", "max_iter")
+        check_counts(self, "hidden", "max_iter", "n_starts")
         check_sizes(self, alpha=0.0, tol=0.0)
         model = self._own_model()
         if "one_trajectory" in model.get_params():
@@ -204,9 +210,16 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         wanted = np.where(small, 0.0, residual[used] / self.residual_scale_ / safe)[:, None]
         x, share = (inputs - self.input_mean_) / self.input_scale_, np.where(small, 0.0, share * safe**2)
         shape = (x.shape[1], int(self.hidden), 1)
-        steps = marquardt_on_rows(
-            initial_weights(local_generator(self.random_state), *shape), x, wanted, share, float(self.alpha)
-        )
+        rng = local_generator(self.random_state)
+        trials = [
+            marquardt_on_rows(initial_weights(rng, *shape), x, wanted, share, float(self.alpha))
+            for _ in range(int(self.n_starts))
+        ]
+        for trial in trials if len(trials) > 1 else []:  # a few steps from each start, then on from the best
+            for _ in range(_CANDIDATE_STEPS):
+                if not trial.step():
+                    break
+        steps = min(trials, key=lambda t: t.loss)
         with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
             slow = 0
             for _ in progress:
@@ -258,7 +271,7 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         from .polynomial_force import PolynomialForce
 
         one = {"eps": 0, "P": 0}
-        small: dict[str, Any] = {"hidden": 3, "max_iter": 4, "signals": one, "random_state": 0}
+        small: dict[str, Any] = {"hidden": 3, "max_iter": 4, "n_starts": 1, "signals": one, "random_state": 0}
         return [
             ResidualHybrid(PolynomialForce(1), inputs=("eps",), **small),
             ResidualHybrid(inputs=("P",), vanishing=False, **small),
