@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import time
-import tracemalloc
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -298,28 +297,33 @@ def scaling_part(args: argparse.Namespace) -> list[dict[str, Any]]:
             trainer = LevenbergMarquardt(max_iter=10**6, batch_size=n, damping=1.0, tolerance=0.0)
             steps = trainer.steps(problem, start, "softplus", np.random.RandomState(0))
             next(steps)
-            spent = []
+            spent, held = [], peak_memory()
             for _ in range(args.repeats):
                 begin = time.process_time()
                 next(steps)
                 spent.append(time.process_time() - begin)
-            tracemalloc.start()
+            memory = peak_memory(reset=False) - held
             floor = min(products(n, width) for _ in range(args.repeats))
-            tracemalloc.stop()
-            row = {
-                "width": width,
-                "n": n,
-                "seconds": min(spent),
-                "floor": floor,
-                "bytes": 8 * (6 * n * n + 20 * n * width),
-            }
+            row = {"width": width, "n": n, "seconds": min(spent), "floor": floor, "bytes": memory}
             found.append(row)
             print(
                 f"width {width:4d} samples {n:5d} step {1e3 * row['seconds']:8.2f} ms, products {1e3 * floor:8.2f} ms, "
-                f"ratio {row['seconds'] / floor:5.2f}",
+                f"ratio {row['seconds'] / floor:5.2f}, "
+                f"{memory / 2**20:6.1f} MiB above the start",
                 flush=True,
             )
     return found
+
+
+def peak_memory(*, reset: bool = True) -> int:
+    """Return the most memory held since the last reset, bytes (Linux; 0 elsewhere)."""
+    status, clear = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+    if not (status.exists() and clear.exists()):
+        return 0
+    if reset:
+        clear.write_text("5", encoding="ascii")
+    line = next(v for v in status.read_text(encoding="ascii").splitlines() if v.startswith("VmHWM"))
+    return 1024 * int(line.split()[1])
 
 
 def products(n: int, width: int) -> float:
