@@ -11,7 +11,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, MissingColumnError, UnknownOptionError
+from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
 
 from ._base import SignalEstimator, Signals
 from ._trajectories import has_trajectory_column, trajectory_codes
@@ -23,6 +23,7 @@ ROLES = {
 """Roles of the columns that pamid names."""
 NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command", "flow", "force")
 EQUATIONS = ("force", "torque", "flow")
+BASIS = ("What the best learner on the same signals and their past leaves on held-out runs counts as noise.",)
 
 
 class GapDiagnoser(RegressorMixin, SignalEstimator):
@@ -47,15 +48,20 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         Column of each role, by name or position: ``time`` (s), ``position``, ``velocity``, ``pressure`` (Pa),
         ``pressure_rate`` (Pa/s), ``command``, ``flow`` (kg/s), ``force`` (N). By default the columns that pamid names:
         ``eps`` or ``q``, ``deps`` or ``dq``, ``P``, ``dP``, ``u``, ``mdot``, ``F``, ``time``, or the roles themselves.
+        A pressure in another unit than pascal is taken as such, for a flow as the head over an outlet. Where nothing
+        is a position, what drives the system (a voltage, a load) stands for it.
     equation : {"force", "torque", "flow"}, default="force"
         What y is: effects add to it with the hook of that name.
     position_scale : float or None, default=None
         Length or angle that counts as a strain of one: effects see position over it. None takes 1 for a contraction
-        ratio and five times the range for anything else.
+        ratio (a column ``eps``) and five times the range for anything else, be it m, mm, rad or V.
     sampling_interval : float, default=1e-3
         Sampling interval, s, where no column tells the time.
     plant : pamid.effects.Plant or None, default=None
         Numbers of the bench, for effects of a muscle's geometry, gas or valve; without it they are left out.
+    sense : "auto", 1 or -1, default="auto"
+        1 where y is what an actuator delivers, so that friction takes away from it; -1 where y is what moves the thing,
+        so that friction adds to it. "auto" takes whichever explains clearly more.
     one_trajectory : bool, default=False
         Whether all rows are one trajectory, where neither groups nor a column says otherwise.
     random_state : int, RandomState or None, default=None
@@ -78,7 +84,12 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
     next_experiment_ : NextExperiment or None
         What to record next.
     effects_ : dict
-        The causes with the values of their parameters, in strains where a position enters.
+        The causes with the values of their parameters: newton stands for the unit of y, pascal for that of the
+        pressure, a displacement is in strains.
+    scaling_ : pamid.gap.scaling.Scaling
+        The units in which the log looks like that of a muscle.
+    findings_, windows_ : dict
+        What `diagnosis_` is made of.
     position_scale_ : float
         The length or angle that counts as a strain of one.
     explainable_floor_ : float
@@ -127,6 +138,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         position_scale: float | None = None,
         sampling_interval: float = 1e-3,
         plant: Any = None,
+        sense: str | int = "auto",
         one_trajectory: bool = False,
         random_state: Any = None,
     ) -> None:
@@ -137,6 +149,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         self.position_scale = position_scale
         self.sampling_interval = sampling_interval
         self.plant = plant
+        self.sense = sense
         self.one_trajectory = one_trajectory
         self.random_state = random_state
 
@@ -166,48 +179,92 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         ExcitationError
             No signal moves.
         """
-        from pamid.effects import all_effects
         from pamid.gap.engine import explain
-        from pamid.gap.signal_evidence import SignalEvidence, explainable_floor, strain_scale
+        from pamid.gap.one_equation import gather, outward, stuck_rows
+
+        codes = self._codes(X, groups)
+        table, y = self._read(X, y, reset=True, ensure_min_samples=2)
+        y = column_or_1d(y, warn=True).astype(float)
+        library = self._library()
+        rng = check_random_state(self.random_state)
+        signals, notes = self._table(table, codes), list(BASIS)
+        driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
+        if not any(np.ptp(x) > 0 for x in driven):
+            raise ExcitationError(
+                f"None of the signals {', '.join(signals)} moves.", "motion", "Record runs in which position changes."
+            )
+        self.position_scale_ = self._strain(signals)
+        dt, more = self._interval(signals, codes), self._notes(signals, codes)
+        moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
+        stuck = stuck_rows(y, moving, codes)
+        if stuck.any():
+            share = 100.0 * float(np.mean(stuck))
+            what = f"y repeats one value in {share:.1f} % of the rows while others move: a clipped or stuck sensor."
+            more.append(f"{what} Those rows are left out.")
+        evidence, self.scaling_, self.explainable_floor_ = gather(
+            signals,
+            y,
+            self._nominal(table),
+            codes,
+            dt,
+            library,
+            equation=self.equation,
+            plant=self.plant,
+            position_scale=self.position_scale_,
+            sense=self.sense,
+            labels=self._labels(),
+            names=_names(X, groups, codes),
+            without=stuck,
+        )
+        if self.scaling_.target < 0:
+            more.append("Effects add to y what they take from the motion: y is what moves it, not what it delivers.")
+        seed = np.random.RandomState(rng.randint(2**31 - 1))
+        found = explain(evidence, library, seed, notes + more)
+        self._write(outward(found, evidence, self.scaling_), found)
+        return self
+
+    def _write(self, found: Any, inward: Any) -> None:
+        from pamid.gap.one_equation import plain
+
+        self.findings_, self.windows_ = plain(found)
+        self.verdict_, self.gap_, self.p_value_ = found.verdict, bool(found.gap), float(found.p_value)
+        self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
+        self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
+        self.next_experiment_ = found.next_experiment
+        self.effects_ = _values(found.causes)
+        self._inward_ = _values(inward.causes)
+
+    @property
+    def diagnosis_(self) -> Any:
+        """The whole answer, a `pamid.gap.Diagnosis`."""
+        from pamid.gap.one_equation import rebuilt
+
+        if not hasattr(self, "findings_"):
+            raise AttributeError(f"{type(self).__name__} has no diagnosis before fit.")
+        return rebuilt(self.findings_, self.windows_)
+
+    def _library(self) -> list[str]:
+        from pamid.effects import all_effects
 
         if self.equation not in EQUATIONS:
             raise UnknownOptionError(
                 f"equation is {self.equation!r}.", f"one of {', '.join(EQUATIONS)}", "Say what y is."
             )
-        library = list(all_effects()) if isinstance(self.effects, str) and self.effects == "all" else list(self.effects)
-        if strange := [name for name in library if name not in all_effects()]:
+        if self.sense not in ("auto", 1, -1):
+            raise UnknownOptionError(f"sense is {self.sense!r}.", "'auto', 1 or -1", "Say which way effects act on y.")
+        known = all_effects()
+        if isinstance(self.effects, str):
+            library = list(known) if self.effects == "all" else [self.effects]
+        else:
+            library = list(self.effects)
+        if strange := [name for name in library if name not in known]:
             raise UnknownOptionError(
                 f"The library has no effect {', '.join(map(repr, strange))}.",
                 "names of pamid.effects.all_effects()",
                 "Correct the names.",
             )
-        codes = self._codes(X, groups)
-        table, y = self._read(X, y, reset=True)
-        y = column_or_1d(y, warn=True).astype(float)
-        rng = check_random_state(self.random_state)
-        signals = self._table(table, codes)
-        if not any(np.ptp(x) > 0 for role, x in signals.items() if role != "time"):
-            raise ExcitationError(
-                f"None of the signals {', '.join(signals)} moves.", "motion", "Record runs in which position changes."
-            )
-        position = signals.get("position", np.zeros(1))
-        self.position_scale_ = float(self.position_scale or strain_scale(position))
-        dt = self._interval(signals, codes)
-        nominal = self._nominal(table)
-        floor, _ = explainable_floor(signals, y - nominal(signals), codes, dt)
-        self.explainable_floor_ = floor
-        evidence = SignalEvidence(
-            signals, y, nominal, codes, dt, self.equation, self.plant, self.position_scale_, floor, self._labels()
-        )
-        notes = ["What a flexible learner on the same signals and their past leaves on held-out runs counts as noise."]
-        self.diagnosis_ = explain(evidence, library, np.random.RandomState(rng.randint(2**31 - 1)), notes)
-        found = self.diagnosis_
-        self.verdict_, self.gap_, self.p_value_ = found.verdict, found.gap, found.p_value
-        self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
-        self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
-        self.next_experiment_ = found.next_experiment
-        self.effects_ = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.causes}
-        return self
+        # On one equation, damping of a joint is viscous friction by another name.
+        return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Predict with the causes added to the nominal model.
@@ -224,7 +281,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         ndarray, shape (n_samples,)
             Nominal model plus effects, in the unit of y.
         """
-        from pamid.gap.signal_evidence import SignalEvidence
+        from pamid.gap.one_equation import evidence_in
 
         check_is_fitted(self)
         table, _ = self._read(X, reset=False)
@@ -234,10 +291,8 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         if not self.effects_:
             return modelled
         dt = self._interval(signals, codes)
-        evidence = SignalEvidence(
-            signals, modelled, nominal, codes, dt, self.equation, self.plant, self.position_scale_
-        )
-        return modelled + evidence.added(self.effects_)
+        evidence = evidence_in(self.scaling_, signals, modelled, nominal, codes, dt, self.equation, self.plant)
+        return modelled + self.scaling_.target * evidence.added(self._inward_)
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
         """Return the coefficient of determination of the prediction, dimensionless.
@@ -262,13 +317,18 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
 
         return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # it adds to a model what the library names, and no more
+        return tags
+
     # --- signals --------------------------------------------------------------------------------------------
     def _codes(self, X: Any, groups: Any) -> np.ndarray:
         several = groups is not None or has_trajectory_column(X)
         codes = trajectory_codes(
             X,
             groups,
-            one_trajectory=self.one_trajectory or (not several and hasattr(self, "diagnosis_")),
+            one_trajectory=self.one_trajectory or (not several and hasattr(self, "findings_")),
             needed_by=type(self).__name__,
         )
         assert codes is not None
@@ -308,12 +368,29 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
 
     def _table(self, table: np.ndarray, codes: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the signals by role; a velocity that was not given is differentiated within each trajectory."""
+        """Return the signals by role; a velocity that was not given is differentiated within each trajectory.
+
+        Where nothing is a position, the command (or the force) that drives the thing stands for it: hysteresis and
+        creep then act on that.
+        """
         signals = {role: table[:, k] for role, k in self.signal_columns_.items()}
+        if "position" not in signals and "velocity" not in signals:
+            driving = next((r for r in ("command", "force", "pressure") if r in signals), None)
+            if driving and not (driving == "pressure" and self.equation == "flow"):
+                signals["position"] = signals[driving]
         for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
             if rate not in signals and of in signals:
                 signals[rate] = _rates(signals[of], codes, self._interval(signals, codes))
         return signals
+
+    def _strain(self, signals: dict[str, np.ndarray]) -> float:
+        from pamid.gap.scaling import strain_scale
+
+        if self.position_scale is not None:
+            return float(self.position_scale)
+        name = self._labels().get("position", "").lower()
+        contraction = self.plant is not None or name.startswith(("eps", "contraction"))
+        return strain_scale(signals.get("position", np.zeros(1)), contraction)
 
     def _interval(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> float:
         if "time" not in signals:
@@ -321,6 +398,31 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         steps = np.diff(signals["time"])[np.diff(codes) == 0]
         steps = steps[steps > 0]
         return float(np.median(steps)) if len(steps) else float(self.sampling_interval)
+
+    def _notes(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> list[str]:
+        """Return what a reader must know of the signals; raise where their clock cannot be used."""
+        notes = []
+        if codes[-1] == 0:
+            notes.append(
+                "One trajectory only: intervals over trajectories cannot be given; stretches of it are held out."
+            )
+        if "time" in signals:
+            steps, same = np.diff(signals["time"]), np.diff(codes) == 0
+            if np.any(steps[same] < 0):
+                raise TimeOrderError(
+                    "Time runs backwards within a trajectory.", "rows in the order of time", "Sort each trajectory."
+                )
+            each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
+            if each and max(each) > 1.1 * min(each):
+                notes.append(
+                    f"The trajectories are sampled every {min(each):.3g} to {max(each):.3g} s; their median counts, so "
+                    "that time constants are uncertain by as much."
+                )
+        if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
+            notes.append(f"Constant, and so no cause can rest on it: {', '.join(still)}.")
+        if "position" in signals and not {"position", "velocity"} & set(self.signal_columns_):
+            notes.append("No column is a position: effects that follow one follow what drives the system instead.")
+        return notes
 
     def _nominal(self, table: np.ndarray) -> Callable[[Any], np.ndarray]:
         names = getattr(self, "feature_names_in_", None)
@@ -347,13 +449,29 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         return [GapDiagnoser(effects=library, signals=roles, one_trajectory=True, random_state=0)]
 
 
+def _values(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
+    return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}
+
+
+def _names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
+    """Return the name of each trajectory, by code."""
+    first = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1])
+    named = np.asarray(groups).ravel() if groups is not None else None
+    if named is None and has_trajectory_column(X):
+        named = X["trajectory"].to_numpy()
+    names = [str(named[k]) if named is not None else "0" for k in first]
+    return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]
+
+
 def _rates(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
     from scipy.signal import savgol_filter
 
     out = np.zeros(len(x))
     borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     for a, b in pairwise(borders):
-        width = min(2 * max(2, round(0.02 / dt)) + 1, (b - a) - (b - a + 1) % 2)
+        # 40 ms, but never so long that it would smear a run of few samples.
+        half = max(2, min(round(0.02 / dt), (b - a) // 200))
+        width = min(2 * half + 1, (b - a) - (b - a + 1) % 2)
         if width >= 5:
             out[a:b] = savgol_filter(x[a:b], width, 3, deriv=1, delta=dt)
         elif b - a > 1:

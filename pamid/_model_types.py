@@ -28,6 +28,7 @@ _DATACLASS_PACKAGES = (
     "pamid.signals",
     "pamid.effects",
     "pamid.bench",
+    "pamid.gap",
 )
 _PRIMITIVES = {"builtins.str", "builtins.int", "builtins.float", "builtins.bool", "builtins.NoneType"}
 _SIMPLE_LOADERS: dict[str, set[str]] = {

@@ -11,6 +11,7 @@ import numpy as np
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Plant, Signals, all_effects, make_effect
 from ..equations.noise import channel_noise
+from ..signals.paths import play, reversals
 from .evidence import STATE, Spec
 
 Table = Mapping[str, np.ndarray]
@@ -22,15 +23,28 @@ INPUTS = {"P": "pressure", "q": "position"}
 """For each sensor channel of an input its role."""
 WINDOW = 0.02
 _ROLES = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate", "u": "command"}
-_STRAIN = 0.2  # range that the position of a muscle typically covers; others are scaled to it
+LEAST_WINDOWS = 400
+MOST_KEPT = 2000
+MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
+_DITHER = 3.0  # a turn of the path smaller than this many standard deviations of the position's noise is none
 
 
 class _Ambient:
-    """What is known of a bench without its numbers: the ambient pressure, 0 if the pressures are gauge pressures."""
+    """What is known of a bench without its numbers: the ambient pressure, 0 if the pressures are gauge pressures.
+
+    A leak's conductance then counts in what the orifice of a valve would pass.
+    """
+
+    critical_pressure_ratio = 0.5
+    reference_density = 1.185
 
     def __init__(self, pressure: np.ndarray | None) -> None:
         gauge = pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
         self.atmospheric_pressure = 0.0 if gauge else ATMOSPHERIC_PRESSURE
+
+
+def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], np.ndarray]:
+    return lambda table: nominal({**table, "pressure": table["pressure"] - ATMOSPHERIC_PRESSURE})
 
 
 class SignalEvidence:
@@ -60,7 +74,16 @@ class SignalEvidence:
         Standard deviation of what no model of these signals predicts, in the target's unit.
     columns : mapping of str to str, optional
         The user's name of each role, for what is written about it.
+    shown : mapping of str to array, optional
+        Signals by role in the user's units, for what is written about them.
+    without : array of bool, shape (n_samples,), optional
+        Rows that are left out, such as those of a clipped sensor.
     """
+
+    form_left = 0.12
+    """Share of the gap that a cause may leave: a real friction is never quite the library's."""
+    audible = 0.1
+    """A further cause that is fainter than this share of the loudest one may be an error of its form."""
 
     def __init__(
         self,
@@ -74,17 +97,28 @@ class SignalEvidence:
         position_scale: float = 1.0,
         floor: float = 0.0,
         columns: Mapping[str, str] | None = None,
+        shown: Table | None = None,
+        without: np.ndarray | None = None,
     ) -> None:
-        self.table, self.y, self.nominal, self.dt = dict(table), y, nominal, dt
+        self.table, self.y, self.dt = dict(table), y, dt
+        if plant is None and equation == "flow" and "pressure" in self.table:
+            ambient = _Ambient(self.table["pressure"])
+            if ambient.atmospheric_pressure == 0.0:  # what leaks depends on the absolute pressure
+                self.table["pressure"] = self.table["pressure"] + ATMOSPHERIC_PRESSURE
+                nominal = _less_ambient(nominal)
+        self.nominal = nominal
         self.plant: Any = plant or _Ambient(self.table.get("pressure"))
         self.scale, self.kind = position_scale, equation
         edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
         self.borders = np.array(edges[:-1])
-        self.n = max(1, round(WINDOW / dt))
+        self.n = max(1, min(round(WINDOW / dt), len(codes) // LEAST_WINDOWS))
         self.first = np.concatenate(
             [np.arange(a, b - self.n + 1, self.n) for a, b in pairwise(edges) if b - a >= self.n] or [np.zeros(0, int)]
         ).astype(int)
-        self.predicted = np.asarray(nominal(self.table), dtype=float)
+        if without is not None and without.any():
+            lost = np.concatenate([[0], np.cumsum(without)])
+            self.first = self.first[lost[self.first + self.n] == lost[self.first]]
+        self.predicted = np.asarray(self.nominal(self.table), dtype=float)
         white = [channel_noise(y[a:b], self.n).white for a, b in pairwise(edges)]
         self.channel = float(np.sqrt(np.average(np.square(white), weights=np.diff(edges)) / self.n))
         self.equations, self.units = [equation], {equation: ""}
@@ -94,20 +128,49 @@ class SignalEvidence:
         self.trajectories = [str(codes[a]) for a in self.borders]
         self.time = (self.first - self.borders[self.run] + (self.n - 1) / 2) * dt
         self.measured = self._mean(y)
-        value = self._mean(y - self.predicted)
-        size = float(np.sqrt(np.mean(np.square(value)))) if len(value) else 1.0
-        self.noise = np.full(len(self.first), max(float(np.hypot(self.channel, floor)), 1e-4 * size, 1e-300))
-        self.z0 = value / self.noise
+        self.value = self._mean(y - self.predicted)
+        self.weights, self.stretch = np.ones(1), 0.3
+        self._means: dict[str, np.ndarray] = {}
+        self.assume(floor)
         self.J = np.zeros((len(self.first), 0))
         self.free: list[str] = []
         self.skipped: dict[str, str] = {}
         self._touched: dict[str, bool] = {}
         centre = self.first + self.n // 2
         empty = np.full(len(self.first), np.nan)
-        self.state = {k: self.table[r][centre] if (r := _ROLES.get(k, "")) in self.table else empty for k in STATE}
+        seen = self.table if shown is None else shown
+        self.state = {k: seen[r][centre] if (r := _ROLES.get(k, "")) in seen else empty for k in STATE}
         self._columns = dict(columns or {})
+        self._path: np.ndarray | None = None
 
-    def column(self, name: str) -> str:
+    def assume(self, floor: float, left: np.ndarray | None = None) -> None:
+        """Take a floor for the noise, and what is left of the residual at that floor for how long it remembers.
+
+        Parameters
+        ----------
+        floor : float
+            Standard deviation of what no model of these signals predicts, in the target's unit.
+        left : array, shape (n_windows,), optional
+            A residual without what a flexible learner predicts of it.
+        """
+        size = float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else 1.0
+        self.noise = np.full(len(self.first), max(float(np.hypot(self.channel, floor)), 1e-4 * size, 1e-300))
+        self.z0 = self.value / self.noise
+        if left is not None and len(left) > 8:
+            memory = _memory(left, self.run)
+            self.weights = np.array([1.0 / memory])
+            step = self.n * self.dt
+            # Enough stretches remain for their signs to say something.
+            self.stretch = float(np.clip(3.0 * memory * step, 0.3, max(0.3, len(left) * step / 24.0)))
+
+    @property
+    def path(self) -> np.ndarray:
+        """The position without turns that are noise: friction would follow every one of them."""
+        if self._path is None:
+            self._path = _path(self.table["position"], self.borders, self.n)
+        return self._path
+
+    def column(self, name: str, side: int = 0) -> str:
         """Return the user's name of a signal of the state."""
         role = _ROLES.get(name, name)
         return self._columns.get(role, role)
@@ -117,6 +180,23 @@ class SignalEvidence:
             return np.zeros(0)
         sums = np.concatenate([[0.0], np.cumsum(x - np.mean(x))])
         return (sums[self.first + self.n] - sums[self.first]) / self.n + np.mean(x)
+
+    def prior(self, name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected.
+
+        On a muscle it is the library's. Elsewhere drag is as likely as any friction; but a memory of the path that was
+        never seen to turn back is a mere function of it.
+        """
+        effect = all_effects()[name]
+        if self.scale == 1.0:
+            return effect.prior
+        if effect.path_dependent and self._turns() < len(self.borders):
+            return min(effect.prior, -12.0)
+        return 0.0
+
+    def _turns(self) -> int:
+        ends = [*self.borders.tolist(), len(self.y)]
+        return sum(len(reversals(self.path[a:b])) - 2 for a, b in pairwise(ends) if b - a > 1)
 
     # --- effects --------------------------------------------------------------------------------------------
     def added(self, spec: Spec) -> np.ndarray:
@@ -140,11 +220,13 @@ class SignalEvidence:
         return total - self.predicted
 
     def _hooks(self, effect: Effect, table: Table) -> np.ndarray:
-        hooks = {"flow"} if self.kind == "flow" else {"force", "torque"}
+        hooks = {"force": {"force"}, "torque": {"force", "torque"}, "flow": {"flow"}}[self.kind]
         if not hooks & set(effect.hooks()):
             return np.zeros(len(self.y))
         scale = 1.0 if effect.site == "joint" else self.scale
         used = dict(table)
+        if effect.path_dependent and used.get("position") is self.table.get("position"):
+            used["position"] = self.path
         for role in ("position", "velocity"):
             if role in used:
                 used[role] = used[role] / scale
@@ -157,7 +239,7 @@ class SignalEvidence:
             a, b = effect.flow(s, x, self.plant)
             return np.broadcast_to(a + (b * used["pressure_rate"] if np.any(b) else 0.0), self.y.shape).astype(float)
         for hook in ("force", "torque"):
-            if hook in effect.hooks():
+            if hook in hooks and hook in effect.hooks():
                 total = total + getattr(effect, hook)(s, x, self.plant)
         return np.broadcast_to(total, self.y.shape).astype(float)
 
@@ -165,7 +247,16 @@ class SignalEvidence:
         """Return the residuals with effects added, in units of the noise."""
         if not spec:
             return self.z0.copy()
-        return self.z0 - self._mean(self.added(spec)) / self.noise
+        return self.z0 - self.means(spec) / self.noise
+
+    def means(self, spec: Spec) -> np.ndarray:
+        """Return what effects add to the modelled target, as means over the windows."""
+        key = repr({name: dict(values) for name, values in spec.items()})
+        if key not in self._means:
+            if len(self._means) > MOST_KEPT:
+                self._means.clear()
+            self._means[key] = self._mean(self.added(spec))
+        return self._means[key]
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equation if any of the effects can be evaluated with the signals at hand and changes it."""
@@ -191,55 +282,36 @@ class SignalEvidence:
         return None
 
 
-def explainable_floor(
-    table: Table, residual: np.ndarray, codes: np.ndarray, dt: float, seed: int = 0
-) -> tuple[float, np.ndarray]:
-    """Return what a flexible learner on the same signals and their past leaves of a residual, and its predictions.
-
-    Trajectories are held out; a single one is cut into five pieces of time.
-
-    Parameters
-    ----------
-    table : mapping of str to array
-        Signals by role.
-    residual : array, shape (n_samples,)
-        Measured minus modelled.
-    codes : array of int, shape (n_samples,)
-        Trajectory of each row.
-    dt : float
-        Sampling interval, s.
-    seed : int, default=0
-        Seed of the learner.
-    """
-    from sklearn.ensemble import HistGradientBoostingRegressor
-    from sklearn.model_selection import GroupKFold, cross_val_predict
-
-    borders = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(codes)]])
-    start = np.repeat(borders[:-1], np.diff(borders))
-    rows = np.arange(len(codes))
-    columns = []
-    for role, x in table.items():
-        if role == "time":
-            continue
-        columns.append(x)
-        columns += [x[np.maximum(rows - max(1, round(lag / dt)), start)] for lag in (0.02, 0.1, 0.5)]
-    step = max(1, len(rows) // 20_000)
-    keep = rows[::step]
-    X = np.column_stack(columns)[keep]
-    groups = codes[keep]
-    if len(np.unique(groups)) < 2:
-        groups = (5 * np.arange(len(keep))) // max(len(keep), 1)
-    folds = min(5, len(np.unique(groups)))
-    if folds < 2 or len(keep) < 50:
-        return 0.0, np.zeros(len(codes))
-    learner = HistGradientBoostingRegressor(max_iter=80, min_samples_leaf=50, random_state=seed)
-    predicted = cross_val_predict(learner, X, residual[keep], groups=groups, cv=GroupKFold(folds))
-    left = float(np.sqrt(np.mean(np.square(residual[keep] - predicted))))
-    whole = np.interp(rows, keep, predicted)
-    return min(left, float(np.sqrt(np.mean(np.square(residual))))), whole
+def _memory(x: np.ndarray, run: np.ndarray) -> float:
+    """Return over how many windows a residual repeats itself: the sum of its autocorrelation."""
+    x = x - np.mean(x)
+    power = float(np.mean(np.square(x)))
+    total, lag = 1.0, 1
+    while power > 0.0 and lag < min(len(x) // 4, 200):
+        same = run[lag:] == run[:-lag]
+        if not same.any():
+            break
+        rho = float(np.mean((x[lag:] * x[:-lag])[same])) / power
+        if rho < 0.05:
+            break
+        total += 2.0 * rho
+        lag += 1
+    return min(total, MOST_MEMORY)
 
 
-def strain_scale(position: np.ndarray) -> float:
-    """Return the length that counts as a strain of one: five times the range, or one for a contraction ratio."""
-    span = float(np.ptp(position)) if len(position) else 0.0
-    return 1.0 if 0.0 < span <= 0.5 and np.max(np.abs(position)) < 1.0 else span / _STRAIN if span > 0 else 1.0
+def _path(position: np.ndarray, borders: np.ndarray, n: int) -> np.ndarray:
+    """Return a position smoothed over a window; what still turns within its noise is held until it has left it."""
+    from scipy.signal import savgol_filter
+
+    out = np.array(position, dtype=float)
+    for a, b in pairwise([*borders.tolist(), len(out)]):
+        x = out[a:b]
+        sigma = channel_noise(x, n).white
+        width = min(2 * (n // 2) + 1, (b - a) - (b - a + 1) % 2)
+        if width >= 5 and sigma > 0.0:
+            x = savgol_filter(x, width, 2)
+            sigma *= np.sqrt(2.25 / width)
+        if sigma > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
+            x = play(np.array(x), _DITHER * sigma)
+        out[a:b] = x
+    return out

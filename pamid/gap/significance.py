@@ -99,7 +99,7 @@ def library_test(
 
 def _signs(evidence: AnyEvidence, random_state: np.random.RandomState) -> np.ndarray:
     """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
-    stretch = np.floor(evidence.time / BLOCK).astype(int)
+    stretch = np.floor(evidence.time / getattr(evidence, "stretch", BLOCK)).astype(int)
     _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
     draws = random_state.randint(0, 2, size=(label.max() + 1, REPLICATES)) * 2 - 1
     return draws[label.ravel()]
@@ -128,7 +128,7 @@ def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Ex
     """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
     from scipy.stats import norm
 
-    stretch = np.floor(evidence.time[part] / BLOCK).astype(int)
+    stretch = np.floor(evidence.time[part] / getattr(evidence, "stretch", BLOCK)).astype(int)
     _, label = np.unique(
         np.column_stack([evidence.run[part], evidence.side[part], stretch]), axis=0, return_inverse=True
     )
