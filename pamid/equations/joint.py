@@ -34,9 +34,10 @@ class JointEquation(Equation):
         torque = joint.pulley_radius * (run.F[:, 0] - run.F[:, 1])
         speed = (q[2:] - q[:-2]) / (2 * dt)
         acceleration = (q[2:] - 2 * q[1:-1] + q[:-2]) / dt**2
-        # The second difference is the acceleration under a hat two samples wide; so is the torque, to fourth order.
+        # The second difference is the acceleration under a hat two samples wide; so is a torque that goes straight from
+        # sample to sample, with a kink where a held command changes.
         pull = torque + np.broadcast_to(run.added_torque(), q.shape)
-        driven = (pull[:-2] + 10.0 * pull[1:-1] + pull[2:]) / 12.0
+        driven = (pull[:-2] + 4.0 * pull[1:-1] + pull[2:]) / 6.0
         left = driven - joint.viscous_damping * speed - joint.inertia * acceleration
         n, first = run.n, run.starts(len(left), 3, shift=-1)
         time, measured = average(run.time[1:-1], n, 3, first), average(torque[1:-1], n, 3, first)[:, None]
@@ -46,7 +47,7 @@ class JointEquation(Equation):
         weights = kernel(n, 3)
         motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
         motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
-        sides = np.convolve(weights, [1.0 / 12.0, 10.0 / 12.0, 1.0 / 12.0]) * joint.pulley_radius
+        sides = np.convolve(weights, [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]) * joint.pulley_radius
         noise = np.hypot(
             spread((1.0, run.noise("q"), run.weights("q", motion)), n_windows=len(first)),
             np.sqrt(sum(side.variance(run.weights("F", sides)) for side in run.noise("F"))),

@@ -18,7 +18,7 @@ from .notes import check, notes_on, without_stuck
 from .search import Search
 from .signal_evidence import SignalEvidence
 from .significance import excess
-from .verdict import Verdict, decide
+from .verdict import LEAST_GAIN, Verdict, decide
 from .where import bands, regions, shares, trajectories
 
 if TYPE_CHECKING:
@@ -304,13 +304,12 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
     for name, score in scores.items():
         if name in named or belief.get(name, 0.0) > 0.05 * total:
             continue
-        reasons[name] = (
-            "brings no more than noise would"
-            if score < 10
-            else f"explains less: its likelihood is e^{best - score:.0f} times smaller than the best one's"
-            if score < best
-            else "explains what another cause explains better beside the others"
-        )
+        if score < LEAST_GAIN:
+            reasons[name] = "brings no more than noise would"
+        elif score < best:
+            reasons[name] = f"explains less: its log-likelihood is lower by {best - score:.0f}"
+        else:
+            reasons[name] = "explains what another cause explains better beside the others"
     rows = [
         Candidate(
             name,

@@ -168,7 +168,8 @@ class Evidence:
         for i, slots in by_run.items():
             run = self.runs[i].under(model)
             for name, slot in slots:
-                residual = self._equations[name].residual(run)
+                with np.errstate(all="ignore"):  # a lag undone may leave a pressure below zero: its fit is then poor
+                    residual = self._equations[name].residual(run)
                 out[slot] = residual.value.ravel() / self.noise[slot]
                 if ratio is not None:
                     ratio[slot] = np.maximum(residual.noise.ravel() / self.noise[slot], 1.0)
@@ -195,9 +196,9 @@ class Evidence:
         )
 
     @staticmethod
-    def column(name: str) -> str:
-        """Return the column of `pamid.gap.state_table` with a signal of the state, that of muscle 1 of two."""
-        return name if name in ("q", "dq") else f"{name}1"
+    def column(name: str, side: int = 0) -> str:
+        """Return the column of `pamid.gap.state_table` with a signal of the state of a muscle, the first by default."""
+        return name if name in ("q", "dq") else f"{name}{side + 1}"
 
     @property
     def state(self) -> dict[str, np.ndarray]:

@@ -23,7 +23,7 @@ CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
     ({"kind": "sine", "frequency": 10.0, "amplitude": 15.0}, lambda: sine(10.0, 15.0, SAMPLES)),
     ({"kind": "triangle", "frequency": 1.0, "amplitude": 20.0}, lambda: triangle(1.0, 20.0, SAMPLES)),
     ({"kind": "step", "start": 0.0, "end": 20.0}, lambda: step(0.0, 20.0, SAMPLES)),
-    ({"kind": "multisine", "amplitude": 10.0}, lambda: multisine(1.0, 10.0, SAMPLES)),
+    ({"kind": "multisine", "frequency": 10.0, "amplitude": 10.0}, lambda: multisine(10.0, 10.0, SAMPLES)),
     ({"kind": "hold", "angle": 10.0}, lambda: hold(10.0, SAMPLES)),
     ({"kind": "sealed_hold", "angle": 10.0}, lambda: sealed_hold(10.0, SAMPLES)),
     ({"kind": "isobaric", "frequency": 4.0, "amplitude": 10.0}, lambda: isobaric(4.0, 10.0, SAMPLES)),

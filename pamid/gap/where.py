@@ -64,7 +64,7 @@ def shares(values: np.ndarray) -> np.ndarray:
     return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
 
 
-def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 4) -> list[Region]:
+def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 8) -> list[Region]:
     """Return the regions of the state that together hold most of an equation's gap in few of its samples.
 
     The fewest windows that hold `ENERGY` of the gap are told from the others by a shallow tree on the state; its
@@ -78,22 +78,30 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
         The equation.
     power : array, shape (n_windows,)
         The gap's power at each window.
-    most : int, default=4
-        Most regions.
+    most : int, default=8
+        Most regions, those of both muscles together.
     """
-    from sklearn.tree import DecisionTreeClassifier
-
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation == "joint" else _FEATURES
-    state = {n: evidence.state[n][part] for n in names if np.all(np.isfinite(evidence.state[n][part]))}
-    y = power[part]
+    sides = np.unique(evidence.side[part])
+    found: list[Region] = []
+    for side in sides:
+        mine = evidence.side[part] == side
+        state = {evidence.column(n, int(side)): evidence.state[n][part][mine] for n in names}
+        state = {n: x for n, x in state.items() if np.all(np.isfinite(x))}
+        found += _leaves(equation, state, power[part][mine], float(power[part].sum()), most // len(sides))
+    return found
+
+
+def _leaves(equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: float, most: int) -> list[Region]:
+    from sklearn.tree import DecisionTreeClassifier
+
     if not state or len(y) < 100 or not np.any(y > 0):
         return []
     X = np.column_stack(list(state.values()))
     order = np.argsort(-y)
-    held = np.cumsum(y[order]) / y.sum()
     inside = np.zeros(len(y), dtype=bool)
-    inside[order[: int(np.searchsorted(held, ENERGY)) + 1]] = True
+    inside[order[: int(np.searchsorted(np.cumsum(y[order]), ENERGY * y.sum())) + 1]] = True
     if inside.mean() > 0.95:
         return []
     tree = DecisionTreeClassifier(max_leaf_nodes=8, min_samples_leaf=max(10, len(y) // 60), random_state=0)
@@ -102,15 +110,13 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
     for node in np.unique(leaf):
         mine = leaf == node
         if inside[mine].mean() > 0.5:
-            found.append((float(y[mine].sum() / y.sum()), int(node), float(mine.mean())))
-    columns = {n: evidence.column(n) for n in state}
-    out = [Region(equation, _path(tree.tree_, node, columns), share, samples) for share, node, samples in found]
-    return sorted((r for r in out if r.query), key=lambda r: -r.share)[:most]
+            query = _path(tree.tree_, int(node), list(state))
+            found.append(Region(equation, query, float(y[mine].sum() / total), float(mine.mean())))
+    return sorted((r for r in found if r.query), key=lambda r: -r.share)[:most]
 
 
-def _path(tree: Any, node: int, columns: dict[str, str]) -> str:
+def _path(tree: Any, node: int, columns: list[str]) -> str:
     """Return the conditions that lead to a leaf, one for each bound of each signal."""
-    names = list(columns)
     parent: dict[int, tuple[int, bool]] = {}
     for k in range(tree.node_count):
         for child, right in ((tree.children_left[k], False), (tree.children_right[k], True)):
@@ -120,18 +126,17 @@ def _path(tree: Any, node: int, columns: dict[str, str]) -> str:
     high: dict[str, float] = {}
     while node in parent:
         node, right = parent[node]
-        name, value = names[tree.feature[node]], float(tree.threshold[node])
+        name, value = columns[tree.feature[node]], float(tree.threshold[node])
         if right:
             low[name] = max(low.get(name, -np.inf), value)
         else:
             high[name] = min(high.get(name, np.inf), value)
     terms = []
-    for name in names:
-        column = columns[name]
+    for name in columns:
         if name in low:
-            terms.append(f"{column} > {low[name]:.4g}")
+            terms.append(f"{name} > {low[name]:.4g}")
         if name in high:
-            terms.append(f"{column} <= {high[name]:.4g}")
+            terms.append(f"{name} <= {high[name]:.4g}")
     return " and ".join(terms)
 
 
