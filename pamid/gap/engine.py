@@ -308,6 +308,8 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
             reasons[name] = "brings no more than noise would"
         elif score < best:
             reasons[name] = f"explains less: its log-likelihood is lower by {best - score:.0f}"
+        elif verdict.kind == "unknown":
+            reasons[name] = "comes closest, but leaves more than an inexact form excuses"
         else:
             reasons[name] = "explains what another cause explains better beside the others"
     rows = [
