@@ -240,6 +240,7 @@ class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstima
         self.n_parameters_ = n_parameters(psi) + int(self._counts_scale)
         self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
         if not np.isfinite(self.weight_decay_):
+            self.n_parameters_ = int(self._counts_scale)
             self.loss_curve_ = [_mean_square(bound.expand(psi), problem, model.activation)]
             model.weights_ = _numpy(bound.expand(psi))
             return

@@ -317,6 +317,16 @@ def test_adapted_models_are_sources_again(flow):
     assert QAdapter(piped, 4.0, base="frozen").fit(one, one["mdot"]).q_ == pytest.approx(first.q_)
 
 
+def test_adapters_are_saved_as_parameters(flow, tmp_path):
+    few = table(1, factor=4.0)
+    model = QAdapter(FrozenEstimator(flow), 4.0, base=LowRank((1, 2)), weight_decay=1e-4, max_iter=2, random_state=0)
+    back = load(save(model.fit(few, few["mdot"]), tmp_path / "low.pamid"))
+    np.testing.assert_array_equal(back.predict(few), model.predict(few))
+    assert back.base == LowRank((1, 2))
+    before = back.q_
+    assert back.partial_fit(few, few["mdot"]).q_ == before
+
+
 def test_warm_start_and_stream(flow):
     one = table(1, factor=4.0).assign(mdot=lambda d: d["mdot"] * (1 + 0.3 * np.sin(20 * d["eps"])))
     options = {"weight_decay": 1e-6, "random_state": 0, "base": "full"}
