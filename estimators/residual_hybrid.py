@@ -40,7 +40,7 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         Units of the hidden layer.
     vanishing : bool, default=True
         Whether the network's share vanishes with the gauge pressure.
-    alpha : float, default=1.0
+    alpha : float, default=0.3
         Weight decay: factor of the squared weights in the sum of squares of the standardised residual, dimensionless.
     max_iter : int, default=100
         Most Levenberg–Marquardt steps.
@@ -111,7 +111,7 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         inputs: Sequence[str] = ("eps", "deps", "P", "dP"),
         hidden: int = 12,
         vanishing: bool = True,
-        alpha: float = 1.0,
+        alpha: float = 0.3,
         max_iter: int = 100,
         tol: float = 1e-5,
         n_starts: int = 3,
