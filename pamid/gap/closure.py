@@ -12,6 +12,10 @@ from .likelihood import NU
 from .significance import NOISE_KNOWN
 
 DRAWS = 400
+FEW = 2
+"""Runs on which a correction is typically tried."""
+FORM = 0.02
+"""How far, as a share, an inexact form of an effect moves its parameters."""
 
 
 class Clusters:
@@ -80,7 +84,7 @@ class Clusters:
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
             value = self.fit.spec[name][p.name]
-            wide = reach * float(error[m + k])
+            wide = reach * float(np.hypot(error[m + k], FORM * value))
             known = np.isfinite(wide) and np.any(self.A[:, m + k])
             ci: Interval = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
             found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)
@@ -102,7 +106,10 @@ def closures(
         Draws trajectories with replacement.
     """
     n = len(evidence.trajectories)
-    draws = np.vstack([np.arange(n), random_state.randint(0, n, size=(DRAWS, n))])
+    # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs.
+    few = np.zeros((DRAWS, n), dtype=int)
+    few[:] = random_state.randint(0, n, size=(DRAWS, FEW))[:, np.arange(n) % FEW]
+    draws = np.vstack([np.arange(n), few])
     found = []
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         noise2 = np.square(evidence.noise[part])

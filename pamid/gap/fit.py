@@ -11,8 +11,8 @@ from ..effects import Parameter, all_effects
 from .evidence import AnyEvidence, Spec
 from .likelihood import Solution, solve
 
-WINDOWS_PER_ORDER = {1: 1.0, 2: 0.67, 3: 0.55}
-"""What a window counts for: test functions of second and third order overlap their neighbours."""
+SLACK = 1.1
+"""How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Fitter:
         self.evidence = evidence
         self.weights = np.ones(len(evidence.parts)) if weights is None else weights
         self.n = evidence.J.shape[1]
-        self.low, self.high = -np.ones(self.n), np.ones(self.n)
+        self.low, self.high = np.full(self.n, -SLACK), np.full(self.n, SLACK)
 
     def linear(
         self,
@@ -78,8 +78,16 @@ class Fitter:
 
         Parameters
         ----------
-        z0, D, lower, upper, prior, iterations
-            As for `solve`, without the columns of the tolerances.
+        z0 : array, shape (n_windows,)
+            Residuals, in units of their noise.
+        D : array, shape (n_windows, n_columns), optional
+            Further sensitivities.
+        lower, upper : array, shape (n_columns,), optional
+            Bounds of their coefficients.
+        prior : array, shape (n_columns,), optional
+            Precision of a Gaussian prior about 0 for each.
+        iterations : int, default=4
+            Most rounds of reweighting.
         start : array, shape (n_free,), optional
             Deviations of the tolerances to begin from.
         soft : array, shape (n_windows,), optional

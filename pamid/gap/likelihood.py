@@ -114,8 +114,10 @@ def solve(
         Sensitivities.
     lower, upper : array, shape (n_columns,)
         Bounds.
-    parts, weights
-        As for `loglik`.
+    parts : sequence of slice
+        The windows of each equation.
+    weights : array, shape (n_equations,), optional
+        What a window of each equation counts for.
     prior : array, shape (n_columns,), optional
         Precision of a Gaussian prior about 0 for each column; 0 for none.
     iterations : int, default=4
