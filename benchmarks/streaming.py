@@ -16,6 +16,7 @@ from sklearn.frozen import FrozenEstimator
 
 from pamid.bench import BenchParameters, simulate, unfold
 from pamid.bench.references import Trajectory, multisine
+from pamid.checkpoint import Checkpoint
 from pamid.effects.base import Parameter, Signals, Step
 from pamid.effects.coulomb_friction import CoulombFriction
 from pamid.effects.leakage import Leakage
@@ -97,7 +98,7 @@ def tables(bench: BenchParameters, n: int, seed: int, effects: list[Any]) -> dic
     return out
 
 
-def monitored(bench: BenchParameters, n: int, rate: float) -> None:
+def monitored(bench: BenchParameters, n: int, rate: float, kept: Checkpoint | None) -> None:
     """Print how fast and how rightly what appears is named, and the false alarms of healthy runs."""
     m, g = bench.muscle, bench.gas
     volume = volume_class("chou_hannaford").from_geometry(m.rest_length, m.rest_diameter, m.braid_angle)
@@ -115,22 +116,28 @@ def monitored(bench: BenchParameters, n: int, rate: float) -> None:
         ("healthy", []),
     ]
     for k, (what, effects) in enumerate(cases):
-        delays, named, false = [], 0, 0
-        count = 0
-        for table in tables(bench, n, 10 + k, effects).values():
-            monitor = GapMonitor(volume, laws, bench.plant(), false_alarms_per_hour=rate, play=play)
-            learnt = int(HEALTHY * 1000)
-            monitor.calibrate(table[:learnt])
-            count += 1
-            before = monitor.update(table[learnt : learnt + int(AT * 1000)]) if effects else []
-            found = monitor.update(table[learnt + int(AT * 1000) :] if effects else table[learnt:])
-            false += bool(before)
-            if not effects:
-                false += bool(found)
-            elif found and not before:
-                delay = found[0].time - HEALTHY - AT
-                delays.append(delay)
-                named += found[0].effect == what and delay <= 2.0
+
+        def work(k: int = k, what: str = what, effects: list[Any] = effects) -> list[Any]:
+            delays, named, false = [], 0, 0
+            count = 0
+            for table in tables(bench, n, 10 + k, effects).values():
+                monitor = GapMonitor(volume, laws, bench.plant(), false_alarms_per_hour=rate, play=play)
+                learnt = int(HEALTHY * 1000)
+                monitor.calibrate(table[:learnt])
+                count += 1
+                before = monitor.update(table[learnt : learnt + int(AT * 1000)]) if effects else []
+                found = monitor.update(table[learnt + int(AT * 1000) :] if effects else table[learnt:])
+                false += bool(before)
+                if not effects:
+                    false += bool(found)
+                elif found and not before:
+                    delay = found[0].time - HEALTHY - AT
+                    delays.append(delay)
+                    named += found[0].effect == what and delay <= 2.0
+            return [delays, named, false, count]
+
+        name = f"{k}: {what}"
+        delays, named, false, count = kept.step(name, work) if kept else work()
         if effects:
             size = ", ".join(f"{p}={v:g}" for p, v in effects[0].values.items() if p in ("conductance", "amplitude"))
             q = np.quantile(delays, [0.5, 0.95]) if delays else [np.nan, np.nan]
@@ -189,12 +196,15 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20, help="runs of two muscles each a case (default: 20)")
     parser.add_argument("--samples", type=int, default=10_000_000, help="samples of the endurance run")
     parser.add_argument("--rate", type=float, default=1.0, help="false alarms allowed an hour (default: 1)")
+    parser.add_argument("--resume", metavar="FILE", help="keep finished cases in a file, and go on from it")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     if args.samples:
         throughput(args.samples)
     if args.runs:
-        monitored(BenchParameters.for_muscle("B"), args.runs, args.rate)
+        settings = {"runs": args.runs, "rate": args.rate}
+        kept = Checkpoint(args.resume, settings) if args.resume else None
+        monitored(BenchParameters.for_muscle("B"), args.runs, args.rate, kept)
 
 
 if __name__ == "__main__":

@@ -231,6 +231,10 @@ class OutputError(PamidError, OSError):
     """An output cannot be written."""
 
 
+class CheckpointError(PamidError, ValueError):
+    """A checkpoint is damaged, or of another run."""
+
+
 class ExportError(PamidError, ValueError):
     """A model, or a part of it, has no form outside Python."""
 
