@@ -236,7 +236,8 @@ def degenerate(fit: Fit, name: str) -> str | None:
             others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
             if abs(value) < 0.1 * others:
                 return p.name
-        elif value >= 0.98 * p.upper or (p.lower > 0 and value <= 1.02 * p.lower):
+        # A lower bound far below what is typical stands for zero, the ideal form of the same effect.
+        elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
             return p.name
     return None
 
