@@ -1,0 +1,221 @@
+"""The gap diagnosis on measured systems: a cylinder's seal, air chambers, a servo's friction, Festo muscles.
+
+Reads ``pneumatic_cylinder``, ``servo_pendulum``, ``festo_muscles`` under ``--real`` (public data of three repositories
+that are not part of this package, see docs/measured.md). ``--plots DIR`` writes the pictures of that page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pamid.estimators import GapDiagnoser, GeometricForce
+from scipy.signal import savgol_filter
+from sklearn.linear_model import LinearRegression
+
+from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.signals import read_log
+
+MAPPINGS = Path(__file__).parent.parent / "docs" / "mappings"
+AREA = np.pi / 4 * 0.025**2
+FRICTION = ("coulomb_friction", "load_dependent_friction", "stribeck_friction", "viscous_friction", "quadratic_drag",
+            "hysteresis", "creep", "bladder_elasticity", "gravity", "force_bias", "force_gain", "force_lag",
+            "pressure_bias", "pressure_gain")  # fmt: skip
+
+
+def log_of(files: list[Path], mapping: str) -> pd.DataFrame:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return read_log(sorted(files), MAPPINGS / mapping, nan="drop")
+
+
+def rate(log: pd.DataFrame, column: str, seconds: float, order: int = 1) -> np.ndarray:
+    """Differentiate a column within each run, over a window."""
+    parts = []
+    for _, run in log.groupby("trajectory", sort=False):
+        dt = float(np.median(np.diff(run["time"])))
+        width = max(5, 2 * round(0.5 * seconds / dt) + 1)
+        parts.append(savgol_filter(run[column], width, 3, deriv=order, delta=dt))
+    return np.concatenate(parts)
+
+
+def tell(title: str, found: GapDiagnoser) -> None:
+    """Print what a diagnosis says, in a few lines."""
+    print(f"\n{title}\n  verdict {found.verdict_}, p = {found.p_value_:.1g}")
+    for c in found.causes_:
+        values = ", ".join(
+            f"{k} {p.value:.3g} [{p.ci90[0]:.3g}, {p.ci90[1]:.3g}] {p.unit}" for k, p in c.parameters.items()
+        )
+        print(f"  {' or '.join(c.effects)}: confidence {c.confidence:.2f}, share {c.share:.2f}; {values}")
+    for c in found.closure_:
+        print(
+            f"  held out: RMSE {c.rmse_before:.3g} -> {c.rmse_after:.3g}, floor {c.noise_floor:.3g}, closed "
+            f"{c.closed_share:.2f} [{c.ci90[0]:.2f}, {c.ci90[1]:.2f}]"
+        )
+    ranking = [f"{c.effect} {c.confidence:.2f} ({c.score:.0f}, closes {c.closed_share:.2f})"
+               for c in found.candidates_[:5]]  # fmt: skip
+    print("  ranking: " + "; ".join(ranking))
+    for r in found.where_["regions"][:1]:
+        print(f"  where: {r.query} holds {r.share:.2f} of the gap in {r.samples:.2f} of the samples")
+
+
+def cylinder(folder: Path, plots: Path | None) -> None:
+    log = log_of(list(folder.glob("O-ring_*.csv")), "cylinder.toml")
+    log["p"] = log["P"] - ATMOSPHERIC_PRESSURE
+    log["v"] = rate(log, "x", 0.15)
+    log["gap"] = log["F"] - log["p"] * AREA
+    moving = log[np.abs(log["v"]) > 2e-4]
+    print("\nCylinder: F - P A while the stroke moves, N")
+    rows = []
+    for name, run in moving.groupby("trajectory"):
+        for way, part in (("outward", run[run["v"] > 0]), ("inward", run[run["v"] < 0])):
+            rows.append((name, way, part["p"].mean() / 1e5, part["gap"].mean(), part["gap"].std(), len(part)))
+            _, _, bar, mean, spread, n = rows[-1]
+            print(f"  {name:12s} {way:8s} {bar:5.2f} bar  {mean:8.2f} +- {spread:6.2f}  {n:6d} rows")
+    thin = log.iloc[::6].reset_index(drop=True)
+    nominal = lambda X: AREA * X["p"].to_numpy()  # noqa: E731
+    found = GapDiagnoser(nominal, FRICTION, signals={"time": "time", "position": "x", "pressure": "p"}, random_state=0)
+    found.fit(thin[["time", "x", "p"]], thin["F"], groups=thin["trajectory"])
+    tell("Cylinder, all pressures, nominal F = P A", found)
+    if plots:
+        table = pd.DataFrame(rows, columns=["run", "way", "bar", "gap", "spread", "n"])
+        picture(plots / "measured-cylinder.svg", "seal of a cylinder", "gauge pressure / bar", "F - P A / N",
+                [(w, g["bar"], g["gap"], g["spread"]) for w, g in table.groupby("way")])  # fmt: skip
+
+
+def chambers(folder: Path, plots: Path | None) -> None:
+    log = log_of([folder / "Aluminium.csv", folder / "Formlabs.csv"], "air_chamber.toml")
+    lines = []
+    for name, run in log.groupby("trajectory"):
+        # Slopes between means over 3 s: neighbours share one block.
+        block = run[["time", "P"]].groupby(np.arange(len(run)) // 30).mean().iloc[1:-1]
+        slope = block.diff().iloc[1:]
+        X, y = block.iloc[1:], slope["P"] / slope["time"]
+        roles = {"time": "time", "pressure": "P"}
+        found = GapDiagnoser(
+            None,
+            ("leakage", "flow_bias"),
+            equation="flow",
+            sense=-1,
+            one_trajectory=True,
+            signals=roles,
+            random_state=0,
+        ).fit(X, y)
+        seconds = block["time"].iloc[-1] - block["time"].iloc[0]
+        span = (block["P"].iloc[0] - ATMOSPHERIC_PRESSURE) / 1e5, (block["P"].iloc[-1] - ATMOSPHERIC_PRESSURE) / 1e5
+        print(f"\nChamber {name}: {span[0]:.3f} to {span[1]:.3f} bar in {seconds:.0f} s")
+        tell(f"dP/dt, nominal 0 (tight); mean {y.mean():.1f} +- {y.std() / np.sqrt(len(y)):.1f} Pa/s", found)
+        shown = block.groupby(np.arange(len(block)) // 5).mean()
+        lines.append((name, shown["time"] - shown["time"].iloc[0], (shown["P"] - shown["P"].iloc[0]) / 1e3, None))
+    if plots:
+        picture(plots / "measured-chambers.svg", "two air chambers, shut", "time / s", "pressure lost / kPa", lines)
+
+
+def servo(folder: Path, plots: Path | None) -> None:
+    log = log_of(list(folder.glob("20*.json")), "servo.toml")
+    log = log[~log["trajectory"].str.contains("drop")].reset_index(drop=True)  # there the drive is off while it falls
+    v, a, q = rate(log, "q", 0.08), rate(log, "q", 0.12, 2), log["q"].to_numpy(float)
+    # The servo's own law: duty = kp / 128 * error in steps of 1/4096 turn, of 885; its load reading is too coarse.
+    gain = log["trajectory"].str.extract(r"kp(\d+)")[0].astype(float).to_numpy() * 4096 / (2 * np.pi * 128 * 885)
+    duty = gain * (log["q_ref"] - log["q"]).to_numpy(float)
+    drive = np.clip(duty, -1, 1) * log["voltage"].to_numpy(float)
+    kept = np.abs(duty) < 0.95
+    X = np.column_stack([a, np.sin(q), np.cos(q), np.tanh(v / 0.05), v])
+    model = LinearRegression().fit(X[kept], drive[kept])
+    terms = " ".join(
+        f"{c:+.3f} {n}" for c, n in zip(model.coef_, ("ddq", "sin q", "cos q", "sgn dq", "dq"), strict=True)
+    )
+    print(f"\nServo: drive / V = {terms}, R2 {model.score(X[kept], drive[kept]):.3f}")
+    table = pd.DataFrame({"time": log["time"], "q": q, "dq": v, "load": np.abs(model.coef_[1] * np.sin(q))})
+    table["gap"], table["run"] = drive - model.predict(X), log["trajectory"]
+    table["bare"] = table["gap"] + model.coef_[3] * np.tanh(v / 0.05) + model.coef_[4] * v
+    table = table[kept].iloc[::2]
+    roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load"}
+    for what, title in (("bare", "inertia and gravity"), ("gap", "inertia, gravity, Coulomb and viscous friction")):
+        found = GapDiagnoser(None, FRICTION, equation="torque", sense=-1, signals=roles, random_state=0)
+        found.fit(table[["time", "q", "dq", "load"]], table[what], groups=table["run"])
+        tell(f"Servo, beyond {title} (drive in V; 'pressure' is the load by gravity)", found)
+    if plots:
+        fast, edges, lines = table[np.abs(table["dq"]) > 0.1], np.linspace(0, table["load"].max(), 9), []
+        for way, part in (("dq > 0", fast[fast["dq"] > 0]), ("dq < 0", fast[fast["dq"] < 0])):
+            mean = part.groupby(pd.cut(part["load"], edges), observed=True)[["load", "gap"]].mean()
+            lines.append((way, mean["load"], mean["gap"], None))
+        title = "servo: what Coulomb and viscous friction leave"
+        picture(plots / "measured-servo.svg", title, "load by gravity / V", "gap / V", lines)
+
+
+def festo(folder: Path, plots: Path | None) -> None:
+    log = log_of(list(folder.glob("10mm_30cm_*.mat")), "festo.toml")
+    stem = log["trajectory"].str.rsplit("-", n=1).str[0]
+    chosen = [name for names in log["trajectory"].groupby(stem).unique() for name in names[:3]]
+    log = log[log["trajectory"].isin(chosen) & (log["F"] > 5)].iloc[::10].reset_index(drop=True)
+    X = log[["time", "eps", "P"]].assign(deps=0.0, dP=rate(log, "P", 0.2))
+    model = GeometricForce("chou_hannaford", rest_length=0.281, rest_diameter=0.01)
+    model.fit(X[["eps", "deps", "P", "dP"]], log["F"])
+
+    def nominal(T: pd.DataFrame) -> np.ndarray:
+        return model.predict(T[["eps", "deps", "P", "dP"]])
+
+    found = GapDiagnoser(nominal, FRICTION, random_state=0).fit(X, log["F"], groups=log["trajectory"])
+    tell("Festo muscle of 10 mm and 30 cm, nominal: geometry", found)
+    gap, lines = log["F"] - nominal(X), []
+    for eps, part in gap.groupby(log["eps"].round(3)):
+        p = (log.loc[part.index, "P"] - ATMOSPHERIC_PRESSURE) / 1e5
+        mean = pd.DataFrame({"p": p, "gap": part}).groupby(pd.cut(p, 8), observed=True).mean()
+        lines.append((f"contraction {100 * eps:.0f} %", mean["p"], mean["gap"], None))
+    if plots:
+        title = "Festo muscle: measured less geometry"
+        picture(plots / "measured-festo.svg", title, "gauge pressure / bar", "F / N", lines)
+
+
+def picture(path: Path, title: str, x: str, y: str, lines: list) -> None:
+    import matplotlib
+
+    matplotlib.use("svg")
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context({"svg.fonttype": "none", "svg.hashsalt": "pamid", "font.size": 9}):
+        figure, axes = plt.subplots(figsize=(5.2, 3.0))
+        for (name, a, b, spread), colour in zip(lines, ("#0072B2", "#D55E00", "#009E73", "#CC79A7"), strict=False):
+            axes.errorbar(a, b, spread, label=name, color=colour, marker="o" if len(a) < 50 else "", capsize=3)
+        axes.axhline(0.0, color="#7F7F7F", lw=0.7)
+        axes.set(title=title, xlabel=x, ylabel=y)
+        axes.legend(frameon=False, fontsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+        figure.tight_layout()
+        figure.savefig(path, metadata={"Date": None})
+        plt.close(figure)
+    print(f"  wrote {path.name}")
+
+
+STUDIES = {
+    "cylinder": (cylinder, "pneumatic_cylinder"),
+    "chambers": (chambers, "pneumatic_cylinder"),
+    "servo": (servo, "servo_pendulum"),
+    "festo": (festo, "festo_muscles/10mm"),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--real", type=Path, metavar="FOLDER", help="folder with the measured data")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="write the pictures there")
+    parser.add_argument("--only", choices=STUDIES, action="append", help="one study; may be repeated")
+    args = parser.parse_args()
+    for name in args.only or STUDIES:
+        study, folder = STUDIES[name]
+        if args.real is None or not (args.real / folder).is_dir():
+            print(
+                f"skipped {name}: --real FOLDER names the folder that holds {folder}, which is not part of this package"
+            )
+            continue
+        study(args.real / folder, args.plots)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
