@@ -136,8 +136,10 @@ def explain(
         return _written(evidence, search, verdict, notes, random_state, say)
 
 
-_QUIET = 0.9
+_QUIET = 0.85
 """Confidence in no gap where evidence of one is only just missing."""
+_BEYOND = 0.85
+"""Most confidence in a cause beyond the library: a cause in it may have another form than it knows."""
 MAX_ROWS = 160_000
 """Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
 
@@ -167,8 +169,8 @@ def _written(
         fit = base
     clusters = Clusters(search.fitter, fit)
     after = clusters.z
-    # What the causes add is taken off at the refitted parameters: a refit without them bends the parameters.
-    before = evidence.z0 + evidence.J @ fit.x if known else base.z
+    # The gap is what a refit within the tolerances leaves: what they take up is none.
+    before = base.z
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
     held = {id(f): Clusters(search.fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
@@ -222,12 +224,7 @@ def _equations(
     over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
     if verdict.kind in ("cause", "class", "several"):
         gains = [
-            len(before[part]) * np.log(max(scale(before[part]), 1.0) / max(scale(after[part]), 1.0))
-            + 1e-3
-            + 0.5
-            * max(float(np.sum(np.square(before[part]) - np.square(after[part]))), 0.0)
-            * (scale(before[part]) < 1.3)
-            for part in evidence.parts
+            len(before[part]) * np.log1p(np.mean(np.square(before[part] - after[part]))) for part in evidence.parts
         ]
     else:
         gains = [len(before[part]) * max(np.log(s), 0.0) + 1e-3 for part, s in zip(evidence.parts, sizes, strict=True)]
@@ -288,10 +285,10 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
                 belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) / len(named)
         scores.setdefault(name, max((g for r, g in verdict.rivals[name] if r.added == name), default=0.0))
     if verdict.kind == "none":
-        belief["none"] = _QUIET + (1.0 - _QUIET) * min(1.0, verdict.p_value / 0.1)
+        belief["none"] = _QUIET + (0.97 - _QUIET) * min(1.0, verdict.p_value / 0.1)
         belief["unknown"] = 0.3 * (1.0 - belief["none"])
     else:
-        belief["unknown"] = verdict.unknown if named or verdict.unknown > 0 else 0.05
+        belief["unknown"] = verdict.unknown if named else _BEYOND * (0.6 + 0.4 * verdict.unknown)
         belief["none"] = min(0.5, verdict.p_value)
     rest = max(0.0, 1.0 - sum(belief.values()))
     others = {n: s for n, s in scores.items() if n not in belief}
