@@ -34,6 +34,10 @@ class Floor(NamedTuple):
     left: np.ndarray
 
 
+LEAST = 200
+"""Windows below which a forest learns nothing that a single effect does not."""
+
+
 def explainable_floor(evidence: SignalEvidence, found: Iterable[Template], seed: int = 0) -> Floor:
     """Return what a flexible learner leaves of a residual on held-out trajectories.
 
@@ -55,9 +59,10 @@ def explainable_floor(evidence: SignalEvidence, found: Iterable[Template], seed:
         return Floor(0.0, value)
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
-    X = _features(evidence)
     choices = [value - np.mean(value), single]
-    choices += [r - _forest(X, r, folds, seed) for r in (value, single)]
+    if len(value) >= LEAST:
+        X = _features(evidence)
+        choices += [r - _forest(X, r, folds, seed) for r in (value, single)]
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
     return Floor(float(np.sqrt(np.mean(np.square(left)))), left)
 
