@@ -18,7 +18,13 @@ from ._trajectories import encode_trajectory_column, trajectory_codes
 
 
 class Interval(NamedTuple):
-    """Lower and upper end of an interval at each sample, in the target's unit."""
+    """An interval at each sample.
+
+    Parameters
+    ----------
+    lower, upper : ndarray, shape (n_samples,)
+        Its ends, in the target's unit.
+    """
 
     lower: np.ndarray
     upper: np.ndarray

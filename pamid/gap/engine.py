@@ -301,7 +301,9 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
     for name, score in scores.items():
         if name in named or belief.get(name, 0.0) > 0.05 * total:
             continue
-        if score < LEAST_GAIN:
+        if score < LEAST_GAIN and closed.get(name, 0.0) > 0.2:
+            reasons[name] = "fits only where it turns into another effect"
+        elif score < LEAST_GAIN:
             reasons[name] = "brings no more than noise would"
         elif score < best:
             reasons[name] = f"explains less: its log-likelihood is lower by {best - score:.0f}"

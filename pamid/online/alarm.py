@@ -37,6 +37,11 @@ def threshold(false_alarms_per_hour: float, memory_seconds: float, n_tests: int)
     n_tests : int
         Sums that are watched, each to both sides.
 
+    Returns
+    -------
+    float
+        u, dimensionless.
+
     Examples
     --------
     >>> from pamid.online import threshold
