@@ -266,9 +266,7 @@ def test_memory_along_a_log_is_that_of_single_steps(name):
     starts = np.array([0, 90, 200])
     along = effect.trace(s, PLANT, DT, starts)
     for k in range(n):
-        if k in starts:
-            state = effect.start(s.at(k), PLANT, DT)
-        else:
-            state = effect.step(state, s.at(k - 1), s.at(k), DT, PLANT)
+        fresh = k in starts
+        state = effect.start(s.at(k), PLANT, DT) if fresh else effect.step(state, s.at(k - 1), s.at(k), DT, PLANT)
         m = min(len(state), len(along))  # a delay keeps no more of its past along a log than the output
         np.testing.assert_allclose(along[:m, k], state[:m], rtol=1e-9, atol=1e-12)
