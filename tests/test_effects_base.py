@@ -265,6 +265,7 @@ def test_memory_along_a_log_is_that_of_single_steps(name):
     )
     starts = np.array([0, 90, 200])
     along = effect.trace(s, PLANT, DT, starts)
+    state = None
     for k in range(n):
         fresh = k in starts
         state = effect.start(s.at(k), PLANT, DT) if fresh else effect.step(state, s.at(k - 1), s.at(k), DT, PLANT)
