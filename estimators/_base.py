@@ -31,6 +31,8 @@ class SignalEstimator(BaseEstimator):
     """Equations of the bench whose measured side this estimator can learn: ``"force"`` (N), ``"flow"`` (kg/s)."""
     joint: ClassVar[bool] = False
     """Whether it learns all of its `equations` at once, from a target with one column each."""
+    outputs: ClassVar[tuple[str, ...]] = ("eps", "P")
+    """Outputs whose free run it can learn, where its `equations` name the dynamic problem."""
     signals: Signals | None
 
     @classmethod

@@ -111,10 +111,9 @@ def candidates(
     if isinstance(estimators, Mapping):
         return [_own(label, model, column, offered_columns) for label, model in estimators.items()]
     measured = tuple(targets or (column,))
-    values = {"random_state": random_state, **(parameters or {})}
-    if equation == "dynamic":
-        values |= {"inputs": OUTPUTS[output][1], "start": START}
-    found = _registered(equation, column, measured, values)
+    shared = {"random_state": random_state, **(parameters or {})}
+    run = {"inputs": OUTPUTS[output][1], "start": START} if equation == "dynamic" else {}
+    found = _registered(equation, column, measured, shared, run)
     if isinstance(estimators, str):
         if estimators != "all":
             raise ParameterError(
@@ -146,7 +145,7 @@ def target_of(equation: str, output: str = "eps") -> tuple[str, str]:
 
 
 def _registered(
-    equation: str, column: str, measured: Sequence[str], values: Mapping[str, Any]
+    equation: str, column: str, measured: Sequence[str], shared: Mapping[str, Any], run: Mapping[str, Any]
 ) -> dict[str, list[Candidate]]:
     from pamid.estimators import all_estimators
 
@@ -154,17 +153,17 @@ def _registered(
     for name, cls in all_estimators():
         offered: Any = cls
         equations = getattr(offered, "equations", ())
-        if equation not in equations:
+        if equation not in equations or (equation == "dynamic" and column not in offered.outputs):
             continue
         wanted = tuple(EQUATIONS[e][0] for e in equations) if offered.joint else (column,)
         if any(w not in measured for w in wanted):
             continue
         accepted = inspect.signature(offered).parameters
-        common = {k: v for k, v in values.items() if k in accepted}
+        common = {k: v for k, v in {**shared, **run}.items() if k in accepted}
         group = []
         for setting, own in offered._compared(equation).items():
             model = offered(**(common | own))
-            inner = {f"model__{k}": v for k, v in values.items() if f"model__{k}" in model.get_params()}
+            inner = {f"model__{k}": v for k, v in shared.items() if f"model__{k}" in model.get_params()}
             model.set_params(**inner)  # what is built around another estimator hands its geometry on
             group.append(_candidate(f"{name}({setting})" if setting else name, model, wanted))
         found[name] = group

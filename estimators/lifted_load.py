@@ -1,0 +1,369 @@
+"""Contraction of a muscle under a load in free run: any force model, integrated by Newton's law."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import RegressorMixin, clone
+from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
+
+from pamid.constants import GRAVITY
+from pamid.errors import ExcitationWarning, IncompatibleError, ParameterError, TimeOrderError, UnstableRunWarning
+
+from ._base import SignalEstimator, Signals
+from ._checks import check_sizes
+from ._narx import FreeRun
+from ._sequences import SequenceMixin
+from ._trajectories import trajectory_slices
+
+LIFTED = 0.002
+"""Contraction above which a load no longer rests on its stand."""
+
+LONGEST_STEP = 0.01
+"""Longest step of the integration, s."""
+
+NUDGE = 1e-4
+"""Contraction, and its rate (1/s), by which the slopes of the force are taken."""
+
+
+class LiftedLoad(SequenceMixin, RegressorMixin, SignalEstimator):
+    r"""Contraction of a muscle that lifts a load, in free run: any force model, integrated by Newton's law.
+
+    .. math:: M L_0\,\ddot\varepsilon = F(\varepsilon, \dot\varepsilon, P, \dot P) - M g, \qquad \varepsilon \ge 0
+
+    The fit needs no load cell: where the load is off its stand, its weight and inertia are the force. A prediction
+    starts from the first contraction of each run and follows from pressure and load alone. Steps are linearly implicit
+    in the model's own stiffness and damping, so that they are stable however stiff the muscle is.
+
+    Parameters
+    ----------
+    model : estimator, optional
+        Force model of single rows of ``eps``, ``P`` and perhaps ``deps``, ``dP``; `ThreeElement` by default.
+    rest_length : float, default=0.2
+        L₀, m.
+    load : str or float, default="load"
+        Signal of the load M, kg, or one load for all rows.
+    time : str or None, default="time"
+        Signal of the time, s; None for rows `step` apart.
+    step : float, default=0.01
+        Spacing of the rows where there is no time, s.
+    start : str, optional
+        Signal whose first value in a run is the contraction at its start; by default the load rests on its stand.
+    margin : float, default=0.1
+        Share of the range of contraction of the fit by which a run may leave it.
+    one_trajectory : bool, default=False
+        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+    trajectory_column : int, optional
+        Position of the column that tells trajectories, for arrays that have no names.
+    signals : mapping of str to str or int, optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    model_ : estimator
+        The fitted force model.
+    eps_low_, eps_high_ : float
+        Range of contraction of the fit.
+    pressure_low_, pressure_high_ : float
+        Range of pressure of the fit, Pa.
+    n_lifted_ : int
+        Rows that told the force: those whose load was off its stand.
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
+
+    See Also
+    --------
+    ForwardModel : Contraction from pressure and load, learnt directly.
+    NNARX : Contraction from its own past and that of pressure and load.
+
+    Examples
+    --------
+    >>> from pamid.bench.single import LiftSettings, simulate_lift
+    >>> from pamid.estimators import LiftedLoad
+    >>> log = simulate_lift(loads=[20, 40, 80], every=50, settings=LiftSettings(frequency=0.25))
+    >>> X = log[["trajectory", "time", "P", "load"]]
+    >>> model = LiftedLoad().fit(X, log["eps"])
+    >>> bool(model.score(X, log["eps"]) > 0.9)
+    True
+    """
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__predict: ClassVar = {"groups": True}
+    __metadata_request__score: ClassVar = {"groups": True}
+
+    equations = ("dynamic",)
+    outputs = ("eps",)
+
+    @classmethod
+    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+        from .geometric_force import GeometricForce
+        from .static_pihm import StaticPIHM
+        from .three_element import ThreeElement
+
+        return {
+            "ThreeElement": {"model": ThreeElement()},
+            "tondu_lopez": {"model": GeometricForce("tondu_lopez")},
+            "StaticPIHM": {"model": StaticPIHM(random_state=0)},
+        }
+
+    def __init__(
+        self,
+        model: Any = None,
+        *,
+        rest_length: float = 0.2,
+        load: str | float = "load",
+        time: str | None = "time",
+        step: float = 0.01,
+        start: str | None = None,
+        margin: float = 0.1,
+        one_trajectory: bool = False,
+        trajectory_column: int | None = None,
+        signals: Signals | None = None,
+    ) -> None:
+        self.model = model
+        self.rest_length = rest_length
+        self.load = load
+        self.time = time
+        self.step = step
+        self.start = start
+        self.margin = margin
+        self.one_trajectory = one_trajectory
+        self.trajectory_column = trajectory_column
+        self.signals = signals
+
+    @property
+    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        named = (self.time, "P", self.load if isinstance(self.load, str) else None, self.start)
+        return tuple(dict.fromkeys(name for name in named if name))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def _own_model(self) -> Any:
+        if self.model is not None:
+            return self.model
+        from .three_element import ThreeElement
+
+        return ThreeElement(rest_length=self.rest_length)
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Identify the force model on the weight and inertia of the lifted load.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Time (s), absolute pressure ``P`` (Pa) and load (kg), the rows of each trajectory in time order.
+        y : array_like, shape (n_samples,)
+            Contraction ratio.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        LiftedLoad
+            The fitted estimator itself.
+
+        Raises
+        ------
+        MissingTrajectoryError, TimeOrderError, ParameterError
+            If nothing tells the trajectories, time does not increase within one, or a load is not positive.
+        IncompatibleError
+            If the model reads other signals than ``eps``, ``deps``, ``P``, ``dP``, or learns sequences.
+
+        Warns
+        -----
+        ExcitationWarning
+            If all rows have the same load, which hardly tells the force.
+        """
+        check_sizes(self, rest_length=0.0, step=0.0, margin=0.0)
+        model = self._own_model()
+        reads = tuple(getattr(model, "_needs", ()))
+        if set(reads) - {"eps", "deps", "P", "dP"} or "P" not in reads or "one_trajectory" in model.get_params():
+            raise IncompatibleError(
+                f"{type(model).__name__} reads {', '.join(reads) or 'unknown signals'}.",
+                "a force model of single rows of eps, P and perhaps deps, dP",
+                "Choose for instance ThreeElement, GeometricForce or StaticPIHM.",
+            )
+        table, y = self._read(X, y, reset=True)
+        eps = np.asarray(column_or_1d(y, warn=True), dtype=float)
+        codes = self._codes(X, table, groups)
+        slices = trajectory_slices(codes)
+        t, P, M = self._motion(table, slices)
+        if np.ptp(M) < 0.01 * M.max():
+            warnings.warn(
+                f"All rows have a load of {M[0]:g} kg. Expected several loads: under one the force hardly varies, "
+                "and any model that says its weight everywhere fits. Record runs under other loads.",
+                ExcitationWarning,
+                stacklevel=2,
+            )
+        deps, dP = _rates(t, eps, slices), _rates(t, P, slices)
+        force = M * (GRAVITY + self.rest_length * _rates(t, deps, slices))
+        lifted = eps > LIFTED
+        if not lifted.any():
+            lifted[:] = True
+        self.n_lifted_ = int(lifted.sum())
+        self.eps_low_, self.eps_high_ = float(eps.min()), float(eps.max())
+        self.pressure_low_, self.pressure_high_ = float(P.min()), float(P.max())
+        self.model_ = clone(model)
+        given = {"groups": codes[lifted]} if has_fit_parameter(self.model_, "groups") else {}
+        self.model_.fit(_state(reads, eps, deps, P, dP)[lifted], force[lifted], **given)
+        if (count := getattr(self.model_, "n_parameters_", None)) is not None:
+            self.n_parameters_ = count
+        elif hasattr(self.model_, "fitted_names_"):
+            self.n_parameters_ = len(self.model_.fitted_names_)
+        return self
+
+    def predict(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Run freely along each trajectory, and warn where the run had to be held.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Time, pressure and load, as in fit, and the signal `start` if there is one.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Contraction ratio.
+        """
+        run = self.simulate(X, groups=groups)
+        if run.held.any():
+            warnings.warn(
+                f"LiftedLoad left the contractions of the fit at {int(run.held.sum())} of {len(run.y)} rows. Expected "
+                "a free run within them. It was held at their edge; simulate() tells where.",
+                UnstableRunWarning,
+                stacklevel=2,
+            )
+        return run.y
+
+    def simulate(self, X: Any, groups: Any = None) -> FreeRun:
+        """Run freely along each trajectory, all side by side.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            As in `predict`.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        FreeRun
+            Contractions, rows at which a run was held at the edge of those of the fit, and rows whose pressure lies
+            outside the fit.
+        """
+        check_is_fitted(self, "model_")
+        table, _ = self._read(X, reset=False)
+        slices = trajectory_slices(self._codes(X, table, groups))
+        slices.sort(key=lambda s: s.start - s.stop)  # the longest first: those that still run are then the first ones
+        t, P, M = self._motion(table, slices)
+        dP = _rates(t, P, slices)
+        first = np.array([s.start for s in slices])
+        length = np.array([s.stop - s.start for s in slices])
+        top = self.eps_high_ + self.margin * (self.eps_high_ - self.eps_low_)
+        y, held = np.empty(len(table)), np.zeros(len(table), dtype=bool)
+        eps = self._signal(table, self.start)[first] if self.start else np.zeros(len(first))
+        eps, v = np.clip(eps, 0.0, top), np.zeros(len(first))
+        y[first] = eps
+        for k in range(1, int(length.max())):
+            going = int((length > k).sum())
+            before, after = first[:going] + k - 1, first[:going] + k
+            gap = t[after] - t[before]
+            n = max(1, int(np.ceil(float(gap.max()) / LONGEST_STEP)))
+            eps, v, stopped = eps[:going], v[:going], np.zeros(going, dtype=bool)
+            for i in range(n):
+                share = (i + 1) / n
+                now, rate, mass = (a[before] + share * (a[after] - a[before]) for a in (P, dP, M))
+                eps, v = self._advance(eps, v, now, rate, mass, gap / n)
+                stopped |= eps > top
+                v = np.where((eps < 0.0) | (eps > top), 0.0, v)
+                eps = np.clip(eps, 0.0, top)
+            y[after], held[after] = eps, stopped
+        width = 1e-9 * (self.pressure_high_ - self.pressure_low_)
+        low, high = self.pressure_low_ - width, self.pressure_high_ + width
+        return FreeRun(y, held, (low > P) | (high < P))
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination of the free run.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            As in `predict`.
+        y : array_like, shape (n_samples,)
+            Measured contraction ratio.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        float
+            R², dimensionless.
+        """
+        from sklearn.metrics import r2_score
+
+        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
+
+    def _advance(
+        self, eps: np.ndarray, v: np.ndarray, P: np.ndarray, dP: np.ndarray, M: np.ndarray, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Take a step, linearly implicit in stiffness and damping; a negative one is taken for none."""
+        many = _state(
+            tuple(self.model_._needs),
+            np.concatenate([eps, eps + NUDGE, eps]),
+            np.concatenate([v, v, v + NUDGE]),
+            np.tile(P, 3),
+            np.tile(dP, 3),
+        )
+        force, stretched, moved = np.asarray(self.model_.predict(many), dtype=float).reshape(3, -1)
+        stiff, damp = (np.minimum((f - force) / NUDGE, 0.0) for f in (stretched, moved))
+        inertia = M * self.rest_length - h * damp
+        v = (inertia * v + h * (force - M * GRAVITY)) / (inertia - h * h * stiff)
+        return eps + h * v, v
+
+    def _motion(self, table: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time (s), pressure (Pa) and load (kg) of each row."""
+        t = self.step * np.arange(len(table)) if self.time is None else self._signal(table, self.time)
+        for s in slices:
+            if (np.diff(t[s]) <= 0).any():
+                raise TimeOrderError("The time does not increase within a run.", "increasing times", "Sort the rows.")
+        fixed = not isinstance(self.load, str)
+        M = np.full(len(table), float(self.load)) if fixed else self._signal(table, str(self.load))
+        if not (np.isfinite(M) & (M > 0)).all():
+            raise ParameterError(f"The least load is {M.min():g}.", "masses in kg, above 0", "Correct the load.")
+        return t, self._signal(table, "P"), M
+
+    @staticmethod
+    def _checked_instances() -> list[LiftedLoad]:
+        from .polynomial_force import PolynomialForce
+
+        # each row a trajectory of its own, as predictions must not change with the order of rows
+        one: dict[str, Any] = {"signals": {"P": 0}, "trajectory_column": 0, "time": None, "load": 20.0}
+        return [LiftedLoad(PolynomialForce(1), **one)]
+
+
+def _rates(t: np.ndarray, values: np.ndarray, slices: list[slice]) -> np.ndarray:
+    """Differentiate within each run; a run of one row rests."""
+    out = np.zeros(len(values))
+    for s in slices:
+        if s.stop - s.start > 1:
+            out[s] = np.gradient(values[s], t[s])
+    return out
+
+
+def _state(reads: tuple[str, ...], eps: np.ndarray, deps: np.ndarray, P: np.ndarray, dP: np.ndarray) -> pd.DataFrame:
+    columns = {"eps": eps, "deps": deps, "P": P, "dP": dP}
+    return pd.DataFrame({name: columns[name] for name in reads})
