@@ -3,9 +3,10 @@
 Parts: ``table`` (parameters, loss, errors on target, triangles and steps, time, for the published methods and pamid's),
 ``samples`` (held-out error over the number of adaptation samples), ``muscles`` (every muscle as source and as target),
 ``scaling`` (a step's time and memory over samples and width, against the matrix products alone), ``festo`` (needs
-``--festo FOLDER`` with ``10mm_20cm_Unkink.mat`` and its like, of github.com/Agile-and-Adaptive-Robotics/Muscle_Sensory,
-no licence stated and not part of this package). Times are CPU seconds of one thread, so that other work on the machine
-does not count. ``--epochs`` below the published 10,000 scales the published methods' times up to it.
+``--festo FOLDER`` with ``10mm_20cm_Unkink.mat`` and its like in it or below, of
+github.com/Agile-and-Adaptive-Robotics/Muscle_Sensory, no licence stated and not part of this package). Times are CPU
+seconds of one thread, so that other work on the machine does not count. ``--epochs`` below the published 10,000 scales
+the published methods' times up to it.
 """
 
 from __future__ import annotations
@@ -341,36 +342,73 @@ def products(n: int, width: int) -> float:
 
 
 # --- Festo ---------------------------------------------------------------------------------------------------
+FESTO = {
+    "10mm_30cm": (0.281, 0.010),
+    "10mm_20cm": (0.182, 0.010),
+    "10mm_40cm": (0.382, 0.010),
+    "20mm_10cm": (0.098, 0.020),
+}
+"""Measured muscles, the source first: the beginning of their files' names, length and diameter, m."""
+FESTO_COUNTS = (30, 100, 300)
+CUTOFF = 2.0
+"""Cut-off of the measured muscles' rates, Hz."""
+WHOLE = 6000
+"""Rows of a fit on all data."""
+
+
 def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Adapt between measured muscles: other cut lengths, other bore."""
-    if args.festo is None or not Path(args.festo).is_dir():
+    folder = Path(args.festo or "")
+    files = {name: sorted(folder.rglob(f"{name}_*.mat")) for name in FESTO} if args.festo else {}
+    if not files or not all(files.values()):
         print("festo: skipped, there is no folder of measured data (--festo FOLDER)")
         return []
-    from festo import table  # the neighbouring benchmark reads the logs
+    from festo import table, thin  # the neighbouring benchmark reads the logs
 
     found: list[dict[str, Any]] = []
-    lengths = {20: 0.182, 30: 0.281, 40: 0.382}
-    data = {cut: table(Path(args.festo), cut, 3.0) for cut in lengths}
-    print("Festo: RMSE / N on the last repeat, F > 5 N")
+    split = {}
+    for name, paths in files.items():
+        d = table(paths, CUTOFF)
+        d = d[d["F"] > 5.0]
+        split[name] = d[~d["last"]], d[d["last"]]
+    first, *others = FESTO
+    print("Festo: RMSE / N on the last repeat of each contraction, F > 5 N; each seed draws other samples")
     for seed in range(args.first_seed, args.first_seed + args.seeds):
-        base = data[30][~data[30]["last"]]
-        first = StaticPIHM(lengths[30], 0.01, random_state=seed).fit(base[COLUMNS[1:]], base["F"])
-        for cut in (20, 40):
-            d = data[cut]
-            train, test = d[~d["last"]], d[d["last"] & (d["F"] > 5)]
+
+        def whole(name: str, seed: int = seed) -> StaticPIHM:
+            rows = thin(split[name][0], WHOLE)
+            return StaticPIHM(*FESTO[name], random_state=seed).fit(rows[COLUMNS[1:]], rows["F"])
+
+        network = FrozenEstimator(whole(first))
+        for name in others:
+            train, test = split[name]
 
             def rmse(model: Any, X: Any, test: pd.DataFrame = test) -> float:
                 return float(np.sqrt(np.mean((model.predict(X) - test["F"]) ** 2)))
 
-            whole = StaticPIHM(lengths[cut], 0.01, random_state=seed).fit(train[COLUMNS[1:]], train["F"])
-            row = {"cut": cut, "seed": seed, "all": rmse(whole, test[COLUMNS[1:]])}
-            for count in (30, 100, 300):
-                few = train.iloc[:: len(train) // count]
-                options = {"rest_length": lengths[cut], "rest_diameter": 0.01, "random_state": seed}
-                model = QAdapter(FrozenEstimator(first), **options).fit(few[COLUMNS], few["F"])
-                row[str(count)] = rmse(model, test[COLUMNS])
-            found.append(row)
-            print(f"30 -> {cut} cm seed {seed}", {k: round(v, 3) for k, v in row.items()}, flush=True)
+            options = dict(zip(("rest_length", "rest_diameter"), FESTO[name], strict=True), random_state=seed)
+            own = rmse(whole(name), test[COLUMNS[1:]])
+            for count in FESTO_COUNTS:
+                step = len(train) // count
+                few = train.iloc[(seed * step) // max(args.seeds, 1) :: step]
+                row = {"muscle": name, "seed": seed, "count": count, "all": own}
+                for method, base in (("Q alone", "frozen"), ("Q", "full")):
+                    model = QAdapter(network, base=base, **options).fit(few[COLUMNS], few["F"])
+                    row |= {method: rmse(model, test[COLUMNS]), "Q0": model.q0_, "factor": model.q_}
+                alone = StaticPIHM(**options).fit(few[COLUMNS[1:]], few["F"])
+                row["no source"] = rmse(alone, test[COLUMNS[1:]])
+                found.append(row)
+                print(f"{first} -> {name}", {k: round(v, 3) for k, v in row.items() if k != "muscle"}, flush=True)
+    d = pd.DataFrame(found)
+    print(f"\nmedian over {args.seeds} seeds; ratio: Q over all data, with the least and the greatest")
+    for (name, count), g in d.groupby(["muscle", "count"], sort=False):
+        ratio = g["Q"] / g["all"]
+        print(
+            f"{first} -> {name} {count:4d} samples: Q {g['Q'].median():6.2f}, Q alone {g['Q alone'].median():6.2f}, "
+            f"no source {g['no source'].median():6.2f}, all data {g['all'].median():6.2f} N, "
+            f"ratio {ratio.median():.2f} [{ratio.min():.2f}, {ratio.max():.2f}]; "
+            f"Q {g['factor'].median():.3f}, by geometry {g['Q0'].median():.3f}"
+        )
     return found
 
 

@@ -13,6 +13,7 @@ import re
 import sys
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,11 +35,11 @@ REFERENCE = (
 )
 
 
-def table(folder: Path, cut: int, cutoff: float) -> pd.DataFrame:
+def table(files: Sequence[Path], cutoff: float) -> pd.DataFrame:
     """Read one muscle: signals with rates, the contraction's file, and whether a row is of its last repeat."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        log = read_log(sorted(folder.glob(f"10mm_{cut}cm_*.mat")), MAPPING, nan="drop")
+        log = read_log(list(files), MAPPING, nan="drop")
         log = (
             RateTransformer(("eps", "P"), tuning=cutoff)
             .fit_transform(log[["trajectory", "time", "eps", "P"]])
@@ -102,7 +103,7 @@ def main() -> int:
     if args.data is None or not list(args.data.glob("10mm_*cm_*.mat")):
         print("skipped: --data DIR names the folder with the Festo logs, which are not part of this package")
         return 0
-    logs = {cut: table(args.data, cut, args.cutoff) for cut in REST_LENGTH}
+    logs = {cut: table(sorted(args.data.glob(f"10mm_{cut}cm_*.mat")), args.cutoff) for cut in REST_LENGTH}
     print(f"rates with a cut-off of {args.cutoff:g} Hz; {args.rows} rows a fit; medians over {args.seeds} seeds\n")
     print("last repeat of every contraction, RMSE / N (F > 5 N)          20 cm   30 cm   40 cm   fit / s")
     for name in models(20, 0):
