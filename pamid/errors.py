@@ -239,6 +239,10 @@ class ExportError(PamidError, ValueError):
     """A model, or a part of it, has no form outside Python."""
 
 
+class MissingDependencyError(PamidError, ImportError):
+    """A library that only some of the package needs is not installed."""
+
+
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
     """Base of all warnings of the package."""

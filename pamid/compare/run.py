@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,7 @@ def compare(
     random_state: int = 0,
     progress: Callable[[str], None] | None = None,
     output: str = "eps",
+    n_jobs: int | None = None,
 ) -> Comparison:
     """Compare estimators on runs that their fits have not seen.
 
@@ -91,6 +92,9 @@ def compare(
     output : {"eps", "P"}, default="eps"
         Output of the dynamic problem: the contraction under pressure and ``load`` (kg), or the pressure (Pa) under the
         valve command ``u`` and the contraction.
+    n_jobs : int, optional
+        Fits that run at once, as in scikit-learn: one by default, or as joblib's backend has it, see
+        `pamid.distributed.on_dask`. Predictions do not depend on it; times do, where fits share cores.
 
     Returns
     -------
@@ -146,8 +150,9 @@ def compare(
     scores: dict[str, Score] = {}
     fitted: dict[str, Any] = {}
     predictions[BASELINE], scores[BASELINE] = _baseline(ready, splits, order)
+    done = _run(entries, ready, splits, n_jobs, progress)
     for entry in entries:
-        score, predicted, model = _run(entry, ready, splits, progress)
+        score, predicted, model = _scored(entry, done[entry.label])
         scores[entry.label] = score
         if predicted is not None:
             predictions[entry.label] = predicted[order]
@@ -184,63 +189,110 @@ def compare(
 
 
 def _run(
-    entry: Candidate, ready: Prepared, splits: list[Fold], progress: Callable[[str], None] | None
-) -> tuple[Score, np.ndarray | None, Any]:
-    """Fit and predict one candidate in every fold."""
+    entries: Sequence[Candidate],
+    ready: Prepared,
+    splits: list[Fold],
+    n_jobs: int | None,
+    progress: Callable[[str], None] | None,
+) -> dict[str, list[_Fitted]]:
+    """Fit and predict every candidate in every fold; after one that failed its other folds are left out."""
+    from joblib import Parallel, delayed
+
+    done: dict[str, list[_Fitted]] = {entry.label: [] for entry in entries}
+    # Asked for as they are started, so that alone, one after the other, nothing is fitted in vain.
+    wanted = (
+        (entry, fold) for entry in entries for fold in splits if not (done[entry.label] and done[entry.label][-1].error)
+    )
+    tasks = (
+        delayed(_fitted)(
+            entry,
+            ready.table,
+            ready.runs,
+            ready.target,
+            fold.even_train if entry.sequential else fold.fit_rows,
+            fold.even_test if entry.sequential else fold.score_rows,
+            fold.score_rows,
+        )
+        for entry, fold in wanted
+    )
+    for label, fitted in Parallel(n_jobs=n_jobs, return_as="generator")(tasks):
+        done[label].append(fitted)
+        if progress is not None:
+            progress(label)
+    return done
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """One candidate in one fold."""
+
+    predicted: np.ndarray | None = None
+    model: Any = None
+    fit_seconds: float = 0.0
+    predict_seconds: float = 0.0
+    n_predicted: int = 0
+    n_fit_rows: int = 0
+    warnings: tuple[str, ...] = ()
+    error: str = ""
+
+
+def _fitted(
+    entry: Candidate,
+    table: pd.DataFrame,
+    runs: np.ndarray,
+    target: str,
+    fit_rows: np.ndarray,
+    test_rows: np.ndarray,
+    score_rows: np.ndarray,
+) -> tuple[str, _Fitted]:
+    """Fit and predict one candidate in one fold."""
     from sklearn.base import clone
     from sklearn.utils.validation import has_fit_parameter
 
-    table = ready.table
-    place = entry.targets.index(ready.target) if ready.target in entry.targets else 0
-    predicted, models, counts = [], [], []
-    fit_seconds = predict_seconds = 0.0
-    n_predicted = n_fit_rows = 0
-    said: dict[str, None] = {}
-    error = ""
-    for fold in splits:
-        fit_rows = fold.even_train if entry.sequential else fold.fit_rows
-        test_rows = fold.even_test if entry.sequential else fold.score_rows
-        X = table[list(entry.columns)]
-        Y = table[list(entry.targets)].to_numpy(dtype=float)
-        target = Y[:, 0] if len(entry.targets) == 1 else Y
-        try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
-                model = clone(entry.estimator)
-                started = time.perf_counter()
-                grouped = {"groups": ready.runs[fit_rows]} if has_fit_parameter(model, "groups") else {}
-                model.fit(X.iloc[fit_rows], target[fit_rows], **grouped)
-                middle = time.perf_counter()
-                z = np.asarray(model.predict(X.iloc[test_rows]), dtype=float)
-                ended = time.perf_counter()
-            z = _checked(z, len(test_rows), place, entry.label)
-        except Exception as reason:  # one estimator that fails is a line in the table, not the end of it
-            error = _one_line(reason)
-            if progress is not None:
-                progress(entry.label)
-            break
-        said |= {_one_line(w.message): None for w in caught if issubclass(w.category, UserWarning)}
-        fit_seconds += middle - started
-        predict_seconds += ended - middle
-        n_predicted += len(test_rows)
-        n_fit_rows = max(n_fit_rows, len(fit_rows))
-        predicted.append(z[np.searchsorted(test_rows, fold.score_rows)] if entry.sequential else z)
-        models.append(model)
-        counts.append(parameter_count(model))
-        if progress is not None:
-            progress(entry.label)
+    place = entry.targets.index(target) if target in entry.targets else 0
+    X = table[list(entry.columns)]
+    Y = table[list(entry.targets)].to_numpy(dtype=float)
+    y = Y[:, 0] if len(entry.targets) == 1 else Y
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            model = clone(entry.estimator)
+            started = time.perf_counter()
+            grouped = {"groups": runs[fit_rows]} if has_fit_parameter(model, "groups") else {}
+            model.fit(X.iloc[fit_rows], y[fit_rows], **grouped)
+            middle = time.perf_counter()
+            z = np.asarray(model.predict(X.iloc[test_rows]), dtype=float)
+            ended = time.perf_counter()
+        z = _checked(z, len(test_rows), place, entry.label)
+    except Exception as reason:  # one estimator that fails is a line in the table, not the end of it
+        return entry.label, _Fitted(error=_one_line(reason))
+    return entry.label, _Fitted(
+        z[np.searchsorted(test_rows, score_rows)] if entry.sequential else z,
+        model,
+        middle - started,
+        ended - middle,
+        len(test_rows),
+        len(fit_rows),
+        tuple(dict.fromkeys(_one_line(w.message) for w in caught if issubclass(w.category, UserWarning))),
+    )
+
+
+def _scored(entry: Candidate, folds_: list[_Fitted]) -> tuple[Score, np.ndarray | None, Any]:
+    """Put the folds of one candidate together."""
+    said = tuple(dict.fromkeys(text for f in folds_ for text in f.warnings))
+    error = next((f.error for f in folds_ if f.error), "")
     if error:
-        return Score(entry.label, error=error, warnings=tuple(said)), None, None
-    known = [c for c in counts if c is not None]
+        return Score(entry.label, error=error, warnings=said), None, None
+    known = [c for c in (parameter_count(f.model) for f in folds_) if c is not None]
     score = Score(
         entry.label,
-        fit_seconds=fit_seconds / len(splits),
-        predict_ms_per_1000=1e6 * predict_seconds / n_predicted,
+        fit_seconds=sum(f.fit_seconds for f in folds_) / len(folds_),
+        predict_ms_per_1000=1e6 * sum(f.predict_seconds for f in folds_) / sum(f.n_predicted for f in folds_),
         n_parameters=round(float(np.mean(known))) if known else None,
-        n_fit_rows=n_fit_rows,
-        warnings=tuple(said),
+        n_fit_rows=max(f.n_fit_rows for f in folds_),
+        warnings=said,
     )
-    return score, np.concatenate(predicted), models[0]
+    return score, np.concatenate([f.predicted for f in folds_ if f.predicted is not None]), folds_[0].model
 
 
 def _checked(z: np.ndarray, n: int, place: int, label: str) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import time
 from pathlib import Path
@@ -37,6 +38,7 @@ _EXAMPLES = """\
   pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --where "F > 5" --split kind
   pamid compare log.parquet --sim sim.toml --problem inverse
   pamid compare log.parquet --sim sim.toml --problem dynamic --split kind --out results
+  pamid compare log.parquet --sim sim.toml --dask tcp://10.0.0.1:8786
 """
 
 
@@ -106,18 +108,42 @@ def add_parser(subparsers: Any) -> None:
             if name != "ambient"
             else "ambient pressure, absolute, if there is no --sim",
         )
+    parser.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="fits that run at once on this machine (default: 1)"
+    )
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS|N",
+        help="spread the fits over the dask cluster at an address, or over N worker processes of this machine",
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for the table (csv, json) and the plots (png)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    if args.folds < 2:
+        raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
+    if args.jobs < 1:
+        raise ParameterError(f"--jobs is {args.jobs}.", "at least 1", "Correct the number.")
+    folder = _folder(args.out)
+    with _workers(args.dask):
+        return _run(args, folder)
+
+
+def _workers(dask: str | None) -> contextlib.AbstractContextManager[Any]:
+    """Return where fits run: here, or on a cluster."""
+    from ...distributed import on_dask
+
+    if dask is None:
+        return contextlib.nullcontext()
+    return on_dask(n_workers=int(dask)) if dask.isdecimal() else on_dask(dask)
+
+
+def _run(args: argparse.Namespace, folder: Path | None) -> int:
     from ...compare import candidates, compare
     from ...compare.entries import target_of
     from .._tables import TARGETS, Target, signal_table
 
-    if args.folds < 2:
-        raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
-    folder = _folder(args.out)
     started = time.perf_counter()
     params = simulator_of(args)
     log = load_log(args, nan="drop")
@@ -150,6 +176,7 @@ def run(args: argparse.Namespace) -> int:
             random_state=args.seed,
             progress=step,
             output=output,
+            n_jobs=None if args.dask else args.jobs,
         )
     files: list[Path] = []
     if folder is not None:
