@@ -28,7 +28,16 @@ LIBRARY = [p for p in CODE if p.relative_to(ROOT).parts[0] in ("pamid", "estimat
 PAPERS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.toml")])
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
-MAY_ASK_FOR_ESTIMATORS = {"__init__.py", "_model_types.py", "persistence.py", "cli", "compare", "plots", "demo"}
+MAY_ASK_FOR_ESTIMATORS = {
+    "__init__.py",
+    "_model_types.py",
+    "persistence.py",
+    "cli",
+    "compare",
+    "plots",
+    "systems",
+    "demo",
+}
 HEAVY = {
     "numpy", "scipy", "pandas", "sklearn", "torch", "matplotlib", "pysindy", "skops", "h5py", "pyarrow", "filterpy",
 }  # fmt: skip

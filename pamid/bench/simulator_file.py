@@ -97,6 +97,8 @@ def read_simulator_file(cls: type[T], path: Path) -> T:
             f"{path} is not valid TOML: {error}.", "tables such as [muscle] with lines name = number", "Correct it."
         ) from None
     try:
+        if raw.get("kind") == "bench":
+            del raw["kind"]
         known = [*TABLES, "tolerance", "effects"]
         if extra := sorted(set(raw) - set(known)):
             raise UnknownParameterError(

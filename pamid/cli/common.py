@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import OutputError, ParameterError
+from ..errors import OutputError, ParameterError, UnknownOptionError
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
+    from ..systems import System
 
 
 def add_command(subparsers: Any, name: str, summary: str, description: str, examples: str) -> argparse.ArgumentParser:
@@ -90,9 +91,16 @@ def load_log(args: argparse.Namespace, nan: str | None = None) -> pd.DataFrame:
 
 
 def load_simulator(path: str) -> BenchParameters:
-    """Read a simulator file."""
+    """Read a simulator file of the bench."""
     from ..bench.parameters import BenchParameters
+    from ..systems import kind_of_file
 
+    if (kind := kind_of_file(path)) != "bench":
+        raise UnknownOptionError(
+            f"{path} is the page of a {kind}.",
+            "a simulator of the bench, which this command needs",
+            "'pamid diagnose' takes the pages of all kinds; 'pamid init --kind bench' writes one of the bench.",
+        )
     return BenchParameters.from_toml(path)
 
 
@@ -109,6 +117,13 @@ def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
             note(args, f"takes the simulator {path} that lies beside the log; --sim names another")
             return load_simulator(str(path))
     return None
+
+
+def system_of(args: argparse.Namespace) -> System | None:
+    """Read the page of a system, if --sim names one that is no bench; None otherwise."""
+    from ..systems import kind_of_file, read_system
+
+    return read_system(args.sim) if args.sim and kind_of_file(args.sim) != "bench" else None
 
 
 def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:

@@ -42,6 +42,7 @@ SIGNALS = {
     "mdot": Quantity("mass flow", 1e6, "mg/s"),
     "q": Quantity("joint angle", 180.0 / math.pi, "deg"),
     "dq": Quantity("joint speed", 180.0 / math.pi, "deg/s"),
+    "x": Quantity("stroke", 1e3, "mm"),
     "q_ref": Quantity("wanted joint angle", 180.0 / math.pi, "deg"),
     "time": Quantity("time", 1.0, "s"),
 }

@@ -74,7 +74,7 @@ def tidy(
     """
     import pandas as pd
 
-    raw = table.frame
+    raw = _with_head(table, mapping)
     if len(raw) == 0:
         raise EmptyLogError(f"{path.name} holds no rows.", "a table of samples", "Record the log again.")
     double = raw.columns[raw.columns.duplicated()]
@@ -118,6 +118,17 @@ def tidy(
     if not keep.all():
         frame = frame.loc[keep].reset_index(drop=True)
     return Part(_clock_to_run_time(frame), unchecked, table.variable)
+
+
+def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
+    """Return the table with the single numbers beside it that the mapping names, as columns that stand still."""
+    wanted = [m.column for m in mapping.signals.values() if isinstance(m.column, str)]
+    found = {
+        name: float(table.head[name])
+        for name in dict.fromkeys(wanted)
+        if name not in table.frame.columns and isinstance(table.head.get(name), int | float)
+    }
+    return table.frame.assign(**found) if found else table.frame
 
 
 def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> int | None:

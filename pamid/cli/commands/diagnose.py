@@ -13,7 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import OutputError, ParameterError, UnknownOptionError
-from ..common import add_command, add_log_options, load_log, note, number, print_json, progress, simulator_of, table
+from ..common import (
+    add_command,
+    add_log_options,
+    load_log,
+    note,
+    number,
+    print_json,
+    progress,
+    simulator_of,
+    system_of,
+    table,
+)
 
 if TYPE_CHECKING:
     from ...gap.diagnosis import Diagnosis
@@ -34,6 +45,9 @@ or no gap. Where the log leaves a choice, the run to record next is named.
 
 DIR receives report.html (opens in any browser, without a network), diagnosis.json, and corrected.toml, the simulator
 with the causes added, which 'pamid evaluate' and 'pamid simulate' take.
+
+SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it; there is
+then no corrected.toml.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
@@ -64,18 +78,26 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...gap import diagnose
     from ...report import answers
+    from ...systems import diagnose_system
 
     folder = _checked_folder(args.out)
     effects = _effects(args.effects, args.without)
+    system = system_of(args)
     log = load_log(args)
-    params = simulator_of(args)
-    if params is None:
+    params = simulator_of(args) if system is None else None
+    if params is None and system is None:
         raise ParameterError(
-            "No simulator is named, and none lies beside the log.", "a simulator file", "Add --sim SIM.toml."
+            "No simulator is named, and none lies beside the log.",
+            "a simulator file",
+            "Add --sim SIM.toml; 'pamid init' writes one.",
         )
     started = time.perf_counter()
     with progress(args, "Diagnosing") as step:
-        d = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
+        if system is not None:
+            d = diagnose_system(log, system, effects=effects, seed=args.seed, progress=step)
+        else:
+            assert params is not None
+            d = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
         step("report")
         files = write(d, folder, _source(args, log))
     if args.json:
@@ -120,19 +142,20 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
     from ...report import report_html
 
     page, plain = report_html(d, source), d.to_json() + "\n"
+    written = [name for name in FILES if name != "corrected.toml" or d.corrected is not None]
     new = not folder.exists()
     stage = None
     try:
         stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent if new else folder))
         (stage / "diagnosis.json").write_text(plain, encoding="utf-8", errors="replace")
         (stage / "report.html").write_text(page, encoding="utf-8", errors="replace")
-        assert d.corrected is not None
-        d.corrected.to_toml(stage / "corrected.toml")
+        if d.corrected is not None:
+            d.corrected.to_toml(stage / "corrected.toml")
         if new:
             stage.chmod(0o755)
             stage.rename(folder)
         else:
-            for name in FILES:
+            for name in written:
                 (stage / name).replace(folder / name)
     except OSError as error:
         if isinstance(error, OutputError):
@@ -146,7 +169,7 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
         if stage is not None:
             with contextlib.suppress(OSError):
                 shutil.rmtree(stage)
-    return [folder / name for name in FILES]
+    return [folder / name for name in written]
 
 
 def _checked_folder(path: str) -> Path:

@@ -1,0 +1,254 @@
+"""What a system is: the signals that its log must have, the numbers of its page, and its nominal equation."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+from ..errors import ImplausibleParameterError, MissingColumnError, MissingParameterError, UnknownParameterError
+from ..signals.units import UNITS, parse_quantity
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+FIT = "fit"
+"""Instead of a number: it is fitted to the log."""
+
+
+class Input(NamedTuple):
+    """A signal of a system's log.
+
+    Parameters
+    ----------
+    name : str
+        Its name in a tidy log.
+    unit : str
+        SI unit.
+    meaning : str
+        What it is, for somebody who sees the word for the first time.
+    needed : bool, default=True
+        Whether the system cannot do without.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    needed: bool = True
+
+
+class Quantity(NamedTuple):
+    """A number of a system's page.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the file.
+    unit : str
+        SI unit, ``"-"`` for a plain number.
+    lower, upper : float
+        Plausible range.
+    meaning : str
+        What it is.
+    default : float or None, default=None
+        Value where the user gives none; None: it has to be given.
+    may_fit : bool, default=False
+        Whether ``"fit"`` may stand instead of a number.
+    hint : str, default=""
+        What a value out of range probably is.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    meaning: str
+    default: float | str | None = None
+    may_fit: bool = False
+    hint: str = ""
+
+    def checked(self, value: Any, kind: str) -> float | str:
+        """Return a value of the file in SI; raise if it is none.
+
+        Parameters
+        ----------
+        value : float or str
+            A number in SI, a text with a unit such as ``"25 mm"``, or ``"fit"``.
+        kind : str
+            Kind of the system, for messages.
+
+        Returns
+        -------
+        float or str
+            The number, or ``"fit"``.
+        """
+        if value == FIT and self.may_fit:
+            return FIT
+        text = f"{self.lower:g} to {self.upper:g} {self.unit}".removesuffix(" -")
+        number = parse_quantity(value, f"{kind}.{self.name}")
+        words = value.split() if isinstance(value, str) else []
+        known, own = UNITS.get(" ".join(words[1:])), UNITS.get(self.unit)
+        if known is not None and own is not None and known.dimension != own.dimension:
+            raise ImplausibleParameterError(
+                f"{kind}.{self.name} is {value!r}, a {known.dimension}.", f"a {own.dimension}", "Correct the unit."
+            )
+        if not self.lower <= number <= self.upper:
+            raise ImplausibleParameterError(
+                f"{kind}.{self.name} is {number:g} {self.unit}.", text, self.hint or "Correct the value."
+            )
+        return number
+
+
+class System(ABC):
+    """One equation of a system: what is measured against what its nominal model says.
+
+    Parameters
+    ----------
+    **values : float or str
+        Numbers by name, see `numbers`; those with a default may be left out.
+
+    Attributes
+    ----------
+    values : dict of str to float or str
+        The numbers in SI, ``"fit"`` where one is fitted to the log.
+
+    Raises
+    ------
+    MissingParameterError, UnknownParameterError, ImplausibleParameterError
+        A number is missing, unknown, or out of its range.
+    """
+
+    kind: ClassVar[str]
+    """Word for it in the file and on the command line."""
+    title: ClassVar[str]
+    """What it is, in one line."""
+    inputs: ClassVar[tuple[Input, ...]]
+    """Signals of its log, beside ``trajectory`` and ``time``."""
+    numbers: ClassVar[tuple[Quantity, ...]]
+    """Numbers of its page."""
+    law: ClassVar[str]
+    """Nominal equation, in words of the signals."""
+    sense: ClassVar[str | int] = "auto"
+    """1 where effects take away from the target, -1 where they add to it."""
+    effects: ClassVar[str | tuple[str, ...]] = "all"
+    """Effects that may be causes."""
+
+    def __init__(self, **values: Any) -> None:
+        known = {q.name: q for q in self.numbers}
+        if extra := sorted(set(values) - set(known)):
+            raise UnknownParameterError(
+                f"[{self.kind}] has {', '.join(map(repr, extra))}.",
+                f"only {', '.join(known) or 'nothing'}",
+                "Remove or correct the name.",
+            )
+        if lacking := [q.name for q in self.numbers if q.default is None and q.name not in values]:
+            raise MissingParameterError(
+                f"[{self.kind}] lacks {', '.join(lacking)}.",
+                ", ".join(f"{q.name} ({q.meaning}, {q.unit})" for q in self.numbers if q.name in lacking),
+                "Add what is missing.",
+            )
+        self.values: dict[str, float | str] = {
+            q.name: q.checked(values.get(q.name, q.default), self.kind) for q in self.numbers
+        }
+
+    def number(self, name: str) -> float:
+        """Return a number that is given."""
+        return float(self.values[name])
+
+    def require(self, log: pd.DataFrame) -> None:
+        """Raise if a log lacks a signal that the system needs.
+
+        Raises
+        ------
+        MissingColumnError
+            If it does.
+        """
+        lacking = [i for i in self.inputs if i.needed and i.name not in log.columns]
+        if lacking:
+            has = ", ".join(str(c) for c in log.columns[:20])
+            raise MissingColumnError(
+                f"The log lacks {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; it has {has}.",
+                f"the signals of a {self.kind}: {', '.join(i.name for i in self.inputs if i.needed)}",
+                "Map your columns to these names ('pamid init' writes the mapping).",
+            )
+
+    @abstractmethod
+    def problem(self, log: pd.DataFrame) -> Problem:
+        """Return what is measured, what the nominal model says, and the signals that effects may follow.
+
+        Parameters
+        ----------
+        log : DataFrame
+            Tidy log.
+
+        Returns
+        -------
+        Problem
+            One equation, ready for a diagnosis.
+        """
+
+
+class Problem(NamedTuple):
+    """One equation of a system on a log.
+
+    Parameters
+    ----------
+    X : DataFrame
+        Signals, with ``time``.
+    y : array, shape (n_samples,)
+        What was measured.
+    nominal : callable
+        Takes X, with signals that a fault of a sensor may have changed; returns what the nominal model says.
+    groups : array of str, shape (n_samples,)
+        Trajectory of each row.
+    roles : dict of str to str
+        Column of X for each role of `pamid.estimators.GapDiagnoser`.
+    equation : str
+        ``"force"``, ``"torque"`` or ``"flow"``.
+    unit : str
+        Unit of y.
+    plant : pamid.effects.Plant or None
+        Numbers for effects of geometry, gas or valve.
+    notes : list of str
+        What a reader must know.
+    """
+
+    X: pd.DataFrame
+    y: np.ndarray
+    nominal: Callable[[pd.DataFrame], np.ndarray]
+    groups: np.ndarray
+    roles: Mapping[str, str]
+    equation: str
+    unit: str
+    plant: Any
+    notes: list[str]
+
+
+def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return time and signals with their rates, taken within each trajectory.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log.
+    columns : mapping of str to str
+        Signals and the names of their rates, such as ``{"x": "dx"}``.
+
+    Returns
+    -------
+    DataFrame
+        ``time``, the signals, the rates.
+    """
+    import numpy as np
+
+    from ..signals import differentiate
+
+    X = log[["time", *columns]].copy()
+    for signal, rate in columns.items():
+        parts = []
+        for _, run in log.groupby("trajectory", sort=False):
+            y, t = run[signal].to_numpy(dtype=float), run["time"].to_numpy(dtype=float)
+            parts.append(differentiate(y, t, warn=False)[1] if len(run) > 10 else np.zeros(len(run)))
+        X[rate] = np.concatenate(parts)
+    return X

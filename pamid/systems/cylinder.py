@@ -1,0 +1,59 @@
+"""A pneumatic cylinder: force against pressure times area."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from .base import Input, Problem, Quantity, System
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+
+class Cylinder(System):
+    r"""Pneumatic cylinder with one chamber under pressure.
+
+    .. math:: F = (P - P_\mathrm{atm})\,\frac{\pi}{4}\,(D^2 - d^2)
+
+    What is left is the friction of its seal and guide, and the faults of its sensors.
+
+    Examples
+    --------
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> round(1e6 * Cylinder(bore="25 mm").area, 1)
+    490.9
+    """
+
+    kind = "cylinder"
+    title = "a pneumatic cylinder: force against pressure times area"
+    law = "F = (P - atmospheric_pressure) · π/4 · (bore² - rod²)"
+    inputs = (
+        Input("x", "m", "stroke"),
+        Input("P", "Pa, absolute", "pressure in the chamber"),
+        Input("F", "N", "force on the rod"),
+    )
+    numbers = (
+        Quantity("bore", "m", 1e-3, 1.0, "inner diameter", hint="Lengths are in m: 25 mm are 0.025."),
+        Quantity("rod", "m", 0.0, 1.0, "diameter of the rod, if it passes through the chamber under pressure", 0.0),
+        Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),
+    )
+
+    @property
+    def area(self) -> float:
+        """Area under pressure, m²."""
+        return math.pi / 4 * (self.number("bore") ** 2 - self.number("rod") ** 2)
+
+    def problem(self, log: pd.DataFrame) -> Problem:
+        """Return the force equation on a log; see `System.problem`."""
+        self.require(log)
+        ambient, area = self.number("atmospheric_pressure"), self.area
+
+        def nominal(X: pd.DataFrame) -> np.ndarray:
+            return (X["P"].to_numpy(dtype=float) - ambient) * area
+
+        roles = {"time": "time", "position": "x", "pressure": "P"}
+        X, y = log[["time", "x", "P"]], log["F"].to_numpy(dtype=float)
+        return Problem(X, y, nominal, log["trajectory"].to_numpy(), roles, "force", "N", None, [])

@@ -1,0 +1,96 @@
+"""The diagnosis of a system: its one equation, held against a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .base import System
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..gap.diagnosis import Diagnosis
+
+
+def diagnose_system(
+    log: pd.DataFrame,
+    system: System,
+    effects: str | Sequence[str] = "all",
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Say where a system and its nominal equation part, which effect is the cause, and how far the gap closes.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log with the system's `inputs`; rows with missing values are left out.
+    system : System
+        The system, such as ``Cylinder(bore=0.025)``.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be causes; "all" are those that the system allows.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer.
+
+    Raises
+    ------
+    MissingColumnError
+        The log lacks a signal of the system.
+    ExcitationError
+        Nothing moves.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.systems import diagnose_system
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> rng, t = np.random.default_rng(0), np.arange(0, 20, 0.005)
+    >>> runs = []
+    >>> for k, w in enumerate((1.0, 2.0, 3.0)):
+    ...     x = 0.02 + 0.015 * np.sin(w * t)
+    ...     F = 4.909e-4 * 2e5 + 60 * 0.015 * w * np.cos(w * t) + 0.1 * rng.standard_normal(len(t))
+    ...     P = 301325.0 + 20.0 * rng.standard_normal(len(t))
+    ...     runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "x": x, "P": P, "F": F}))
+    >>> found = diagnose_system(pd.concat(runs), Cylinder(bore=0.025), ["viscous_friction", "force_bias"])
+    >>> found.causes[0].effects
+    ('viscous_friction',)
+    """
+    from ..estimators import GapDiagnoser
+
+    say = progress or (lambda _: None)
+    say("read the log")
+    signals = [i.name for i in system.inputs if i.name in log.columns]
+    clean = log.dropna(subset=["time", *signals]).reset_index(drop=True)
+    problem = system.problem(clean)
+    notes = list(problem.notes)
+    if len(clean) < len(log):
+        notes.append(f"{100 * (1 - len(clean) / len(log)):.1f} % of the rows have a missing value and are left out.")
+    library = system.effects if isinstance(effects, str) and effects == "all" else effects
+    one = len(np.unique(problem.groups)) == 1
+    diagnoser = GapDiagnoser(
+        problem.nominal,
+        library,
+        signals=dict(problem.roles),
+        equation=problem.equation,
+        plant=problem.plant,
+        sense=system.sense,
+        one_trajectory=one,
+        random_state=seed,
+    )
+    say("hold it against the library")
+    diagnoser.fit(problem.X, problem.y, groups=problem.groups)
+    found = diagnoser.diagnosis_
+    closure = [replace(c, unit=problem.unit) for c in found.closure]
+    return replace(found, closure=closure, notes=[*notes, *found.notes])

@@ -1,0 +1,140 @@
+"""The page of a system: a TOML file with its kind and its numbers."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import (
+    OversizedSimulatorError,
+    SimulatorFileError,
+    SimulatorNotFoundError,
+    SimulatorSyntaxError,
+    UnknownOptionError,
+    UnknownParameterError,
+)
+from .base import FIT, System
+
+MAX_BYTES = 1_000_000
+
+
+def kind_of_file(path: str | Path) -> str:
+    """Say what a simulator file is about.
+
+    Parameters
+    ----------
+    path : path-like
+        A ``sim.toml``.
+
+    Returns
+    -------
+    str
+        Its ``kind``; ``"bench"`` where it names none or cannot be read.
+    """
+    try:
+        if Path(path).stat().st_size > MAX_BYTES:
+            return "bench"
+        kind = tomllib.loads(Path(path).read_text(encoding="utf-8")).get("kind", "bench")
+    except (OSError, ValueError, RecursionError):
+        return "bench"
+    return kind if isinstance(kind, str) else "bench"
+
+
+def read_system(path: str | Path) -> System:
+    """Read the page of a system.
+
+    Parameters
+    ----------
+    path : path-like
+        TOML file with ``kind = "cylinder"`` and a table ``[cylinder]``; numbers are in SI, or text with a unit.
+
+    Returns
+    -------
+    System
+        What it says, checked.
+
+    Raises
+    ------
+    SimulatorFileError
+        The file is missing, no TOML, lacks something, or holds something unknown or implausible.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.systems import read_system
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "sim.toml"
+    ...     _ = file.write_text('kind = "cylinder"' + chr(10) + "[cylinder]" + chr(10) + 'bore = "25 mm"')
+    ...     read_system(file).values["bore"]
+    0.025
+    """
+    from . import all_systems
+
+    path = Path(path)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise OversizedSimulatorError(
+                f"{path} holds {path.stat().st_size:,} bytes.", f"at most {MAX_BYTES:,}", "Name the simulator file."
+            )
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SimulatorSyntaxError(f"{path} is not valid TOML: {error}.", "a TOML file", "Correct it.") from None
+    except OSError as error:
+        if isinstance(error, SimulatorFileError):
+            raise
+        raise SimulatorNotFoundError(
+            f"{path} cannot be read: {error.strerror}.", "a simulator file", "Check the path."
+        ) from None
+    kind, known = raw.get("kind"), all_systems()
+    if kind not in known:
+        raise UnknownOptionError(
+            f"{path} is of the kind {kind!r}.", f"one of bench, {', '.join(known)}", "Correct kind in the file."
+        )
+    if extra := sorted(set(raw) - {"kind", kind}):
+        raise UnknownParameterError(
+            f"{path} has {', '.join(map(repr, extra))}.", f"kind and [{kind}]", "Remove or correct the name."
+        )
+    table = raw.get(kind, {})
+    if not isinstance(table, dict):
+        raise SimulatorSyntaxError(f"{path}: {kind} is {table!r}.", "a table", f"Write [{kind}].")
+    try:
+        return known[kind](**table)
+    except SimulatorFileError as error:
+        raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
+
+
+def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[str, ...] = ()) -> str:
+    """Return the commented page of a system.
+
+    Parameters
+    ----------
+    kind : class
+        The system.
+    values : mapping of str to float or str
+        Its numbers in SI; defaults for those left out.
+    assumed : tuple of str
+        Numbers that nobody has confirmed: the page says so.
+
+    Returns
+    -------
+    str
+        TOML.
+    """
+    lines = [
+        f"# Simulator: {kind.title}.",
+        f"# Nominal equation: {kind.law}",
+        '# SI units; a text with a unit does as well, such as "25 mm". Pressures are absolute.',
+        f'kind = "{kind.kind}"',
+        "",
+        f"[{kind.kind}]",
+    ]
+    for q in kind.numbers:
+        value = values.get(q.name, q.default)
+        shown = f'"{FIT}"' if value == FIT else f"{float(value):g}" if value is not None else '"?"'
+        unit = f"{q.unit}: " if q.unit != "-" else ""
+        fit = '; "fit": fitted to the log' if q.may_fit else ""
+        mark = "  ASSUMED: replace it by yours" if q.name in assumed else ""
+        lines.append(f"{q.name} = {shown}  # {unit}{q.meaning}{fit}{mark}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,140 @@
+"""A driven joint with a lever: what drives it against inertia and gravity."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ExcitationError, MissingColumnError, MissingParameterError
+from .base import FIT, Input, Problem, Quantity, System
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
+_STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters
+
+
+class Joint(System):
+    r"""Servo, motor or actuator that turns a lever.
+
+    .. math:: \tau = J\,\ddot q + m g l\,\sin q + a\,\cos q + c
+
+    :math:`\tau` is what drives it, in any unit: a logged torque, current or voltage (``drive``), or what a
+    proportional controller makes of its error, ``gain`` (q_ref - q), up to ``limit``, times the supply ``voltage`` if
+    that is logged. With ``"fit"`` the inertia and the moment of gravity are fitted to the log together with friction,
+    which is then left out of the nominal model.
+    """
+
+    kind = "joint"
+    title = "a driven joint (servo, motor): what drives it against inertia and gravity"
+    law = "drive = inertia · d²q/dt² + gravity · sin q + level · cos q + offset"
+    inputs = (
+        Input("q", "rad", "angle"),
+        Input("drive", "any", "torque, current or voltage that drives it", needed=False),
+        Input("q_ref", "rad", "wanted angle, where a proportional controller drives it", needed=False),
+        Input("gain", "1/rad", "gain of that controller, where it changes between runs", needed=False),
+        Input("voltage", "V", "supply voltage, where the controller sets a duty", needed=False),
+        Input("enabled", "-", "1 while the drive is on", needed=False),
+    )
+    numbers = (
+        Quantity("gain", "1/rad", 0.0, 1e9, "drive for 1 rad of control error; 0: the log has drive, or gain", 0.0),
+        Quantity("limit", "-", 0.0, 1e9, "largest drive the controller can set, before the voltage; 0: none", 1.0),
+        Quantity("inertia", "drive s^2/rad", 0.0, 1e9, "drive for 1 rad/s²", FIT, may_fit=True),
+        Quantity("gravity", "drive", -1e9, 1e9, "drive that holds the lever level (m g l)", FIT, may_fit=True),
+        Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
+    )
+    sense = -1
+
+    def problem(self, log: pd.DataFrame) -> Problem:
+        """Return the equation of the drive on a log; see `System.problem`."""
+        import pandas as pd
+
+        self.require(log)
+        drive, usable, unit, notes = self._drive(log)
+        q = log["q"].to_numpy(dtype=float)
+        dq, ddq = self._rate(log, 1), self._rate(log, 2, 1.5)
+        usable &= np.isfinite(drive) & np.isfinite(q)
+        if usable.sum() < 50:
+            raise ExcitationError(
+                f"{int(usable.sum())} rows say what drives the joint.", "at least 50", "Check gain, limit and enabled."
+            )
+        nominal, said = self._nominal(q, dq, ddq, drive, usable)
+        if (left := int((~usable).sum())) > 0:
+            notes.append(f"{100 * left / len(log):.1f} % of the rows are left out: the drive is off or at its limit.")
+        load = np.abs(nominal - np.mean(nominal[usable]))
+        X = pd.DataFrame({"time": log["time"].to_numpy(dtype=float), "q": q, "dq": dq, "load": load})[usable]
+        X["nominal"] = nominal[usable]
+        groups = log["trajectory"].to_numpy()[usable]
+        roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load"}
+        notes += [
+            said,
+            "The 'pressure' of load-dependent friction is the load by inertia and gravity, in the drive's unit.",
+        ]
+        return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes)
+
+    def _drive(self, log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
+        """Return what drives the joint, the rows in which it is known, its unit, and notes."""
+        on = np.ones(len(log), dtype=bool)
+        if "enabled" in log.columns:
+            on = log["enabled"].to_numpy(dtype=float) > 0.5
+        if "drive" in log.columns:
+            return log["drive"].to_numpy(dtype=float), on, "unit of drive", []
+        if "q_ref" not in log.columns:
+            raise MissingColumnError(
+                f"The log has neither drive nor q_ref; it has {', '.join(map(str, log.columns[:20]))}.",
+                "what drives the joint, or the wanted angle of its controller",
+                "Map one of them.",
+            )
+        gain = log["gain"].to_numpy(dtype=float) if "gain" in log.columns else self.number("gain")
+        if not np.any(gain):
+            raise MissingParameterError(
+                "[joint] has no gain, and neither the log nor the mapping has drive or gain.",
+                "the drive for 1 rad of control error, from the manual of the servo",
+                'Set gain in the file (duty of a servo: kp · steps per turn / 2π / full scale), or map "gain".',
+            )
+        wanted = gain * (log["q_ref"] - log["q"]).to_numpy(dtype=float)
+        limit = self.number("limit")
+        if limit:
+            on &= np.abs(wanted) < _FULL * limit
+        if "voltage" in log.columns:
+            return wanted * log["voltage"].to_numpy(dtype=float), on, "V", []
+        return wanted, on, "unit of the controller's output", []
+
+    def _rate(self, log: pd.DataFrame, order: int, longer: float = 1.0) -> np.ndarray:
+        from scipy.signal import savgol_filter
+
+        parts = []
+        for _, run in log.groupby("trajectory", sort=False):
+            time = run["time"].to_numpy(dtype=float)
+            dt = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+            width = max(5, 2 * round(0.5 * longer * self.number("smoothing") / dt) + 1)
+            if len(run) < width:
+                parts.append(np.zeros(len(run)))
+            else:
+                parts.append(savgol_filter(run["q"].to_numpy(dtype=float), width, 3, deriv=order, delta=dt))
+        return np.concatenate(parts)
+
+    def _nominal(
+        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, drive: np.ndarray, usable: np.ndarray
+    ) -> tuple[np.ndarray, str]:
+        """Return inertia and gravity on every row; friction stands beside them in the fit and is then left out."""
+        columns = {"inertia": ddq, "gravity": np.sin(q)}
+        given = {name: self.number(name) for name in columns if self.values[name] != FIT}
+        known = sum((value * columns[name] for name, value in given.items()), np.zeros(len(q)))
+        fitted = {name: x for name, x in columns.items() if name not in given}
+        fitted |= {"level": np.cos(q), "offset": np.ones(len(q))}
+        A = np.column_stack([*fitted.values(), np.tanh(dq / _STILL), dq])
+        found, *_ = np.linalg.lstsq(A[usable], (drive - known)[usable], rcond=None)
+        n = len(fitted)
+        nominal = known + A[:, :n] @ found[:n]
+        values = {**given, **dict(zip(fitted, found[:n], strict=True))}
+        said = ", ".join(f"{name} {value:.3g}{'' if name in given else ' (fitted)'}" for name, value in values.items())
+        left = (drive - known)[usable] - A[usable] @ found
+        share = 1.0 - float(np.var(left) / max(np.var(drive[usable]), 1e-300))
+        return nominal, f"Nominal model: {said}; with dry and viscous friction beside it, R² = {share:.3f}."
+
+
+def _given(X: pd.DataFrame) -> np.ndarray:
+    return X["nominal"].to_numpy(dtype=float)

@@ -1,0 +1,109 @@
+"""A single muscle: force, or flow, against its geometry."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
+from ..effects.plant import Plant
+from ..errors import MissingColumnError
+from .base import Input, Problem, Quantity, System, with_rates
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_BRAID = math.radians(25.0)
+
+
+class Muscle(System):
+    r"""One braided muscle under any load.
+
+    .. math::
+
+        F = \frac{p}{L_0}\frac{\partial V}{\partial\varepsilon}, \qquad
+        \dot m = \frac{\dot P\,V}{\gamma R T} + \frac{P\,\dot V}{R T}, \qquad
+        V = \frac{b^2 L - L^3}{4\pi n^2}
+
+    The force is looked at where it is logged, else the flow.
+    """
+
+    kind = "muscle"
+    title = "a single muscle: its force (or flow) against its geometry"
+    law = "F = (P - atmospheric_pressure) / rest_length · ∂V/∂ε of the braided cylinder; without F: mdot = d(P V)/dt"
+    inputs = (
+        Input("eps", "-", "contraction ratio (rest length - length) / rest length"),
+        Input("P", "Pa, absolute", "pressure in the muscle"),
+        Input("F", "N", "tension", needed=False),
+        Input("mdot", "kg/s", "mass flow into the muscle", needed=False),
+    )
+    numbers = (
+        Quantity(
+            "rest_length",
+            "m",
+            0.005,
+            5.0,
+            "length between the fittings at rest",
+            hint="Lengths are in m: 200 mm are 0.2.",
+        ),
+        Quantity("rest_diameter", "m", 5e-4, 0.3, "diameter at rest", hint="Diameters are in m: 20 mm are 0.02."),
+        Quantity(
+            "braid_angle",
+            "rad",
+            0.02,
+            0.94,
+            "between thread and axis at rest",
+            _BRAID,
+            hint="25 degrees are 0.436 rad.",
+        ),
+        Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),
+        Quantity("temperature", "K", 150.0, 600.0, "of the gas", TEMPERATURE, hint="20 °C are 293 K."),
+    )
+    sense = 1
+
+    def plant(self) -> Plant:
+        """Return the numbers as effects see them; the valve and the joint, which no effect here asks for, are none."""
+        length, angle = self.number("rest_length"), self.number("braid_angle")
+        thread = length / math.cos(angle)
+        return Plant(
+            rest_length=length,
+            thread_length=thread,
+            turns=thread * math.sin(angle) / (math.pi * self.number("rest_diameter")),
+            initial_contraction=0.0,
+            heat_capacity_ratio=HEAT_CAPACITY_RATIO,
+            gas_constant=GAS_CONSTANT,
+            temperature=self.number("temperature"),
+            atmospheric_pressure=self.number("atmospheric_pressure"),
+            supply_pressure=8e5,
+            sonic_conductance=1e-8,
+            critical_pressure_ratio=0.35,
+            reference_density=REFERENCE_DENSITY,
+            pulley_radius=1.0,
+        )
+
+    def problem(self, log: pd.DataFrame) -> Problem:
+        """Return the equation of the force, or of the flow, on a log; see `System.problem`."""
+        self.require(log)
+        target = next((name for name in ("F", "mdot") if name in log.columns), None)
+        if target is None:
+            raise MissingColumnError(
+                "The log has neither F nor mdot.", "the tension, or the flow into the muscle", "Map one of them."
+            )
+        plant = self.plant()
+        X = with_rates(log, {"eps": "deps", "P": "dP"})
+
+        def force(T: pd.DataFrame) -> np.ndarray:
+            eps, P = T["eps"].to_numpy(dtype=float), T["P"].to_numpy(dtype=float)
+            return (P - plant.atmospheric_pressure) / plant.rest_length * np.asarray(plant.volume_slope(eps))
+
+        def flow(T: pd.DataFrame) -> np.ndarray:
+            eps, deps, P, dP = (T[c].to_numpy(dtype=float) for c in ("eps", "deps", "P", "dP"))
+            stored = dP * np.asarray(plant.volume(eps)) / (plant.heat_capacity_ratio * plant.RT)
+            return stored + P * np.asarray(plant.volume_slope(eps)) * deps / plant.RT
+
+        roles = {"time": "time", "position": "eps", "velocity": "deps", "pressure": "P", "pressure_rate": "dP"}
+        equation, unit = ("force", "N") if target == "F" else ("flow", "kg/s")
+        y, groups = log[target].to_numpy(dtype=float), log["trajectory"].to_numpy()
+        return Problem(X, y, force if target == "F" else flow, groups, roles, equation, unit, plant, [])

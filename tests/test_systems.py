@@ -1,0 +1,168 @@
+"""Systems beside the bench: their pages, their nominal equations, and a diagnosis of each."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.bench import BenchParameters, isometric, simulate, sine, unfold
+from pamid.cli import main
+from pamid.errors import (
+    ImplausibleParameterError,
+    MissingColumnError,
+    MissingParameterError,
+    SimulatorFileError,
+    UnknownOptionError,
+    UnknownParameterError,
+)
+from pamid.signals import read_log, write_log
+from pamid.systems import all_systems, diagnose_system, read_system, system_text
+from pamid.systems.cylinder import Cylinder
+from pamid.systems.joint import Joint
+from pamid.systems.muscle import Muscle
+
+TIME = np.arange(0, 6, 0.01)
+
+
+def runs(make) -> pd.DataFrame:
+    parts = [make(w).assign(trajectory=f"sine-{w:g}", time=TIME) for w in (1.0, 2.0, 3.5)]
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.fixture(scope="module")
+def stroke() -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+
+    def run(w: float) -> pd.DataFrame:
+        P = 4e5 + 50.0 * rng.standard_normal(len(TIME))
+        friction = 8.0 * np.tanh(np.cos(w * TIME) / 0.02)
+        F = (P - 101_325.0) * np.pi / 4 * 0.025**2 + friction + 0.1 * rng.standard_normal(len(TIME))
+        return pd.DataFrame({"x": 0.02 + 0.015 * np.sin(w * TIME), "P": P, "F": F})
+
+    return runs(run)
+
+
+@pytest.mark.parametrize("kind", all_systems())
+def test_a_page_is_read_back(kind, tmp_path):
+    cls = all_systems()[kind]
+    given = {q.name: 0.5 * (q.lower + min(q.upper, 2.0)) for q in cls.numbers if q.default is None}
+    (tmp_path / "sim.toml").write_text(system_text(cls, given, tuple(given)), encoding="utf-8")
+    again = read_system(tmp_path / "sim.toml")
+    assert type(again) is cls
+    for name, value in cls(**given).values.items():
+        assert again.values[name] == (value if value == "fit" else pytest.approx(value, rel=1e-5))
+    text = (tmp_path / "sim.toml").read_text()
+    assert text.count("ASSUMED") == len(given)
+    assert all(q.meaning in text for q in cls.numbers)
+
+
+def test_units_in_a_page():
+    assert Cylinder(bore="25 mm").values["bore"] == pytest.approx(0.025)
+    assert Joint(inertia=0.2).values["gravity"] == "fit"
+
+
+@pytest.mark.parametrize(
+    ("cls", "values", "error", "words"),
+    [
+        (Cylinder, {}, MissingParameterError, "lacks bore"),
+        (Cylinder, {"bore": 25}, ImplausibleParameterError, "25 mm are 0.025"),
+        (Cylinder, {"bore": "25 kg"}, ImplausibleParameterError, "a mass"),
+        (Cylinder, {"bore": 0.025, "stroke": 1}, UnknownParameterError, "'stroke'"),
+        (Muscle, {"rest_length": 0.2, "rest_diameter": "fit"}, ValueError, "fit"),
+    ],
+)
+def test_a_wrong_number_is_explained(cls, values, error, words):
+    with pytest.raises(error, match=words):
+        cls(**values)
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("kind = ", SimulatorFileError),
+        ('kind = "sofa"', UnknownOptionError),
+        ('kind = "cylinder"\n[cylinder]\nbore = 0.02\n[other]', UnknownParameterError),
+        ('kind = "cylinder"\ncylinder = 3', SimulatorFileError),
+        (None, FileNotFoundError),
+    ],
+)
+def test_a_page_that_cannot_be_read(text, error, tmp_path):
+    if text is not None:
+        (tmp_path / "sim.toml").write_text(text)
+    with pytest.raises(error):
+        read_system(tmp_path / "sim.toml")
+
+
+def test_a_log_without_a_signal(stroke):
+    with pytest.raises(MissingColumnError, match="stroke"):
+        Cylinder(bore=0.025).problem(stroke.drop(columns="x"))
+    with pytest.raises(MissingColumnError, match="neither drive nor q_ref"):
+        Joint().problem(stroke.rename(columns={"x": "q"}))
+    with pytest.raises(MissingParameterError, match="gain"):
+        Joint().problem(stroke.rename(columns={"x": "q", "F": "q_ref"}))
+
+
+def test_the_friction_of_a_cylinder_is_named(stroke):
+    found = diagnose_system(stroke, Cylinder(bore=0.025), ["coulomb_friction", "force_bias"])
+    assert found.verdict == "cause"
+    assert found.causes[0].effects == ("coulomb_friction",)
+    assert found.closure[0].unit == "N"
+
+
+def test_a_servo_with_a_proportional_controller():
+    rng = np.random.default_rng(1)
+
+    def run(w: float) -> pd.DataFrame:
+        q, dq, ddq = 0.5 * np.sin(w * TIME), 0.5 * w * np.cos(w * TIME), -0.5 * w * w * np.sin(w * TIME)
+        drive = 0.1 * ddq + 3.0 * np.sin(q) + 0.6 * np.tanh(dq / 0.02) + 0.02 * rng.standard_normal(len(TIME))
+        return pd.DataFrame({"q": q, "q_ref": q + drive / (0.5 * 7.4), "voltage": 7.4})
+
+    log, system = runs(run), Joint(gain=0.5, limit=0.0)
+    problem = system.problem(log)
+    values = {
+        w.split(" ")[0]: float(w.split(" ")[1]) for w in problem.notes[0].split(": ")[1].split("; ")[0].split(", ")
+    }
+    assert values["inertia"] == pytest.approx(0.1, abs=0.02)
+    assert values["gravity"] == pytest.approx(3.0, abs=0.1)
+    found = diagnose_system(log, system, ["coulomb_friction", "viscous_friction"])
+    assert found.causes[0].effects == ("coulomb_friction",)
+    limited = Joint(gain=0.5, limit=0.2).problem(log)
+    assert len(limited.y) < len(log)
+    assert any("left out" in note for note in limited.notes)
+
+
+def test_a_single_muscle_agrees_with_the_twin():
+    bench = BenchParameters.for_muscle("B")
+    log = unfold(simulate(bench, [sine(4, 15, samples=500), isometric(5, 5e4, samples=500)], seed=0), bench)
+    geometry = Muscle(rest_length=0.2, rest_diameter=0.02)
+    for drop, unit in (("mdot", "N"), ("F", "kg/s")):
+        problem = geometry.problem(log.drop(columns=drop))
+        assert problem.unit == unit
+        gap = problem.y - problem.nominal(problem.X)
+        assert np.std(gap) < (0.02 if unit == "N" else 0.3) * np.std(problem.y)
+    with pytest.raises(MissingColumnError, match="neither F nor mdot"):
+        geometry.problem(log.drop(columns=["F", "mdot"]))
+
+
+def test_the_command_takes_the_page_of_a_system(stroke, tmp_path, capsys):
+    write_log(stroke, tmp_path / "log.parquet")
+    (tmp_path / "sim.toml").write_text('kind = "cylinder"\n[cylinder]\nbore = "25 mm"\n')
+    argv = [str(tmp_path / "log.parquet"), "--sim", str(tmp_path / "sim.toml")]
+    library = ["--effects", "coulomb_friction,force_bias"]
+    assert main(["diagnose", *argv, "--out", str(tmp_path / "out"), *library, "--json", "--quiet"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["causes"][0]["effects"] == ["coulomb_friction"]
+    assert set(report["files"]) == {"diagnosis.json", "report.html"}
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["diagnosis.json", "report.html"]
+    assert main(["evaluate", *argv]) == 2
+    assert "page of a cylinder" in capsys.readouterr().err
+
+
+def test_numbers_beside_the_entries_of_a_json_log_become_signals(tmp_path):
+    entries = [{"t": 0.01 * k, "q": 0.1 * k} for k in range(5)]
+    (tmp_path / "log.json").write_text(json.dumps({"kp": 4, "entries": entries}))
+    mapping = {"time": {"column": "t"}, "q": {"column": "q"}, "gain": {"column": "kp", "scale": 0.5}}
+    assert read_log(tmp_path / "log.json", mapping)["gain"].tolist() == [2.0] * 5
