@@ -12,8 +12,14 @@ from typing import Any
 
 from .base import Input, Quantity, System
 
-_NOT_SYSTEMS = {"base", "diagnosis", "file"}
-_HOME = {"diagnose_system": "diagnosis", "read_system": "file", "kind_of_file": "file", "system_text": "file"}
+_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file"}
+_HOME = {
+    "diagnose_system": "diagnosis",
+    "read_system": "file",
+    "kind_of_file": "file",
+    "system_text": "file",
+    "draft_for": "draft",
+}
 
 __all__ = ["Input", "Quantity", "System", "all_systems", *sorted(_HOME)]
 

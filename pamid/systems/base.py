@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ..errors import ImplausibleParameterError, MissingColumnError, MissingParameterError, UnknownParameterError
@@ -151,6 +151,11 @@ class System(ABC):
         self.values: dict[str, float | str] = {
             q.name: q.checked(values.get(q.name, q.default), self.kind) for q in self.numbers
         }
+
+    @classmethod
+    def own(cls, signals: Collection[str]) -> list[str]:
+        """Return the numbers that only the owner of a system knows, where its log has some signals."""
+        return [q.name for q in cls.numbers if q.default is None]
 
     def number(self, name: str) -> float:
         """Return a number that is given."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +47,11 @@ class Joint(System):
         Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
     )
     sense = -1
+
+    @classmethod
+    def own(cls, signals: Collection[str]) -> list[str]:
+        """Return ``gain`` where the log has neither the drive nor the controller's gain."""
+        return [] if {"drive", "gain"} & set(signals) else ["gain"]
 
     def problem(self, log: pd.DataFrame) -> Problem:
         """Return the equation of the drive on a log; see `System.problem`."""

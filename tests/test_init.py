@@ -1,0 +1,284 @@
+"""``pamid init``: what it guesses, asks, writes and refuses."""
+
+from __future__ import annotations
+
+import io
+import json
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from pamid.bench import BenchParameters, simulate, sine
+from pamid.cli import main
+from pamid.signals import LogMapping, read_log
+from pamid.signals.guess import guess_columns, guess_kind, split_name
+from pamid.systems import all_systems, read_system
+from pamid.systems.draft import kinds
+
+TIME = np.arange(0, 3, 0.01)
+BAR = 3.0 + np.sin(4 * TIME)
+
+
+@pytest.fixture
+def muscle(tmp_path):
+    table = {
+        "t [ms]": 1000 * TIME,
+        "pressure [bar]": BAR,
+        "length_mm": 180 - 8 * np.sin(4 * TIME),
+        "load cell": 50 + 9 * BAR,
+        "note": "a",
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "run-1.csv", index=False)
+    return tmp_path / "run-1.csv"
+
+
+@pytest.fixture
+def nameless(tmp_path):
+    table = np.column_stack([1000 * TIME, 20 + 15 * np.sin(TIME), BAR, 49.1 * BAR])
+    np.savetxt(tmp_path / "raw.txt", table, fmt="%.3f")
+    return tmp_path / "raw.txt"
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def made(folder, log, *argv: str) -> pd.DataFrame:
+    assert main(["init", str(log), *argv, "--out", str(folder), "--quiet"]) == 0
+    return read_log(log, folder / "columns.toml")
+
+
+# --- guessing ---------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("name", "values", "kind", "signal", "unit"),
+    [
+        ("Zeit_ms", 10 * np.arange(99), "muscle", "time", "ms"),
+        ("timestamp", np.arange(99) * 1e-3, "muscle", "time", None),
+        ("clock", 2000.0 * np.arange(99), "muscle", "time", "us"),
+        ("Druck / kPa", 300 + np.arange(99), "muscle", "P", "kPa"),
+        ("p1", 2 + 0.01 * np.arange(99), "bench", "P1", "bar"),
+        ("PressureLeft", 2e5 + np.arange(99), "bench", "P1", None),
+        ("pressure antagonist (psi)", 20 + np.arange(99), "bench", "P2", "psi"),
+        ("jointAngle", np.linspace(-20, 20, 99), "bench", "q", "deg"),
+        ("goal angle", np.linspace(-1, 1, 99), "bench", "q_ref", None),
+        ("position", np.linspace(-1, 1, 99), "joint", "q", None),
+        ("position", np.linspace(0, 37, 99), "cylinder", "x", "mm"),
+        ("displacement", np.linspace(0, 37, 99), "muscle", "eps", "mm"),
+        ("contraction", np.linspace(0, 21, 99), "muscle", "eps", "%"),
+        ("valve_cmd_2", np.linspace(-90, 90, 99), "bench", "u2", "%"),
+        ("current", np.linspace(-1, 1, 99), "joint", "drive", None),
+        ("current", np.linspace(-1, 1, 99), "muscle", "", None),
+        ("massflow1", np.linspace(-1e-4, 1e-4, 99), "bench", "mdot1", None),
+        ("temperature", np.linspace(20, 30, 99), "bench", "", None),
+        ("speed", np.linspace(-1, 1, 99), "joint", "", None),
+    ],
+)
+def test_a_column_is_recognised(name, values, kind, signal, unit):
+    (guess,) = guess_columns(pd.DataFrame({name: values}), kind=kind)
+    assert (guess.signal, guess.unit) == (signal, unit)
+
+
+def test_gauge_and_absolute_are_told_apart_where_they_can_be():
+    def guess(name: str, low: float, high: float):
+        return guess_columns(pd.DataFrame({name: np.linspace(low, high, 99)}), kind="muscle")[0]
+
+    assert (guess("P [bar]", 0.0, 6.0).gauge, guess("P [bar]", 0.0, 6.0).sure) == (True, True)
+    assert (guess("P [bar]", 1.01, 7.0).gauge, guess("P [bar]", 1.01, 7.0).sure) == (False, True)
+    assert (guess("P [bar]", 2.0, 6.0).gauge, guess("P [bar]", 2.0, 6.0).sure) == (True, False)
+    assert guess("P [bara]", 2.0, 6.0).gauge is None
+
+
+def test_one_signal_is_taken_from_one_column():
+    found = guess_columns(pd.DataFrame({"pressure": BAR, "pressure_2": BAR, "P": 1e5 * BAR}), kind="muscle")
+    assert [g.signal for g in found] == ["P", "", ""]
+
+
+def test_kinds_follow_from_signals():
+    assert guess_kind({"q", "P1", "P2", "time"}) == "bench"
+    assert guess_kind({"eps", "P", "F"}) == "muscle"
+    assert guess_kind({"x", "P", "F"}) == "cylinder"
+    assert guess_kind({"q", "q_ref"}) == "joint"
+    assert guess_kind({"P"}) == ""
+    assert set(kinds()) == {"bench", *all_systems()}
+
+
+def test_words_and_units_of_names():
+    assert split_name("stroke_mm") == (["stroke"], "mm")
+    assert split_name("F in N") == (["f"], "N")
+    assert split_name("valve_2") == (["valve", "2"], None)
+
+
+# --- writing ----------------------------------------------------------------------------------------------------
+def test_a_muscle_from_flags(muscle, tmp_path):
+    numbers = ["--set", "rest_length=200 mm", "--set", "rest_diameter=20 mm"]
+    log = made(tmp_path / "a", muscle, "--kind", "muscle", *numbers, "--yes")
+    assert log["P"].to_numpy() == pytest.approx(101_325 + 1e5 * BAR)
+    assert log["eps"].to_numpy() == pytest.approx(0.1 + 0.04 * np.sin(4 * TIME))
+    page = read_system(tmp_path / "a" / "sim.toml")
+    assert page.kind == "muscle"
+    assert page.values["rest_length"] == pytest.approx(0.2)
+    text = (tmp_path / "a" / "sim.toml").read_text()
+    assert "ASSUMED" not in text
+    assert text.count("#") > 7
+
+
+def test_what_is_not_given_is_marked(muscle, tmp_path, capsys):
+    assert main(["init", str(muscle), "--kind", "muscle", "--json", "--out", str(tmp_path / "a")]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["assumed"] == {"units": ["P"], "numbers": ["rest_length", "rest_diameter"]}
+    assert (tmp_path / "a" / "sim.toml").read_text().count("ASSUMED") == 2
+    assert "ASSUMED" in (tmp_path / "a" / "columns.toml").read_text()
+    assert report["next"].startswith("pamid check ")
+
+
+def test_a_bench_with_its_own_names(tmp_path):
+    log = simulate(BenchParameters.for_muscle("B"), [sine(4, 20, samples=300)], seed=0)
+    renamed = pd.DataFrame(
+        {
+            "time_ms": 1000 * log["time"],
+            "angle_deg": np.degrees(log["q"]),
+            "p_left [bar]": (log["P1"] - 101_325) / 1e5,
+            "p_right [bar]": (log["P2"] - 101_325) / 1e5,
+            "force left": log["F1"],
+            "force right": log["F2"],
+        }
+    )
+    renamed.to_csv(tmp_path / "bench.csv", index=False)
+    again = made(tmp_path / "a", tmp_path / "bench.csv", "--set", "rest_length=200 mm", "--set", "name=mine", "--yes")
+    for name in ("q", "P1", "P2", "F1", "F2", "time"):
+        assert again[name].to_numpy() == pytest.approx(log[name].to_numpy(), rel=1e-6, abs=1e-6)
+    bench = BenchParameters.from_toml(tmp_path / "a" / "sim.toml")
+    assert (bench.muscle.name, bench.muscle.rest_length) == ("mine", 0.2)
+    assert "inertia = 0.02  # kg m^2, of everything that turns  ASSUMED" in (tmp_path / "a" / "sim.toml").read_text()
+
+
+def test_columns_without_names_are_said_by_position(nameless, tmp_path, capsys):
+    argv = ["init", str(nameless), "--kind", "cylinder", "--yes", "--out", str(tmp_path / "a")]
+    assert main(argv) == 2
+    out, err = capsys.readouterr()
+    assert "49.1" not in err
+    assert "x (stroke), P" in err
+    assert "--signal x=COLUMN:UNIT" in err
+    assert "196" in out  # the largest force stands in the table of columns
+    assert not (tmp_path / "a").exists()
+    signals = ["--signal", "x=1:mm", "--signal", "P=2:bar:gauge", "--signal", "F=3:N", "--set", "bore=25 mm"]
+    log = made(tmp_path / "a", nameless, "--kind", "cylinder", "--yes", *signals)
+    assert log["x"].max() == pytest.approx(0.035, abs=1e-4)
+    assert log["time"].max() == pytest.approx(2.99)
+
+
+def test_a_recorder_that_starts_late_and_thousands_points(tmp_path):
+    rows = [
+        f"{t:.3f};{b:.3f};{b:.3f}" for t, b in zip([0.0, 5.0, *(900.0 + 10 * np.arange(98))], BAR[:100], strict=True)
+    ]
+    (tmp_path / "late.csv").write_text("\n".join(rows))
+    flags = ["--kind", "cylinder", "--yes", "--signal", "P=1:bar:gauge", "--signal", "F=2:kN", "--constant", "x=0.01"]
+    assert len(made(tmp_path / "a", tmp_path / "late.csv", *flags)) == 98
+    rows = [f"{1 + 100 * k // 1000}.{100 * k % 1000:03d}.000;{3 + 0.01 * k}" for k in range(99)]
+    (tmp_path / "points.csv").write_text("\n".join(rows))
+    flags = ["--kind", "cylinder", "--yes", "--signal", "P=1:bar:gauge", "--constant", "x=0.01", "--constant", "F=1"]
+    assert made(tmp_path / "b", tmp_path / "points.csv", *flags)["time"].iloc[-1] == pytest.approx(10.8)
+
+
+def test_runs_as_variables_of_a_matlab_file(tmp_path):
+    run = np.column_stack([9 * BAR, 100 * BAR, TIME])
+    scipy.io.savemat(tmp_path / "log.mat", {"Test1Data": run, "Test2Data": run, "Offset": run[:20]})
+    flags = ["--signal", "F=0:N", "--signal", "P=1:kPa:gauge", "--constant", "length=17.45 cm", "--yes"]
+    numbers = ["--set", "rest_length=18.2 cm", "--set", "rest_diameter=10 mm"]
+    log = made(tmp_path / "a", tmp_path / "log.mat", "--kind", "muscle", *flags, *numbers)
+    assert log["trajectory"].nunique() == 2
+    assert log["eps"].iloc[0] == pytest.approx(0.0412, abs=1e-4)
+    assert LogMapping.load(tmp_path / "a" / "columns.toml").zero_run == "Offset"
+
+
+def test_a_number_beside_the_samples_of_a_json_log(tmp_path):
+    entries = [{"timestamp": t, "position": 0.3 * np.sin(t), "goal_position": 0.4 * np.sin(t)} for t in TIME]
+    (tmp_path / "servo.json").write_text(json.dumps({"kp": 8, "trajectory": "sine", "entries": entries}))
+    log = made(tmp_path / "a", tmp_path / "servo.json", "--kind", "joint", "--signal", "gain=kp*0.5", "--yes")
+    assert log["gain"].unique().tolist() == [4.0]
+    assert log["trajectory"].iloc[0] == "sine-servo"
+    assert "ASSUMED" not in (tmp_path / "a" / "sim.toml").read_text()
+
+
+def test_hostile_names_stay_text(tmp_path):
+    evil = 'pressure"] }\n[constants] \x1b[31m'
+    pd.DataFrame({"time": TIME, evil: BAR, "stroke": 9 * BAR, "F": BAR, "#\n[x]": BAR}).to_parquet(
+        tmp_path / "log.parquet"
+    )
+    made(tmp_path / "a", tmp_path / "log.parquet", "--kind", "cylinder", "--yes")
+    text = (tmp_path / "a" / "columns.toml").read_text()
+    assert tomllib.loads(text)["signals"]["P"]["column"] == evil
+    assert "\x1b" not in text.replace("\\u001b", "")
+
+
+# --- refusing ---------------------------------------------------------------------------------------------------
+def test_nothing_is_overwritten_unless_forced(muscle, tmp_path, capsys):
+    argv = ["init", str(muscle), "--kind", "muscle", "--yes", "--out", str(tmp_path / "a")]
+    assert main(argv) == 0
+    before = (tmp_path / "a" / "sim.toml").read_text()
+    assert main([*argv, "--set", "rest_length=0.3"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert (tmp_path / "a" / "sim.toml").read_text() == before
+    assert main([*argv, "--set", "rest_length=0.3", "--force"]) == 0
+    assert read_system(tmp_path / "a" / "sim.toml").values["rest_length"] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["--kind", "sofa"], "no kind 'sofa'"),
+        (["--kind", "muscle", "--set", "bore=3"], "no number of a muscle"),
+        (["--kind", "muscle", "--set", "rest_length=200"], "200 mm are 0.2"),
+        (["--kind", "muscle", "--set", "rest_length"], "name=value"),
+        (["--kind", "muscle", "--signal", "P"], "signal=column:unit"),
+        (["--kind", "muscle", "--signal", "P=sofa"], "no column 'sofa'"),
+        (["--kind", "muscle", "--signal", "P=pressure [bar]:mm"], "unit of length"),
+        (["--kind", "muscle", "--signal", "P=pressure [bar]*x"], "factor 'x'"),
+        (["--kind", "bench", "--set", "sofa=1"], "no number of the bench"),
+        (["--kind", "bench"], "(joint angle)"),
+    ],
+)
+def test_what_cannot_be_is_explained(argv, words, muscle, tmp_path, capsys):
+    assert main(["init", str(muscle), *argv, "--yes", "--out", str(tmp_path / "a")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_disk_that_is_full_leaves_no_half(muscle, tmp_path, monkeypatch, capsys):
+    import pamid.files
+
+    whole = pamid.files.write_whole
+
+    def full(path, data):
+        if path.name == "sim.toml":
+            raise pamid.files.OutputError(f"{path} cannot be written: no space.", "space", "Make room.")
+        return whole(path, data)
+
+    monkeypatch.setattr(pamid.files, "write_whole", full)
+    assert main(["init", str(muscle), "--kind", "muscle", "--yes", "--out", str(tmp_path / "a")]) == 2
+    assert "no space" in capsys.readouterr().err
+    assert not list((tmp_path / "a").iterdir())
+
+
+# --- asking -----------------------------------------------------------------------------------------------------
+def test_questions_on_a_terminal(nameless, tmp_path, monkeypatch, capsys):
+    answers = ["sofa", "cylinder", "1:mm", "99", "2:bar", "3:N", "bar absolute", "25", "25 mm"]
+    monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
+    assert main(["init", str(nameless), "--out", str(tmp_path / "a")]) == 0
+    err = capsys.readouterr().err
+    assert "What was recorded?" in err
+    assert "no column '99'" in err or "position from 0 to 3" in err
+    assert "25 mm are 0.025" in err
+    log = read_log(nameless, tmp_path / "a" / "columns.toml")
+    assert log["P"].max() == pytest.approx(4e5, abs=200)
+    assert read_system(tmp_path / "a" / "sim.toml").values["bore"] == pytest.approx(0.025)
+
+
+def test_an_input_that_ends_takes_the_defaults(muscle, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal(""))
+    assert main(["init", str(muscle), "--kind", "muscle", "--out", str(tmp_path / "a"), "--quiet"]) == 0
+    assert "ASSUMED" in (tmp_path / "a" / "sim.toml").read_text()
