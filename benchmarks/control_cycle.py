@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
 import tempfile
@@ -93,10 +94,18 @@ def python_times(fitted: StaticPIHM, calls: int) -> None:
         )
 
 
+def at_once() -> None:
+    """Let the process go before all others, which a scheduler would otherwise give turns within its worst calls."""
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=1_000_000, help="control cycles in C (default: 1000000)")
     parser.add_argument("--python-calls", type=int, default=20_000, help="calls of predict (default: 20000)")
+    parser.add_argument(
+        "--real-time", action="store_true", help="run the C code as a controller would, before all else (needs rights)"
+    )
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     fitted = model()
@@ -104,17 +113,19 @@ def main() -> None:
     if compiler is None:
         print("C: skipped, there is no compiler on this machine")
     for dtype in ("float64", "float32") if compiler else ():
-        for flags in (["-O3"], ["-O3", "-march=native"]):
+        for flags in (["-O3"], ["-O3", "-march=x86-64-v3"], ["-O3", "-march=native"]):
             with tempfile.TemporaryDirectory() as folder:
                 export(fitted, folder, "c", name="force", dtype=dtype)
                 (Path(folder) / "timer.c").write_text(TIMER)
                 command = [str(compiler), "-std=c99", *flags, "force.c", "timer.c", "-lm", "-o", "timer"]
-                subprocess.run(command, cwd=folder, check=True)
-                out = subprocess.run(
-                    [f"{folder}/timer", str(args.calls)], capture_output=True, text=True, check=True
-                ).stdout.split()
+                if subprocess.run(command, cwd=folder, check=False, capture_output=True).returncode:
+                    print(f"four evaluations in C, {dtype}, {' '.join(flags)}: skipped, this compiler does not know it")
+                    continue
+                timer = [f"{folder}/timer", str(args.calls)]
+                first = at_once if args.real_time else None
+                out = subprocess.run(timer, capture_output=True, text=True, check=True, preexec_fn=first).stdout.split()
             print(
-                f"four evaluations in C, {dtype}, {' '.join(flags):17}  median {out[0]:>6} µs  99 % {out[1]:>6}  "
+                f"four evaluations in C, {dtype}, {' '.join(flags):20}  median {out[0]:>6} µs  99 % {out[1]:>6}  "
                 f"99.99 % {out[2]:>8}  worst of {args.calls:,} {out[3]:>9} µs, {out[5]} above 20 µs  (target: 20 µs)"
             )
     python_times(fitted, args.python_calls)

@@ -107,6 +107,55 @@ def test_the_self_test_can_fail(models, tmp_path):
     assert "V is" in done.stdout
 
 
+_WILD = """
+#include "muscle.h"
+#include <stdio.h>
+int main(void)
+{
+    double x[4];
+    while (scanf("%lf %lf %lf %lf", x, x + 1, x + 2, x + 3) == 4) {
+        const muscle_state s = {x[0], x[1], x[2], x[3]};
+        muscle_jet jet;
+        double y[MUSCLE_OUTPUTS];
+        muscle_predict(&s, y, &jet);
+        printf("%.17g %.17g %.17g %.17g\\n", y[0], jet.V, jet.V_eps, jet.V_P);
+    }
+    return 0;
+}
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("case", ["anchored force", "neural force, tanh"])
+def test_nan_stays_and_wild_inputs_agree(models, case, tmp_path):
+    export(models[case], tmp_path)
+    (tmp_path / "wild.c").write_text(_WILD)
+    subprocess.run([COMPILER, *STRICT, "muscle.c", "wild.c", "-lm", "-o", "wild"], cwd=tmp_path, check=True)
+    plan = plan_of(models[case])
+    state = plan.centre.copy()
+    rows = [state, *(np.where(np.arange(4) == k, value, state) for k in range(4) for value in (np.nan, 1e12, -1e12))]
+    text = "\n".join(" ".join(repr(float(v)) for v in row) for row in rows)
+    done = subprocess.run([tmp_path / "wild"], input=text, capture_output=True, text=True, check=True)
+    found = np.array([[float(v) for v in line.split()] for line in done.stdout.splitlines()])
+    rows = np.array(rows)
+    with np.errstate(all="ignore"):
+        expected = np.column_stack([plan.predict(rows)[:, 0], *plan.volume(rows)])
+    missing = np.isnan(rows).any(axis=1)
+    assert np.isnan(found[missing][:, 0]).all()
+    same = ~missing & np.isfinite(expected).all(axis=1)
+    assert same.sum() >= 7
+    assert np.allclose(found[same], expected[same], rtol=1e-9, atol=1e-11 * np.abs(expected[0]).max())
+
+
+@needs_compiler
+def test_fast_math_is_refused(models, tmp_path):
+    export(models["both"], tmp_path)
+    command = [COMPILER, "-std=c99", "-ffast-math", "-c", "muscle.c"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "without -ffast-math" in done.stderr
+
+
 @needs_compiler
 def test_the_code_keeps_to_fixed_memory_and_its_own_names(models, tmp_path):
     export(models["both"], tmp_path, name="left_arm")

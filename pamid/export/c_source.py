@@ -17,8 +17,8 @@ REALS = {"float64": "double", "float32": "float"}
 """Floating types of C by those of numpy."""
 
 _ACTIVATIONS = {"softplus": 0, "tanh": 1, "silu": 2}
-_EXP_DEGREE = {"float64": 13, "float32": 7}
-_LOG_TERMS = {"float64": 16, "float32": 8}
+_EXP_DEGREE = {"float64": 10, "float32": 6}
+_LOG_DEGREE = {"float64": 9, "float32": 5}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "gt": ">", "ge": ">=", "lt": "<", "le": "<=", "and": "&&"}
 
 
@@ -116,6 +116,15 @@ class _Writer:
         body = ", ".join(self.number(v) for v in flat)
         return f"{const} {name}[{flat.size}] = {{{_wrapped(body)}}};"
 
+    def series(self, function: Any, degree: int, low: float, high: float, name: str) -> str:
+        """Return the nested polynomial of a function on an interval, through its Chebyshev points."""
+        near = np.polynomial.Chebyshev.interpolate(function, degree, (low, high))
+        first, *others = reversed(near.convert(kind=np.polynomial.Polynomial).coef)
+        text = self.number(first)
+        for c in others:
+            text = f"{self.number(c)} + ({name}) * ({text})"
+        return text
+
     def define(self, name: str, value: float) -> str:
         """Return a constant."""
         return f"#define {name} ({self.number(value)})"
@@ -127,20 +136,31 @@ class _Writer:
 
     def tables(self, plan: Plan) -> str:
         """Return the header with all numbers of a model."""
-        exp = "1"
-        for k in range(_EXP_DEGREE[self.type.name], 0, -1):
-            exp = f"1 + (q) * {self.number(1 / k)} * ({exp})"
-        log = self.number(1 / (2 * _LOG_TERMS[self.type.name] - 1))
-        for k in range(_LOG_TERMS[self.type.name] - 2, -1, -1):
-            log = f"{self.number(1 / (2 * k + 1))} + (r) * ({log})"
-        root = "sqrt" if self.type.itemsize == 8 else "sqrtf"
+        half = np.log(2.0) / 2.0
+        exp = self.series(np.exp, _EXP_DEGREE[self.type.name], -half, half, "q")
+        # log(1 + e) = 2 artanh(s) with s = e/(2 + e): a series in r = s^2 up to 1/9.
+        log = self.series(
+            lambda r: np.arctanh(np.sqrt(r)) / np.sqrt(r), _LOG_DEGREE[self.type.name], 1e-9, 1.0 / 9.0, "r"
+        )
+        wide = self.type.itemsize == 8
         lines = [
             f"/* Numbers of {plan.name}, included by {plan.name}.c alone. */",
             "#define INPUTS 4",
-            f"#define SQUARE_ROOT(x) {root}(x)",
+            f"#define SQUARE_ROOT(x) {'sqrt' if wide else 'sqrtf'}(x)",
+            f"#define BITS {'uint64_t' if wide else 'uint32_t'}",
+            f"#define SIGN ((BITS)1 << {63 if wide else 31})",
+            f"#define MANTISSA {52 if wide else 23}",
+            f"#define EXPONENT {1023 if wide else 127}",
+            self.define("ROUNDER", 1.5 * 2.0 ** (52 if wide else 23)),
             self.define("EXP_LIMIT", 44.0),
             f"#define EXP_SERIES(q) {_wrapped(exp, continued=True)}",
             f"#define LOG_SERIES(r) {_wrapped(log, continued=True)}",
+            # Sums that run side by side: as many as fill a few vector registers.
+            *(
+                ["#define LANES 8"]
+                if wide
+                else ["#ifdef __AVX512F__", "#define LANES 16", "#else", "#define LANES 8", "#endif"]
+            ),
             self.define("VOLUME_FACTOR", plan.factor),
             self.define("VOLUME_OFFSET", plan.offset),
             f"#define HAS_ANCHOR {int(plan.anchor is not None)}",

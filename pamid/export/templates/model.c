@@ -2,26 +2,51 @@
 #include "@NAME@.h"
 
 #include <math.h>
+#include <stdint.h>
 
 typedef @NAME@_real real;
 
 #include "@NAME@_parameters.h"
 
-#define LANES 16
+/* exp(-t) for t >= 0, without branches so that a compiler can vectorise it: t/ln 2 is rounded to a whole number, which
+ * becomes the exponent of a floating number (IEEE 754), and a polynomial takes what is left. Rounding relies on the order
+ * in which sums are written, which -ffast-math would change. */
+#ifdef __FAST_MATH__
+#error "compile without -ffast-math: it is not needed for speed, and it changes results"
+#endif
+typedef union {
+    real x;
+    BITS bits;
+} number;
 
-/* exp(-t) for t >= 0, without branches so that a compiler can vectorise it: t/ln 2 is taken apart into its binary
- * digits, each a known factor, and a polynomial of what is left. */
+/* |x|, and a size with the sign of x. */
+static inline real magnitude(real x)
+{
+    number k;
+    k.x = x;
+    k.bits &= ~SIGN;
+    return k.x;
+}
+
 static inline real exp_minus(real t)
 {
-    real q = (t > EXP_LIMIT ? EXP_LIMIT : t) * (real)1.4426950408889634074, s = 1, b;
-    b = q >= 32 ? (real)32 : (real)0; s *= q >= 32 ? (real)2.3283064365386963e-10 : (real)1; q -= b;
-    b = q >= 16 ? (real)16 : (real)0; s *= q >= 16 ? (real)1.52587890625e-05 : (real)1; q -= b;
-    b = q >= 8 ? (real)8 : (real)0; s *= q >= 8 ? (real)0.00390625 : (real)1; q -= b;
-    b = q >= 4 ? (real)4 : (real)0; s *= q >= 4 ? (real)0.0625 : (real)1; q -= b;
-    b = q >= 2 ? (real)2 : (real)0; s *= q >= 2 ? (real)0.25 : (real)1; q -= b;
-    b = q >= 1 ? (real)1 : (real)0; s *= q >= 1 ? (real)0.5 : (real)1; q -= b;
-    q = ((real)0.5 - q) * (real)0.69314718055994530942;
-    return s * (real)0.70710678118654752440 * (EXP_SERIES(q));
+    /* the lesser of t and the limit, as a sum: a comparison would become a jump */
+    const real least = (real)0.5 * ((EXP_LIMIT + t) - magnitude(EXP_LIMIT - t)), q = least * (real)1.4426950408889634074;
+    number k;
+    real left;
+    k.x = ROUNDER - q;
+    left = ((ROUNDER - k.x) - q) * (real)0.69314718055994530942;
+    k.bits = (k.bits + EXPONENT) << MANTISSA;
+    return k.x * (EXP_SERIES(left));
+}
+
+static inline real with_sign(real size, real x)
+{
+    number k, s;
+    k.x = size;
+    s.x = x;
+    k.bits |= s.bits & SIGN;
+    return k.x;
 }
 
 /* log(1 + e) for 0 <= e <= 1. */
@@ -85,21 +110,19 @@ static void activate(int n, real *restrict z, real *restrict slope)
 {
     int i;
     for (i = 0; i < n; i++) {
-        const real x = z[i];
-        const real e = exp_minus(x < 0 ? -x * ACTIVATION_STRETCH : x * ACTIVATION_STRETCH), d = 1 / (1 + e);
-#if ACTIVATION == 1 /* tanh */
-        const real t = (1 - e) * d;
-        z[i] = x < 0 ? -t : t;
+        const real x = z[i], size = magnitude(x), e = exp_minus(size * ACTIVATION_STRETCH);
+#if ACTIVATION == 0 /* softplus: one division serves its slope and its logarithm */
+        const real d = 1 / ((1 + e) * (2 + e)), s = e * (1 + e) * d, r = s * s;
+        z[i] = (real)0.5 * (x + size) + 2 * s * (LOG_SERIES(r));
+        slope[i] = (real)0.5 + (real)0.5 * with_sign((1 - e) * (2 + e) * d, x);
+#elif ACTIVATION == 1 /* tanh */
+        const real t = with_sign((1 - e) / (1 + e), x);
+        z[i] = t;
         slope[i] = 1 - t * t;
-#else
-        const real s = x < 0 ? e * d : d;
-#if ACTIVATION == 0 /* softplus */
-        z[i] = (x > 0 ? x : 0) + log_one_plus(e);
-        slope[i] = s;
 #else /* silu */
+        const real s = (real)0.5 + (real)0.5 * with_sign((1 - e) / (1 + e), x);
         z[i] = x * s;
         slope[i] = s + x * (s - s * s);
-#endif
 #endif
     }
 }
