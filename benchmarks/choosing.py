@@ -30,6 +30,8 @@ MODELS = {
     "inverse": ["InverseModel*", "InvertedForce*"],
     "dynamic": ["NNARX*", "PolynomialNARX*", "ForwardModel*", "MLP", "Recurrent"],
 }  # fmt: skip
+LIFTING = ["LiftedLoad*"]
+"""Models of a contraction under a load, beside those of any free run."""
 
 
 def lifts(seed: int) -> pd.DataFrame:
@@ -83,12 +85,14 @@ def main() -> int:
         print("skipped: --data names no folder with data.parquet and sim.toml, or with Festo logs")
         return 0
     table, rows, geometry = found
+    output = "eps" if "load" in table.columns else "P"
+    models = MODELS[args.problem] + (LIFTING if args.problem == "dynamic" and output == "eps" else [])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = compare(
             table,
             args.problem,
-            args.estimators or MODELS[args.problem],
+            args.estimators or models,
             cv=args.folds,
             split=args.split,
             rows=rows,
@@ -97,7 +101,7 @@ def main() -> int:
             parameters=geometry,
             tuning=2.0 if rows is not None else "auto",
             random_state=args.seed,
-            output="eps" if "load" in table.columns else "P",
+            output=output,
         )
     where = args.data if args.data in ("twin", "lifts") else "log"
     print(f"{args.problem}, {where}, folds that leave out a {args.split}\n{result}")

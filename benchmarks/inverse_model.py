@@ -114,7 +114,7 @@ def draw(
         ax.plot(answer, ".", color=BLUE, markersize=4, label=best)
         ax.set_xlabel(f"sample of a set of {SET}, under loads not trained on")
         ax.set_ylabel("pressure / bar")
-        ax.legend(frameon=False, fontsize=8)
+        ax.legend(frameon=False, fontsize=8, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
         save_figure(figure, folder / "inverse-unseen.svg")
         figure, axes = new_figure(7.2, 2.6)
         ax = axes[0, 0]
@@ -125,7 +125,7 @@ def draw(
             ax.plot(t, P + answers[name][run] / 100 * full / 1e5, dash, color=colour, linewidth=0.9, label=name)
         ax.set_xlabel(f"time / s, {UNSEEN[1]:g} kg at 0.25 Hz, five times the frequency of the training")
         ax.set_ylabel("pressure / bar")
-        ax.legend(frameon=False, fontsize=8)
+        ax.legend(frameon=False, fontsize=8, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
         save_figure(figure, folder / "inverse-long-run.svg")
 
 

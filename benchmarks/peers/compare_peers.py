@@ -22,7 +22,7 @@ from pamid.compare.protocol import Prepared, folds, prepare
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from choosing import source  # noqa: E402
+from choosing import LIFTING, source  # noqa: E402
 
 OURS = {
     "force": ["StaticPIHM", "ResidualHybrid", "GeometricForce(tondu_lopez)", "MLP", "SINDyRegressor"],
@@ -101,7 +101,8 @@ def main() -> int:
     scored = np.concatenate([fold.score_rows for fold in splits])
     target = ready.table[ready.target].to_numpy(dtype=float)
     y, dynamic = target[scored], args.problem == "dynamic"
-    entries = candidates(args.problem, OURS[args.problem], parameters=geometry, targets=(ready.target,), output=output)
+    names = OURS[args.problem] + (LIFTING if dynamic and output == "eps" else [])
+    entries = candidates(args.problem, names, parameters=geometry, targets=(ready.target,), output=output)
     found: dict[str, tuple[float, float]] = {}
     for entry in entries:
         z, seconds = ours(entry, ready, splits)
