@@ -303,7 +303,7 @@ class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstima
         from pamid.training import LevenbergMarquardt, trainer_named
 
         if isinstance(self.trainer, str) and self.trainer == "levenberg_marquardt":
-            return LevenbergMarquardt(max_iter=40, batch_size=1024, tolerance=1e-5, damping=1e-5)
+            return LevenbergMarquardt(max_iter=40, batch_size=1024, tolerance=3e-4, damping=1e-5)
         trainer = clone(trainer_named(self.trainer))
         if self.trainer == "adam":
             trainer.set_params(batch_size=PUBLISHED_BATCH)

@@ -28,8 +28,8 @@ class FullFineTuning(AdaptedModel):
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"
         Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` chooses it by cross-validation over whole trajectories, at the cost of one step; where no
-        strength lowers the held-out error, the network stays as it is. For Adam it is the published decay.
+        target. ``"auto"`` takes it from what cross-validation over whole trajectories leaves, at the cost of one step;
+        where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
     validation_fraction : float or "auto", default=0.0
         Share of whole trajectories held out for early stopping.
     warm_start : bool, default=False

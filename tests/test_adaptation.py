@@ -168,12 +168,24 @@ def test_adaptation_learns_what_is_not_a_factor(flow):
     assert scores["low"] > scores["frozen"]
 
 
-def test_prior_is_chosen_on_whole_trajectories(flow):
-    """A muscle that is exactly similar needs no change of the network; one that is not gets one."""
-    few = table(1, rows=12, factor=4.0, noise=0.02)
-    alike = QAdapter(flow, 4.0, random_state=0).fit(few, few["mdot"])
-    bent = QAdapter(flow, 4.0, random_state=0).fit(few, few["mdot"] * (1 + 0.3 * np.sin(20 * few["eps"])))
-    assert bent.weight_decay_ < alike.weight_decay_
+def test_prior_follows_what_held_out_trajectories_leave(flow):
+    """Noise strengthens the pull, samples weaken it; a similar muscle stays below its noise, a bent one is followed."""
+    few, more = table(1, rows=12, factor=4.0, noise=0.02), table(2, factor=4.0)
+
+    def fitted(data, target, **options):
+        return QAdapter(flow, 4.0, random_state=0, **options).fit(data, target)
+
+    alike = fitted(few, few["mdot"])
+    for other, stronger in ((table(1, rows=12, factor=4.0, noise=0.1), True), (table(1, rows=48, factor=4.0), False)):
+        assert (fitted(other, other["mdot"]).weight_decay_ > alike.weight_decay_) == stronger
+
+    def error(model, target):
+        return np.sqrt(np.mean((model.predict(more) - target) ** 2))
+
+    assert error(alike, more["mdot"]) < 0.02 * more["mdot"].std()
+    bend, bent = (1 + 0.3 * np.sin(20 * d["eps"]) for d in (few, more))
+    free, held = (fitted(few, few["mdot"] * bend, **options) for options in ({}, {"base": "frozen"}))
+    assert error(free, more["mdot"] * bent) < 0.8 * error(held, more["mdot"] * bent)
     unknown = QAdapter(flow, 4.0).fit(few[SIGNALS], few["mdot"])
     assert unknown.weight_decay_ == 1e-4
 
