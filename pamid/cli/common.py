@@ -187,6 +187,18 @@ def number(value: float) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
+def wrapped(word: str, text: str, width_of_word: int | None = None) -> str:
+    """Return a text with a word before it, wrapped to the terminal; control characters of a log's names left out."""
+    import shutil
+    import textwrap
+
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    width = max(40, min(shutil.get_terminal_size((110, 24)).columns, 120))
+    lines = textwrap.wrap(clean, width - 9) or [""]
+    blank = " " * max(1, 9 - (len(word) if width_of_word is None else width_of_word))
+    return "\n".join([word + blank + lines[0], *(" " * 9 + line for line in lines[1:])])
+
+
 def note(args: argparse.Namespace, text: str) -> None:
     """Say something to people on standard error."""
     if not args.quiet:

@@ -1,0 +1,179 @@
+"""``pamid check``: what is in a log, what can be identified from it, and what to record next."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import PressureReferenceError, SamplingWarning, TimeOrderError, UnitError
+from .._style import marked
+from ..common import (
+    add_command,
+    add_log_options,
+    checked_output,
+    note,
+    print_json,
+    progress,
+    simulator_of,
+    system_of,
+    table,
+    wrapped,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ...survey import Survey
+
+_DESCRIPTION = """\
+Look through a log before anything is fitted to it: its columns and units, its sampling, gaps and faults of sensors, the
+noise of each channel, repeats, and how far it excites what it records. Then what can be identified from it, class by
+class of effects, what cannot and why, and what to record next.
+
+With a simulator of the bench each effect of the library is tried on the log: which would be seen, and which would look
+alike. Doubtful data are told as warnings; only what cannot be read at all is an error.
+"""
+_EXAMPLES = """\
+  pamid check log.parquet
+  pamid check log.parquet --sim log.sim.toml --html check.html
+  pamid check *.csv --columns columns.toml --sim sim.toml --json
+"""
+_MOST = 8
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    summary = "what is in a log, what it can tell, what to record next"
+    parser = add_command(subparsers, "check", summary, _DESCRIPTION, _EXAMPLES)
+    add_log_options(parser)
+    parser.add_argument(
+        "--sim", metavar="SIM.toml", help="simulator file (default: LOG.sim.toml or sim.toml beside LOG, if there)"
+    )
+    parser.add_argument("--html", metavar="FILE", help="write the page for a browser to this file")
+    parser.add_argument("--out", metavar="DIR", help="write check.html and check.json to this folder")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...survey.survey import survey
+
+    targets = _targets(args)
+    simulator = system_of(args) or simulator_of(args)
+    log, doubts = _read(args)
+    with progress(args, "Looking"):
+        found = survey(log, simulator)
+    found.warnings[:0] = doubts
+    files = _write(args, found, log, targets)
+    if args.json:
+        print_json({**found.as_dict(), "files": [str(f) for f in files]})
+        return 0
+    _tell(found)
+    for file in files:
+        print(f"wrote {file}")
+    if not files:
+        note(args, "--html FILE writes this as a page with pictures")
+    return 0
+
+
+def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
+    """Read the log; what the other commands refuse for its units or its clock is read all the same and told."""
+    from ...signals import read_log
+
+    def attempt(**options: Any) -> pd.DataFrame:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SamplingWarning)
+            return read_log(args.log, args.columns, nan="keep" if args.nan == "raise" else args.nan, **options)
+
+    options: dict[str, Any] = {}
+    doubts: list[str] = []
+    for _ in range(2):
+        try:
+            return attempt(**options), doubts
+        except (UnitError, PressureReferenceError) as error:
+            if "check_units" in options or not error.found.partition(": ")[2]:
+                raise
+            options["check_units"] = False
+            doubts.append(f"{error} Until then the other commands refuse the log ('pamid init' writes a mapping).")
+        except TimeOrderError as error:
+            if "time_order" in options:
+                raise
+            options["time_order"] = "split"
+            doubts.append(f"{error} Here each return of time begins a new run.")
+    return attempt(**options), doubts
+
+
+def _targets(args: argparse.Namespace) -> dict[str, Path]:
+    found = {}
+    if args.html:
+        found["html"] = checked_output(args.html)
+    if args.out:
+        folder = Path(args.out)
+        checked_output(str(folder.parent / "check.html"))
+        found |= {"out.html": folder / "check.html", "out.json": folder / "check.json"}
+    return found
+
+
+def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame, targets: dict[str, Path]) -> list[Path]:
+    import json
+
+    from ...files import write_whole
+    from ...survey import survey_html
+    from ..common import finite
+
+    if not targets:
+        return []
+    page = survey_html(found, log, name=_name(args))
+    files = []
+    for kind, path in targets.items():
+        with contextlib.suppress(FileExistsError, FileNotFoundError):
+            path.parent.mkdir(exist_ok=True)
+        text = json.dumps(finite(found.as_dict()), indent=2, ensure_ascii=False) + "\n" if "json" in kind else page
+        files.append(write_whole(path, text))
+    return files
+
+
+def _name(args: argparse.Namespace) -> str:
+    first = "/".join(Path(args.log[0]).parts[-2:])
+    return f"{first} and {len(args.log) - 1} more" if args.log[1:] else first
+
+
+# --- for people -------------------------------------------------------------------------------------------------
+def _tell(found: Survey) -> None:
+    from ...survey.words import channel_rows, sampling_sentence
+
+    print(wrapped("log", sampling_sentence(found.sampling)))
+    header, rows = channel_rows(found.channels)
+    print("\n" + table(header, rows) + "\n")
+    for text in found.warnings:
+        print(wrapped(marked("warning", "warning"), text, len("warning")))
+    if found.warnings:
+        print()
+    print(marked("What this log can tell", "head"))
+    for answer in found.answers:
+        print(wrapped(marked(answer.answer, answer.answer), f"{answer.question}: {answer.why}", len(answer.answer)))
+    _tell_separations(found)
+    if found.record:
+        print("\n" + marked("What to record next", "head"))
+        for number, text in enumerate(found.record[:_MOST], 1):
+            print(wrapped(f"{number}.", text))
+        if len(found.record) > _MOST:
+            print(f"   and {len(found.record) - _MOST} more: --json, --html")
+    print()
+    for text in found.notes:
+        print(wrapped("note", text))
+
+
+def _tell_separations(found: Survey) -> None:
+    if not found.separations:
+        return
+    seen = [s for s in found.separations if s.seen]
+    hidden = [s.effect for s in found.separations if not s.seen]
+    print("\n" + marked("The library on this log", "head"))
+    print(wrapped("seen", f"{len(seen)} of {len(found.separations)} effects of typical size stand out from the noise."))
+    if hidden:
+        print(wrapped("hidden", ", ".join(hidden)))
+    for group in found.classes():
+        print(wrapped("alike", ", ".join(group)))

@@ -1,0 +1,360 @@
+"""What a log lets a diagnosis answer, class by class of effects, and what it lacks for the rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from .coverage import Coverage
+from .sampling import Sampling
+
+_SETS = {
+    "F": ("F", "F1", "drive", "q_ref"),
+    "mdot": ("mdot", "mdot1"),
+    "u": ("u", "u1"),
+    "P": ("P", "P1"),
+    "position": ("q", "eps", "x"),
+}
+
+
+@dataclass(frozen=True)
+class Answerable:
+    """Whether one question can be answered.
+
+    Parameters
+    ----------
+    question : str
+        In words: what the effects are, or which are to be told apart.
+    effects : tuple of str
+        Their names in the library.
+    answer : str
+        ``"yes"``, ``"partly"`` or ``"no"``.
+    why : str
+        What speaks for it, with numbers.
+    record : str
+        What would help; empty for a yes.
+    """
+
+    question: str
+    effects: tuple[str, ...]
+    answer: str
+    why: str
+    record: str = ""
+
+
+class Facts(NamedTuple):
+    """What the rules look at.
+
+    Parameters
+    ----------
+    has : frozenset of str
+        Kinds of signals that the log has: ``F``, ``mdot``, ``u``, ``P``, ``position``.
+    coverage : Coverage
+        Excitation.
+    sampling : Sampling
+        Runs and clock.
+    """
+
+    has: frozenset[str]
+    coverage: Coverage
+    sampling: Sampling
+
+
+class Rule(NamedTuple):
+    """One question: the signals that it needs, and a test on the excitation.
+
+    Parameters
+    ----------
+    question : str
+        See `Answerable`.
+    effects : str
+        Names in the library, separated by blanks.
+    kinds : str
+        Kinds of logs that it makes sense for, separated by blanks.
+    needs : str
+        Signals, separated by blanks.
+    test : callable
+        Takes facts; returns whether it holds (None: partly) and the figure that it looked at.
+    record : str
+        What to record where it does not hold.
+    """
+
+    question: str
+    effects: str
+    kinds: str
+    needs: str
+    test: Callable[[Facts], tuple[bool | None, str]]
+    record: str
+
+
+def _both_ways(f: Facts) -> tuple[bool | None, str]:
+    c = f.coverage
+    least = min(c.up, c.down)
+    return (least > 0.05 or (None if least > 0.01 else False)), f"moves up {c.up:.0%} and down {c.down:.0%} of the time"
+
+
+def _speeds(f: Facts) -> tuple[bool | None, str]:
+    ratio = f.coverage.fast / f.coverage.slow if f.coverage.slow > 0 else 0.0
+    return (ratio > 5 or (None if ratio > 2 else False)), f"speeds differ by a factor of {ratio:.3g}"
+
+
+def _moving_levels(f: Facts) -> tuple[bool | None, str]:
+    return _levels(f) if f.coverage.up + f.coverage.down > 0.05 else (False, "the position stands still")
+
+
+def _levels(f: Facts) -> tuple[bool | None, str]:
+    bar = f.coverage.pressure_range / 1e5
+    return (bar > 1.0 or (None if bar > 0.3 else False)), f"the pressure covers {bar:.3g} bar"
+
+
+def _memory(f: Facts) -> tuple[bool | None, str]:
+    c = f.coverage
+    said = f"{c.reversals} turns of {c.amplitudes} different amplitudes"
+    return ((c.reversals >= 6 and c.amplitudes >= 2) or (None if c.reversals >= 3 else False)), said
+
+
+def _rest(f: Facts) -> tuple[bool | None, str]:
+    seconds = max(f.coverage.longest_hold, 0.0)
+    return (seconds >= 5 or (None if seconds >= 1 else False)), f"the longest hold lasts {seconds:.2g} s"
+
+
+def _plane(f: Facts) -> tuple[bool | None, str]:
+    c = f.coverage
+    r = abs(c.correlation)
+    if math.isnan(r):
+        return False, "position or pressure stands still"
+    return (r < 0.9 or (None if r < 0.98 else False)), f"position and pressure correlate by {c.correlation:.2f}"
+
+
+def _sealed(f: Facts) -> tuple[bool | None, str]:
+    c = f.coverage
+    if math.isnan(c.sealed):
+        return False, "no command is logged, so that sealed stretches cannot be seen"
+    said = f"{c.sealed:.2g} s with the valves shut, at {c.sealed_levels} pressure levels"
+    return ((c.sealed >= 1 and c.sealed_levels >= 2) or (None if c.sealed >= 0.5 else False)), said
+
+
+def _held(f: Facts) -> tuple[bool | None, str]:
+    kpa = f.coverage.held_pressure_moves / 1e3
+    return (kpa > 50 or (None if kpa > 10 else False)), f"the pressure moves by {kpa:.3g} kPa while the position stands"
+
+
+def _speeds_of_filling(f: Facts) -> tuple[bool | None, str]:
+    c = f.coverage
+    octaves = c.bandwidth / c.lowest if c.lowest > 0 else 0.0
+    said = f"movement from {c.lowest:.2g} to {c.bandwidth:.2g} Hz"
+    return ((octaves > 20 and c.bandwidth > 1) or (None if octaves > 5 else False)), said
+
+
+def _commands(f: Facts) -> tuple[bool | None, str]:
+    low, high = f.coverage.command
+    if math.isnan(low):
+        return False, "the valves never open"
+    said = f"open commands from {low:.2g} to {high:.2g}"
+    return ((low < 0.1 and high > 0.7) or (None if high > 4 * low else False)), said
+
+
+def _quick(f: Facts) -> tuple[bool | None, str]:
+    c, s = f.coverage, f.sampling
+    enough = c.bandwidth > 0 and s.rate > 10 * c.bandwidth
+    good = enough and s.rate >= 200 and c.bandwidth >= 2
+    said = f"sampled at {s.rate:.4g} Hz, {_movement(c)}"
+    return good or (None if enough and c.bandwidth > 0.5 else False), said
+
+
+def _movement(c: Coverage) -> str:
+    return f"movement up to {c.bandwidth:.2g} Hz" if c.bandwidth > 0 else "no movement"
+
+
+def _accelerates(f: Facts) -> tuple[bool | None, str]:
+    b = f.coverage.bandwidth
+    return (b > 1.5 or (None if b > 0.5 else False)), _movement(f.coverage)
+
+
+def _held_out(f: Facts) -> tuple[bool | None, str]:
+    n = f.sampling.runs
+    return (n >= 6 or (None if n >= 3 else False)), f"{n} run{'' if n == 1 else 's'}"
+
+
+def _noise_by_repeats(f: Facts) -> tuple[bool | None, str]:
+    n = f.sampling.repeats
+    said = (
+        f"{n} run{'' if n == 1 else 's'} repeat{'s' if n == 1 else ''} an earlier one"
+        if n
+        else "no run repeats another"
+    )
+    return (n >= 2 or (None if n else False)), said
+
+
+ALL, GAS, LINE = "bench muscle cylinder joint", "bench muscle", "bench muscle cylinder"
+
+RULES = (
+    Rule(
+        "friction of any kind",
+        "coulomb_friction viscous_friction",
+        ALL,
+        "F position",
+        _both_ways,
+        "Move both ways over the whole range: friction is what differs between the directions.",
+    ),
+    Rule(
+        "dry friction against viscous friction and Stribeck's",
+        "coulomb_friction viscous_friction stribeck_friction",
+        ALL,
+        "F position",
+        _speeds,
+        "Repeat the same stroke slowly and ten times as fast.",
+    ),
+    Rule(
+        "friction that grows with the pressure",
+        "load_dependent_friction coulomb_friction",
+        LINE,
+        "F P position",
+        _moving_levels,
+        "Repeat the same stroke at three pressures at least, 1 bar apart.",
+    ),
+    Rule(
+        "hysteresis and backlash",
+        "hysteresis backlash",
+        ALL,
+        "F position",
+        _memory,
+        "Turn inside the range as well: strokes of the full, half and tenth amplitude, several turns each.",
+    ),
+    Rule(
+        "creep and relaxation",
+        "creep",
+        LINE,
+        "F position",
+        _rest,
+        "Hold for 10 s after a quick step, at constant pressure.",
+    ),
+    Rule(
+        "geometry and elasticity: diameter, braid, threads, bladder",
+        "diameter braid_angle length thread_extensibility bladder_elasticity end_cap",
+        GAS,
+        "F P position",
+        _plane,
+        "Move the position at constant pressure, and the pressure at constant position, so that the two go apart.",
+    ),
+    Rule(
+        "offset or gain of force and pressure sensors",
+        "force_bias force_gain pressure_bias pressure_gain",
+        LINE,
+        "F P",
+        _levels,
+        "Cover the pressures from ambient to the highest; record one run vented and unloaded.",
+    ),
+    Rule(
+        "a leak against an offset of the flow meter",
+        "leakage flow_bias",
+        GAS,
+        "mdot P",
+        _sealed,
+        "Shut all valves and hold for some seconds at two pressures at least, 1 bar apart.",
+    ),
+    Rule(
+        "dead volume and volume of the muscle",
+        "dead_volume diameter",
+        GAS,
+        "mdot P position",
+        _held,
+        "Fill and vent while the position is held: isometric runs at two positions.",
+    ),
+    Rule(
+        "warming of the gas: heat transfer, polytropic exponent",
+        "heat_transfer polytropic_exponent gas_temperature",
+        GAS,
+        "mdot P",
+        _speeds_of_filling,
+        "Fill and vent slowly (below 0.2 Hz) and quickly (above 2 Hz).",
+    ),
+    Rule(
+        "valve: dead zone, saturation, conductance, asymmetry",
+        "valve_dead_zone valve_saturation valve_conductance valve_asymmetry",
+        "bench",
+        "mdot u P",
+        _commands,
+        "Use small commands (below 10 %) and full ones, to fill and to vent.",
+    ),
+    Rule(
+        "delays and lags of valve and sensors",
+        "transport_delay valve_lag pressure_lag force_lag flow_lag",
+        ALL,
+        "position",
+        _quick,
+        "Sample at 200 Hz or more, and record steps or sines above 2 Hz.",
+    ),
+    Rule(
+        "inertia and damping of the joint",
+        "inertia joint_damping gravity",
+        "bench joint",
+        "F position",
+        _accelerates,
+        "Add quicker motion: sines above 1.5 Hz, or steps.",
+    ),
+    Rule(
+        "errors on runs that the fit has not seen",
+        "",
+        ALL,
+        "",
+        _held_out,
+        "Record six runs at least, of different kinds.",
+    ),
+    Rule(
+        "noise by repeated runs",
+        "",
+        ALL,
+        "",
+        _noise_by_repeats,
+        "Record one run twice or more: without it the noise rests on the differences of neighbouring samples.",
+    ),
+)
+"""The questions, in the order of the page."""
+
+WORDS = {
+    "F": "a force",
+    "mdot": "a mass flow",
+    "u": "the valve's command",
+    "P": "a pressure",
+    "position": "a position",
+}
+
+
+def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind: str = "bench") -> list[Answerable]:
+    """Return what can be answered from a log.
+
+    Parameters
+    ----------
+    columns : list of str
+        Its columns that are not empty.
+    coverage : Coverage
+        What it excites.
+    sampling : Sampling
+        Its runs and clock.
+    kind : str, default="bench"
+        What was recorded: ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``.
+
+    Returns
+    -------
+    list of Answerable
+        One a question, in the order of `RULES`.
+    """
+    has = frozenset(key for key, names in _SETS.items() if set(names) & set(columns))
+    facts = Facts(has, coverage, sampling)
+    found = []
+    for rule in RULES:
+        if kind not in rule.kinds.split():
+            continue
+        effects = tuple(rule.effects.split())
+        lacking = [WORDS[need] for need in rule.needs.split() if need not in has]
+        if lacking:
+            what = " and ".join(lacking)
+            found.append(Answerable(rule.question, effects, "no", f"the log lacks {what}", f"Log {what} as well."))
+            continue
+        holds, why = rule.test(facts)
+        answer = "partly" if holds is None else "yes" if holds else "no"
+        found.append(Answerable(rule.question, effects, answer, why, "" if holds else rule.record))
+    return found

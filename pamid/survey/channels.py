@@ -1,0 +1,156 @@
+"""One channel of a log: range, noise, steps, missing, frozen and clipped readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..signals import noise_level, quantisation_step
+from ..signals.units import SI_UNITS, base_name, dimension_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MOTION = ("q", "eps", "x")
+_READINGS = ("P", "F", "mdot", "drive")  # a position may well stand still while others move
+_FROZEN = 20  # samples: the least that a reading must repeat to count as frozen
+_TIMES = 10.0  # times as long as it usually repeats
+_EDGE = 3.0  # times as many readings at an edge as steps of the same width have elsewhere
+_LEAST_EDGE = 0.005
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What one channel reads.
+
+    Parameters
+    ----------
+    name : str
+        Signal.
+    unit : str
+        SI unit; empty where the name does not tell.
+    low, high : float
+        Range.
+    missing : float
+        Share of missing readings.
+    longest_missing : float
+        Longest stretch of missing readings, s.
+    frozen : float
+        Share of readings that repeat one value for long while other channels move.
+    clipped : str
+        ``"low"``, ``"high"``, ``"both"`` or empty: the end of the range at which readings pile up.
+    noise : float
+        Standard deviation of white noise, unit of the channel.
+    step : float
+        Step of quantisation, 0 where none is seen.
+    moves : bool
+        Whether the range is well above the noise.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    missing: float
+    longest_missing: float
+    frozen: float
+    clipped: str
+    noise: float
+    step: float
+    moves: bool
+
+    @property
+    def bits(self) -> float:
+        """Steps over the range, as a power of two; infinite where no step is seen."""
+        return float(np.log2(max((self.high - self.low) / self.step, 1.0))) if self.step > 0 else float("inf")
+
+
+def channels_of(log: pd.DataFrame) -> list[Channel]:
+    """Return every channel of a tidy log, in its order."""
+    names = [str(c) for c in log.columns if c not in ("trajectory", "time")]
+    runs = [run for _, run in log.groupby("trajectory", sort=False)]
+    moving = {name: _activity(log[name].to_numpy(dtype=float)) for name in names if base_name(name) in _MOTION}
+    return [_channel(name, log, runs, moving if base_name(name) in _READINGS else {}) for name in names]
+
+
+def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dict[str, np.ndarray]) -> Channel:
+    y = log[name].to_numpy(dtype=float)
+    good = np.isfinite(y)
+    dimension = dimension_of(name)
+    unit = SI_UNITS.get(dimension or "", "")
+    if not good.any():
+        return Channel(name, unit, np.nan, np.nan, 1.0, float("nan"), 0.0, "", np.nan, 0.0, False)
+    low, high = float(y[good].min()), float(y[good].max())
+    noises, steps, longest = [], [], 0.0
+    for run in runs:
+        values = run[name].to_numpy(dtype=float)
+        bad = ~np.isfinite(values)
+        if bad.any():
+            longest = max(longest, _longest(bad, run["time"].to_numpy(dtype=float)))
+        values = values[~bad]
+        if len(values) > 20:
+            noises.append(noise_level(values))
+            steps.append(quantisation_step(values))
+    noise = float(np.median(noises)) if noises else 0.0
+    step = float(np.median(steps)) if steps else 0.0
+    return Channel(
+        name=name,
+        unit=unit,
+        low=low,
+        high=high,
+        missing=float(np.mean(~good)),
+        longest_missing=longest,
+        frozen=_frozen(y, others),
+        clipped=_clipped(y[good]),
+        noise=noise,
+        step=step,
+        moves=bool(high - low > max(10.0 * noise, 2.0 * step, 1e-9 * max(abs(low), abs(high)))),
+    )
+
+
+def _longest(bad: np.ndarray, time: np.ndarray) -> float:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+    last = len(time) - 1
+    return max(float(time[min(b, last)] - time[a]) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def _activity(y: np.ndarray) -> np.ndarray:
+    """Return the running sum of a channel's movement over its range."""
+    d = np.abs(np.diff(y, prepend=y[:1]))
+    scale = float(np.nanmax(y) - np.nanmin(y)) if np.isfinite(y).any() else 0.0
+    return np.asarray(np.nancumsum(d) / scale) if scale > 0 else np.zeros(len(y))
+
+
+def _frozen(y: np.ndarray, others: dict[str, np.ndarray]) -> float:
+    """Return the share of readings in stretches that stand still for long while another channel moves."""
+    if len(y) < 50 or np.nanmax(y) == np.nanmin(y):
+        return 0.0
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0, [True]]))
+    lengths = np.diff(edges)
+    usual = float(np.median(lengths))
+    count = 0
+    for a, b in pairwise(edges.tolist()):
+        if (
+            b - a > max(_FROZEN, _TIMES * usual)
+            and np.isfinite(y[a])
+            and any(o[b - 1] - o[a] > 0.2 for o in others.values())
+        ):
+            count += b - a
+    return count / len(y)
+
+
+def _clipped(y: np.ndarray) -> str:
+    """Say at which end of its range a channel stands longer than a signal that turns there would."""
+    low, high = float(y.min()), float(y.max())
+    if high <= low or len(np.unique(y)) < 20:
+        return ""
+    inner = np.histogram(y, bins=50)[0][[1, 2, -2, -3]]
+    found = []
+    for word, edge, beside in (("low", low, inner[:2]), ("high", high, inner[2:])):
+        share = float(np.mean(y == edge))
+        if share > _LEAST_EDGE and share * len(y) > _EDGE * max(float(beside.mean()), 1.0):
+            found.append(word)
+    return "both" if len(found) == 2 else found[0] if found else ""

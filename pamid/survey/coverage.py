@@ -1,0 +1,220 @@
+"""How far a log excites what it records: ranges, speeds, directions, holds, bandwidth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..signals import differentiate, noise_level
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .sampling import Sampling
+
+_STILL = 0.02  # of the largest rate: slower is standing still
+_SHUT = 1e-3
+_POWER = 0.99
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What a log excites, in SI.
+
+    Parameters
+    ----------
+    position, pressure, target : str
+        Signals that were looked at; empty where the log has none. A bench counts by its joint and muscle 1.
+    position_range, pressure_range : float
+        Swing between the 0.5 and 99.5 % quantiles.
+    slow, fast : float
+        Slowest and fastest tenth of the speeds while moving, unit of the position per s.
+    up, down, still : float
+        Shares of the time in which the position grows, falls, stands.
+    reversals : int
+        Turns of the position well above its noise.
+    amplitudes : int
+        Different amplitudes between turns (a factor of 1.5 apart).
+    correlation : float
+        Between position and pressure; ±1 means that one cannot be told from the other.
+    longest_hold : float
+        Longest stretch with the position standing still, s.
+    sealed : float
+        Time with all valves shut, s; NaN where no command is logged.
+    sealed_levels : int
+        Different pressures among sealed stretches (0.5 bar apart).
+    held_pressure_moves : float
+        Swing of the pressure while the position stands still, Pa.
+    bandwidth : float
+        Frequency below which 99 % of the movement's power lies, Hz.
+    lowest : float
+        Lowest frequency that the longest run resolves, Hz.
+    command : tuple of float
+        Smallest and largest absolute command while a valve is open; NaN without.
+    """
+
+    position: str = ""
+    pressure: str = ""
+    target: str = ""
+    position_range: float = float("nan")
+    pressure_range: float = float("nan")
+    slow: float = float("nan")
+    fast: float = float("nan")
+    up: float = 0.0
+    down: float = 0.0
+    still: float = 1.0
+    reversals: int = 0
+    amplitudes: int = 0
+    correlation: float = float("nan")
+    longest_hold: float = 0.0
+    sealed: float = float("nan")
+    sealed_levels: int = 0
+    held_pressure_moves: float = 0.0
+    bandwidth: float = float("nan")
+    lowest: float = float("nan")
+    command: tuple[float, float] = field(default=(float("nan"), float("nan")))
+
+
+def first_of(log: pd.DataFrame, names: tuple[str, ...]) -> str:
+    """Return the first of some columns that a log has and that is not empty."""
+    return next((n for n in names if n in log.columns and log[n].notna().any()), "")
+
+
+def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
+    """Return what a tidy log excites."""
+    position = first_of(log, ("q", "eps", "x"))
+    pressure = first_of(log, ("P", "P1", "P2"))
+    target = first_of(log, ("F", "F1", "drive", "mdot", "mdot1"))
+    found: dict[str, object] = {"position": position, "pressure": pressure, "target": target}
+    found["lowest"] = 1.0 / sampling.longest if sampling.longest > 0 else float("nan")
+    if pressure:
+        found["pressure_range"] = _swing(log[pressure].to_numpy(dtype=float))
+    commands = [c for c in ("u", "u1", "u2") if c in log.columns]
+    if commands:
+        found |= _valves(log, commands, pressure, sampling.period)
+    if position and _swing(log[position].to_numpy(dtype=float)) > 0:
+        found |= _motion(log, position, pressure, sampling)
+    elif pressure:  # what stands still all the time is held: the pressure is what moves
+        runs = [run[pressure].dropna().to_numpy(dtype=float) for _, run in log.groupby("trajectory", sort=False)]
+        powers = [_spectrum(p, sampling.period) for p in runs if len(p) > 20]
+        held = sampling.longest if position else 0.0
+        swing = found["pressure_range"] if position else 0.0
+        found |= {"longest_hold": held, "held_pressure_moves": swing, "bandwidth": _bandwidth(powers)}
+    return Coverage(**found)  # type: ignore[arg-type]
+
+
+def forward(run: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return the rows of a run in which a signal is known and time has gone on."""
+    run = run[np.isfinite(run[name].to_numpy(dtype=float))]
+    time = run["time"].to_numpy(dtype=float)
+    return run[np.diff(np.maximum.accumulate(time), prepend=-np.inf) > 0]
+
+
+def _swing(y: np.ndarray) -> float:
+    y = y[np.isfinite(y)]
+    return float(np.subtract(*np.quantile(y, [0.995, 0.005]))) if len(y) else float("nan")
+
+
+def _valves(log: pd.DataFrame, commands: list[str], pressure: str, period: float) -> dict[str, object]:
+    u = np.abs(log[commands].to_numpy(dtype=float))
+    shut = np.all(u < _SHUT, axis=1)
+    opened = u[u >= _SHUT]
+    levels = 0
+    if pressure and shut.any():
+        levels = len(np.unique(np.round(log[pressure].to_numpy(dtype=float)[shut] / 5e4)))
+    sealed = float(shut.sum() * period)
+    edge = (float(np.quantile(opened, 0.02)), float(np.quantile(opened, 0.98))) if len(opened) else (np.nan, np.nan)
+    return {"sealed": sealed, "sealed_levels": levels, "command": edge}
+
+
+def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling) -> dict[str, object]:
+    rates, turns, amplitudes, holds, held, powers = [], 0, [], [0.0], [0.0], []
+    runs = [run for _, run in log.groupby("trajectory", sort=False)]
+    whole = _swing(log[position].to_numpy(dtype=float))
+    smooth = []
+    for run in runs:
+        run = forward(run, position)
+        t, x = run["time"].to_numpy(dtype=float), run[position].to_numpy(dtype=float)
+        if len(run) < 20:
+            continue
+        y, rate = differentiate(x, t, warn=False)[:2]
+        rates.append(rate)
+        smooth.append((run, t, y, rate))
+        sizes = _turns(y, max(0.02 * whole, 4.0 * noise_level(x)))
+        turns += len(sizes)
+        amplitudes += sizes
+        if _swing(y) > 0.1 * whole:  # the rest of the runs stand still but for their noise
+            powers.append(_spectrum(y, sampling.period))
+    if not rates:
+        return {"position_range": whole}
+    every = np.concatenate(rates)
+    top = float(np.quantile(np.abs(every), 0.995))
+    limit = _STILL * top
+    for run, t, _, rate in smooth:
+        still = np.abs(rate) < limit
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            holds.append(float(t[b - 1] - t[a]))
+            if pressure and b - a > 20:
+                held.append(_swing(run[pressure].to_numpy(dtype=float)[a:b]))
+    moving = np.abs(every[np.abs(every) >= limit])
+    slow, fast = np.quantile(moving, [0.1, 0.9]) if len(moving) else (np.nan, np.nan)
+    found = {
+        "position_range": whole,
+        "slow": float(slow),
+        "fast": float(fast),
+        "up": float(np.mean(every >= limit)),
+        "down": float(np.mean(every <= -limit)),
+        "still": float(np.mean(np.abs(every) < limit)),
+        "reversals": turns,
+        "amplitudes": _groups(amplitudes),
+        "longest_hold": max(holds),
+        "held_pressure_moves": max(held),
+        "bandwidth": _bandwidth(powers),
+    }
+    if pressure:
+        both = log[[position, pressure]].dropna().to_numpy(dtype=float)
+        if len(both) > 2 and np.all(np.ptp(both, axis=0) > 0):
+            found["correlation"] = float(np.corrcoef(both.T)[0, 1])
+    return found  # type: ignore[return-value]
+
+
+def _turns(y: np.ndarray, least: float) -> list[float]:
+    """Return the sizes of the movements between turns of at least some size."""
+    sizes: list[float] = []
+    extreme, last, way = y[0], y[0], 0
+    for value in y[:: max(1, len(y) // 20_000)]:
+        if way == 0:
+            if abs(value - last) > least:
+                way, extreme = int(np.sign(value - last)), value
+        elif (value - extreme) * way > 0:
+            extreme = value
+        elif abs(value - extreme) > least:
+            sizes.append(abs(float(extreme - last)))
+            last, extreme, way = extreme, value, -way
+    return sizes
+
+
+def _groups(sizes: list[float]) -> int:
+    """Return how many amplitudes a factor of 1.5 apart there are."""
+    count, edge = 0, 0.0
+    for size in sorted(sizes):
+        if size > 1.5 * edge:
+            count, edge = count + 1, size
+    return count
+
+
+def _spectrum(y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+    power = np.square(np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))))
+    return np.fft.rfftfreq(len(y), period), power
+
+
+def _bandwidth(powers: list[tuple[np.ndarray, np.ndarray]]) -> float:
+    found = []
+    for frequency, power in powers:
+        total = np.cumsum(power)
+        if total[-1] > 0:
+            found.append(float(frequency[np.searchsorted(total, _POWER * total[-1])]))
+    return max(found) if found else float("nan")

@@ -1,0 +1,150 @@
+"""How a log is sampled: runs, rate, jitter, gaps, repeats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..signals.splits import kind_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_GAP = 5.0  # sampling intervals
+_POINTS = 200
+_ALIKE = 0.1  # of the spread: two runs that differ by less are a repeat
+_MOST_RUNS = 80
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Runs of a log and their clock.
+
+    Parameters
+    ----------
+    rows, runs : int
+        Rows and runs.
+    kinds : dict of str to int
+        Runs of each kind (the first part of a run's name).
+    seconds : float
+        Recorded time, s.
+    shortest, longest : float
+        Length of the shortest and the longest run, s.
+    period : float
+        Median sampling period, s.
+    jitter : float
+        Standard deviation of the period over its median, gaps left out, dimensionless.
+    gaps : int
+        Steps of time longer than five periods.
+    longest_gap : float
+        s.
+    mixed : bool
+        Whether the runs have different periods.
+    repeats : int
+        Runs that repeat an earlier one.
+    repeat_error : dict of str to float
+        For each signal the standard deviation between repeats, in its unit.
+    """
+
+    rows: int
+    runs: int
+    kinds: dict[str, int]
+    seconds: float
+    shortest: float
+    longest: float
+    period: float
+    jitter: float
+    gaps: int
+    longest_gap: float
+    mixed: bool
+    repeats: int
+    repeat_error: dict[str, float]
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate, Hz."""
+        return 1.0 / self.period if self.period > 0 else float("nan")
+
+
+def sampling_of(log: pd.DataFrame, signals: list[str]) -> Sampling:
+    """Return how a tidy log is sampled.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log.
+    signals : list of str
+        Signals by which repeats are told; the first is what the run imposes.
+
+    Returns
+    -------
+    Sampling
+        Runs and clock.
+    """
+    groups = [(str(name), run) for name, run in log.groupby("trajectory", sort=False)]
+    times = [run["time"].to_numpy(dtype=float) for _, run in groups]
+    lengths = np.array([t[-1] - t[0] if len(t) > 1 else 0.0 for t in times])
+    periods = np.array([np.median(s) for t in times if len(s := np.diff(t)) and np.median(s) > 0])
+    period = float(np.median(periods)) if len(periods) else float("nan")
+    steps = np.concatenate([np.diff(t) for t in times]) if times else np.zeros(0)
+    long = steps > _GAP * period
+    kinds: dict[str, int] = {}
+    for name, _ in groups:
+        kinds[kind_of(name)] = kinds.get(kind_of(name), 0) + 1
+    repeats, error = _repeats([run for _, run in groups], signals)
+    usual = steps[(steps > 0) & ~long]
+    return Sampling(
+        rows=len(log),
+        runs=len(groups),
+        kinds=kinds,
+        seconds=float(lengths.sum()),
+        shortest=float(lengths.min()) if len(lengths) else 0.0,
+        longest=float(lengths.max()) if len(lengths) else 0.0,
+        period=period,
+        jitter=float(np.std(usual) / period) if len(usual) and period > 0 else 0.0,
+        gaps=int(long.sum()),
+        longest_gap=float(steps[long].max()) if long.any() else 0.0,
+        mixed=bool(len(periods) and periods.max() > 1.1 * periods.min()),
+        repeats=repeats,
+        repeat_error=error,
+    )
+
+
+def _repeats(runs: list[pd.DataFrame], signals: list[str]) -> tuple[int, dict[str, float]]:
+    """Return how many runs repeat an earlier one, and how far repeats differ."""
+    if len(runs) < 2 or not signals:
+        return 0, {}
+    looked = runs[:_MOST_RUNS]
+    shapes = [{s: _resampled(run, s) for s in signals} for run in looked]
+    lengths = [float(np.ptp(run["time"])) for run in looked]
+    count, squares = 0, {s: [] for s in signals}  # type: ignore[var-annotated]
+    for j in range(1, len(looked)):
+        for i in range(j):
+            if abs(lengths[i] - lengths[j]) > 0.05 * max(lengths[i], lengths[j]):
+                continue
+            if all(_alike(shapes[i][s], shapes[j][s]) for s in signals[:2]):
+                count += 1
+                for s in signals:
+                    squares[s].append(float(np.nanmean(np.square(shapes[i][s] - shapes[j][s])) / 2))
+                break
+    return count, {s: float(np.sqrt(np.mean(v))) for s, v in squares.items() if v and np.isfinite(v).all()}
+
+
+def _resampled(run: pd.DataFrame, signal: str) -> np.ndarray:
+    t, y = run["time"].to_numpy(dtype=float), run[signal].to_numpy(dtype=float)
+    good = np.isfinite(y)
+    if good.sum() < 2:
+        return np.full(_POINTS, np.nan)
+    t, y = t[good], y[good]  # the nearest reading: between two of them part of the noise would average out
+    at = np.linspace(t[0], t[-1], _POINTS)
+    right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    return np.asarray(y[np.where(at - t[right - 1] < t[right] - at, right - 1, right)])
+
+
+def _alike(a: np.ndarray, b: np.ndarray) -> bool:
+    spread = float(np.std(a))
+    if not np.isfinite(spread) or not np.isfinite(b).all():
+        return False
+    return bool(np.sqrt(np.mean(np.square(a - b))) <= _ALIKE * max(spread, 1e-3 * abs(float(np.mean(a)))))

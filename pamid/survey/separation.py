@@ -1,0 +1,181 @@
+"""Which effects of the library a log of the bench would show, and which it could not tell apart, by its simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..effects import all_effects
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+    from ..gap.evidence import Evidence
+
+SEEN = 5.0
+"""Standard deviations of the noise that an effect must stand out by."""
+ALIKE = 0.15
+"""Share of an effect that has to be left once another one takes what it can; less, and the two are alike. A form that
+is known only to within some ten per cent tells no finer."""
+_MOST_ROWS = 60_000
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What a log says about one effect of typical size.
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    family : str
+        Its family.
+    signal : float
+        By how many standard deviations of the noise it would stand out, what the tolerances explain taken off.
+    alike : tuple of str
+        Effects that would explain it as well.
+    seen : bool
+        Whether it would be seen at all.
+    """
+
+    effect: str
+    family: str
+    signal: float
+    alike: tuple[str, ...]
+    seen: bool
+
+
+def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
+    """Return what a log says about each effect, and the run that would tell most of the others apart.
+
+    Each effect is added to the simulator at its typical size; what the parameters within their tolerances explain is
+    taken off, and then what each other effect of any size explains.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench.
+    params : BenchParameters
+        Its simulator, with tolerances.
+
+    Returns
+    -------
+    found : list of Separation
+        One an effect of the equations that the log allows, the loudest first.
+    best : dict or None
+        Kind and parameters of the run to record next, the effects that it would show or split in ``splits``; None where
+        none would.
+    """
+    from ..gap.evidence import Evidence
+
+    evidence = Evidence(_shortened(log), params)
+    names, D = _responses(evidence)
+    gram = _products(D, evidence.J)
+    found = _told(names, gram)
+    return found, _best_run(evidence, params, names, gram)
+
+
+def _shortened(log: pd.DataFrame) -> pd.DataFrame:
+    if len(log) <= _MOST_ROWS:
+        return log
+    codes = log["trajectory"].astype("category").cat.codes.to_numpy()
+    sizes = np.bincount(codes)
+    every = -(-len(log) // _MOST_ROWS)
+    chosen = np.arange(len(sizes))[::every]
+    return log[np.isin(codes, chosen)].groupby("trajectory", sort=False).head(_MOST_ROWS)
+
+
+def _responses(evidence: Evidence) -> tuple[list[str], np.ndarray]:
+    """Return the effects that change anything, and what they do to the residuals, a column each."""
+    names, columns = [], []
+    for name, cls in all_effects().items():
+        if not cls.__module__.startswith("pamid.") or not evidence.touched([name]):
+            continue
+        try:
+            d = evidence.z({name: {p.name: p.nominal for p in cls.parameters}}) - evidence.z0
+        except (ValueError, ArithmeticError):
+            continue
+        if np.all(np.isfinite(d)) and np.any(d):
+            names.append(name)
+            columns.append(d)
+    return names, np.column_stack(columns) if columns else np.zeros((len(evidence.z0), 0))
+
+
+def _products(D: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Return the products of columns, less what tolerances explain at the cost of leaving their nominal values."""
+    gram = D.T @ D
+    if J.shape[1]:
+        cross = J.T @ D
+        gram = gram - cross.T @ np.linalg.solve(J.T @ J + np.eye(J.shape[1]), cross)
+    return np.asarray(gram)
+
+
+def _left(gram: np.ndarray) -> np.ndarray:
+    """Return what is left of effect i once effect j takes what it can, in standard deviations, for all pairs."""
+    own = np.maximum(np.diag(gram), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        taken = np.where((gram > 0) & (own[None, :] > 0), np.square(gram) / own[None, :], 0.0)
+    left = np.sqrt(np.maximum(own[:, None] - taken, 0.0))
+    np.fill_diagonal(left, np.inf)
+    return left
+
+
+def _alike(gram: np.ndarray) -> np.ndarray:
+    own = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    return np.asarray(_left(gram) < np.maximum(SEEN, ALIKE * own)[:, None])
+
+
+def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
+    known = all_effects()
+    own = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    alike = _alike(gram)
+    found = []
+    for k, name in enumerate(names):
+        seen = bool(own[k] >= SEEN)
+        others = tuple(names[j] for j in np.flatnonzero(alike[k]) if own[j] >= SEEN) if seen else ()
+        found.append(Separation(name, known[name].family, float(own[k]), others, seen))
+    return sorted(found, key=lambda s: -s.signal)
+
+
+def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
+    """Return the run of the diagnosis's own choices that would show or split most of what this log leaves open."""
+    from ..bench import simulate
+    from ..gap.evidence import Evidence
+    from ..gap.experiment import CHOICES
+
+    if not names:
+        return None
+    open_ = _alike(gram) | np.diag(np.sqrt(np.maximum(np.diag(gram), 0.0)) < SEEN)
+    if not open_.any():
+        return None
+    try:
+        log = simulate(params.replace(effects=()), [make() for _, make in CHOICES], seed=0)
+    except (ValueError, ArithmeticError):
+        return None
+    columns = {"trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2"}
+    columns |= {"F1", "F2"} if {"force", "joint"} & set(evidence.equations) else set()
+    columns |= {"mdot1", "mdot2"} if {"flow", "valve"} & set(evidence.equations) else set()
+    trial = Evidence(log[[c for c in log.columns if c in columns]], params)
+    others, D = _responses(trial)
+    at = {name: k for k, name in enumerate(others)}
+    place = [at.get(name, -1) for name in names]
+    known = np.array(place) >= 0
+    best: dict[str, Any] | None = None
+    most = 0
+    for t, trajectory in enumerate(trial.trajectories):
+        rows = trial.block == t
+        more = _products(D[rows], trial.J[rows])
+        joint = gram.copy()
+        index = np.array(place)[known]
+        joint[np.ix_(known, known)] += more[np.ix_(index, index)]
+        still = _alike(joint) | np.diag(np.sqrt(np.maximum(np.diag(joint), 0.0)) < SEEN)
+        gained = open_ & ~still
+        if (count := int(gained.sum())) > most:
+            most = count
+            settings = next(c for c, make in CHOICES if make().name == trajectory)
+            split = [names[k] for k in np.flatnonzero(gained.any(axis=1))]
+            best = {**settings, "splits": split}
+    return best
