@@ -25,6 +25,13 @@ RESTART = 1.0
 _RATES = {"deps": "eps", "dP": "P"}
 
 
+def slope_weights(interval: float) -> np.ndarray:
+    """Return what `numpy.convolve` turns samples into their rates with, 1/s, from `HALF_WIDTH` on either side."""
+    n = HALF_WIDTH
+    # The slope of a parabola through 2 n + 1 samples is that of a straight line.
+    return np.arange(n, -n - 1, -1) / (n * (n + 1) * (2 * n + 1) / 3.0) / interval
+
+
 def lines(
     path: str | Path, *, follow: bool = False, poll: float = 0.1, patience: float | None = None
 ) -> Iterator[bytes]:
@@ -114,9 +121,7 @@ class Samples:
         self._rows: list[list[float]] = []
         self._last = -math.inf
         self._begins = True
-        n = HALF_WIDTH
-        # The slope of a parabola through 2 n + 1 samples is that of a straight line.
-        self._slope = np.arange(n, -n - 1, -1) / (n * (n + 1) * (2 * n + 1) / 3.0) / interval
+        self._slope = slope_weights(interval)
 
     def take(self, line: bytes) -> list[tuple[bool, dict[str, np.ndarray]]]:
         """Take a line and return the blocks that it completes, each with whether a new run begins with it."""
@@ -188,4 +193,4 @@ def _number(value: Any, name: str) -> float:
     return float(value) if math.isfinite(value) else math.nan
 
 
-__all__ = ["Samples", "lines", "pipe_lines"]
+__all__ = ["Samples", "lines", "pipe_lines", "slope_weights"]
