@@ -223,7 +223,7 @@ def show(row: dict[str, Any]) -> None:
 def medians(found: list[dict[str, Any]]) -> None:
     """Print medians and ranges over seeds."""
     d = pd.DataFrame(found).drop(columns="curve", errors="ignore")
-    print(f"\nmedian [least, greatest] over {d['seed'].nunique()} seeds; errors in 1e-6 kg/s, time in CPU s")
+    print(f"\nmedian [least, greatest] over {d['seed'].nunique()} seeds (n where fewer); 1e-6 kg/s; CPU s")
     print(
         f"{'':2s}{'method':34s}{'params':>8s} {'loss/1e-5':>22s} "
         + " ".join(f"{s:>22s}" for s in SETS)
@@ -236,7 +236,8 @@ def medians(found: list[dict[str, Any]]) -> None:
             return f"{v.median():8.2f} [{v.min():.2f}, {v.max():.2f}]".rjust(22)
 
         cells = " ".join([cell("loss", 1e-5), *(cell(s, 1e-6) for s in SETS)])
-        print(f"{muscle:2s}{method:34s}{g['parameters'].iloc[0]:8d} {cells}{g['seconds'].median():12.2f}")
+        few = f" (n = {len(g)})" if len(g) < d["seed"].nunique() else ""
+        print(f"{muscle:2s}{method + few:34s}{g['parameters'].max():8d} {cells}{g['seconds'].median():12.2f}")
 
 
 # --- other parts ---------------------------------------------------------------------------------------------
@@ -441,7 +442,14 @@ def main() -> None:
     parser.add_argument(
         "--out", metavar="FILE.json", help="where to keep all figures, for benchmarks/adaptation_plots.py"
     )
+    parser.add_argument(
+        "--merge", nargs="+", metavar="FILE.json", help="print the table that earlier runs kept; a later file wins"
+    )
     args = parser.parse_args()
+    if args.merge:
+        rows = [row for file in args.merge for row in json.loads(Path(file).read_text(encoding="utf-8"))["table"]]
+        medians(list({(r["muscle"], r["seed"], r["method"]): r for r in rows}.values()))
+        return
     torch.set_num_threads(1)
     warnings.simplefilter("ignore")
     kept: dict[str, Any] = {}
