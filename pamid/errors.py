@@ -6,6 +6,8 @@ so ``except ValueError`` keeps working and the command line can turn any `PamidE
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 
 class PamidError(Exception):
     """Base of all errors of the package.
@@ -18,7 +20,14 @@ class PamidError(Exception):
         What was expected instead; reads on after "expected".
     remedy : str
         What the user can do about it, as a full sentence.
+
+    Attributes
+    ----------
+    page : str
+        Page of the docs, with its section, that helps.
     """
+
+    page: ClassVar[str] = "docs/command-line.md"
 
     def __init__(self, found: str, expected: str = "", remedy: str = "") -> None:
         self.found = found
@@ -40,6 +49,8 @@ class PamidError(Exception):
 class LogError(PamidError, ValueError):
     """A log cannot be used as it is."""
 
+    page = "docs/logs.md"
+
 
 class LogNotFoundError(LogError, FileNotFoundError):
     """No file where the log should be."""
@@ -60,6 +71,8 @@ class HostileLogError(LogFormatError):
 class StreamError(LogError):
     """A stream is not one of samples."""
 
+    page = "docs/streaming.md"
+
 
 class EmptyLogError(LogError):
     """The log has no rows."""
@@ -68,6 +81,8 @@ class EmptyLogError(LogError):
 # --- logs: the columns --------------------------------------------------------------------------------------
 class ColumnError(LogError):
     """Something is wrong with the columns of a log or a table."""
+
+    page = "docs/logs.md#the-tidy-table"
 
 
 class MissingColumnError(ColumnError):
@@ -85,6 +100,8 @@ class ColumnTypeError(ColumnError, TypeError):
 class MappingError(ColumnError):
     """A mapping of names and units is malformed or names something that is not there."""
 
+    page = "docs/logs.md#mappings"
+
 
 # --- logs: the values ---------------------------------------------------------------------------------------
 class SignalError(LogError):
@@ -94,17 +111,25 @@ class SignalError(LogError):
 class NonFiniteError(SignalError):
     """NaN or infinite values in a signal."""
 
+    page = "docs/logs.md#missing-values-gaps-order"
+
 
 class ConstantSignalError(SignalError):
     """A signal that must vary does not."""
+
+    page = "docs/first_hour.md#look-at-it"
 
 
 class ExcitationError(SignalError):
     """A log moves too little for what is asked of it."""
 
+    page = "docs/first_hour.md#look-at-it"
+
 
 class UnitError(SignalError):
     """Values that are plainly in another unit than the one expected, or an unknown unit."""
+
+    page = "docs/logs.md#units"
 
 
 class PressureReferenceError(UnitError):
@@ -114,6 +139,8 @@ class PressureReferenceError(UnitError):
 # --- time and trajectories ----------------------------------------------------------------------------------
 class TimeError(SignalError):
     """Time is not usable."""
+
+    page = "docs/logs.md#missing-values-gaps-order"
 
 
 class TimeOrderError(TimeError):
@@ -127,9 +154,13 @@ class SamplingError(TimeError):
 class TrajectoryError(LogError):
     """Something is wrong with the trajectories of a log."""
 
+    page = "docs/logs.md#the-tidy-table"
+
 
 class MissingTrajectoryError(TrajectoryError):
     """What needs time order got neither ``groups`` nor a ``trajectory`` column."""
+
+    page = "docs/pipelines.md"
 
 
 class InterleavedTrajectoryError(TrajectoryError):
@@ -138,6 +169,8 @@ class InterleavedTrajectoryError(TrajectoryError):
 
 class TooFewTrajectoriesError(TrajectoryError):
     """Fewer trajectories than a grouped split needs."""
+
+    page = "docs/pipelines.md"
 
 
 class ShortTrajectoryError(TrajectoryError):
@@ -156,13 +189,19 @@ class UnknownOptionError(ParameterError):
 class ShapeError(PamidError, ValueError):
     """Arrays whose shapes do not belong together."""
 
+    page = "docs/models.md"
+
 
 class IncompatibleError(PamidError, ValueError):
     """A volume model, a law and a trainer or adapter that do not fit together."""
 
+    page = "docs/models.md"
+
 
 class FitError(PamidError, RuntimeError):
     """A fit could not be carried out or gave nothing usable."""
+
+    page = "docs/models.md"
 
 
 class DivergedError(FitError):
@@ -172,10 +211,14 @@ class DivergedError(FitError):
 class UnreachableError(PamidError, ValueError):
     """A wanted pair of force and contraction that no pressure within the limits brings about."""
 
+    page = "docs/inverse.md"
+
 
 # --- simulator files ----------------------------------------------------------------------------------------
 class SimulatorFileError(PamidError, ValueError):
     """A simulator file (``sim.toml``) is not usable."""
+
+    page = "docs/simulator.md#the-simulator-file"
 
 
 class SimulatorNotFoundError(SimulatorFileError, FileNotFoundError):
@@ -210,6 +253,8 @@ class ImplausibleParameterError(SimulatorFileError):
 class ModelFileError(PamidError, ValueError):
     """A model file cannot be read."""
 
+    page = "docs/models.md"
+
 
 class ModelNotFoundError(ModelFileError, FileNotFoundError):
     """No file where the model should be."""
@@ -237,6 +282,8 @@ class CheckpointError(PamidError, ValueError):
 
 class ExportError(PamidError, ValueError):
     """A model, or a part of it, has no form outside Python."""
+
+    page = "docs/export.md"
 
 
 class MissingDependencyError(PamidError, ImportError):

@@ -15,6 +15,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PamidError, PamidWarning
+from ._style import marked
 
 DONE, OWN_ERROR, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
@@ -30,6 +31,8 @@ the bench. All units are SI, pressures absolute; --columns maps a log with other
 
 _EPILOG = """\
 examples:
+  pamid init run1.csv                                           sim.toml and a mapping for a log of your own
+  pamid check run1.csv --columns columns.toml --sim sim.toml    what is in it, and what it can tell
   pamid simulate --muscle B --dataset D_B --out log.parquet     a data set from the twin, with its sim.toml
   pamid evaluate log.parquet --sim log.sim.toml                 where simulator and log differ, and the noise floor
   pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
@@ -92,10 +95,12 @@ def run(argv: Sequence[str] | None = None) -> int:
     except PamidError as error:
         if debug:
             raise
-        _say(f"error: {error}")
+        _say(f"{error} See {marked(error.page, 'page', sys.stderr)}.", "error")
         return WRONG_USE
     except MemoryError:
-        _say("error: There is not enough memory for this. Expected a smaller table. Thin the log, or cut it in parts.")
+        _say(
+            "There is not enough memory for this. Expected a smaller table. Thin the log, or cut it in parts.", "error"
+        )
         return WRONG_USE
     except Exception as error:
         if debug:
@@ -108,9 +113,10 @@ def run(argv: Sequence[str] | None = None) -> int:
         return OWN_ERROR
 
 
-def _say(text: str) -> None:
+def _say(text: str, kind: str = "") -> None:
     with contextlib.suppress(OSError, ValueError):
-        print(f"pamid: {text}", file=sys.stderr, flush=True)
+        mark = f"{marked(f'{kind}:', kind, sys.stderr)} " if kind else ""
+        print(f"pamid: {mark}{text}", file=sys.stderr, flush=True)
 
 
 def _close_stdout() -> None:
@@ -131,7 +137,7 @@ def _plain_warnings(quiet: bool) -> Iterator[None]:
             return
         said[category] = said.get(category, 0) + 1
         if said[category] <= _SAME_WARNINGS:
-            _say(f"warning: {' '.join(str(message).split())}")
+            _say(" ".join(str(message).split()), "warning")
 
     with warnings.catch_warnings():
         warnings.showwarning = show
@@ -140,4 +146,4 @@ def _plain_warnings(quiet: bool) -> Iterator[None]:
         finally:
             for category, count in said.items():
                 if count > _SAME_WARNINGS:
-                    _say(f"warning: {count - _SAME_WARNINGS} more of the kind {category.__name__}")
+                    _say(f"{count - _SAME_WARNINGS} more of the kind {category.__name__}", "warning")

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -218,7 +219,7 @@ def progress(args: argparse.Namespace, what: str, total: int | None = None) -> I
     callable
         Call it with a short text after each step.
     """
-    if args.quiet or not sys.stderr.isatty():
+    if args.quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         yield _no_step
         return
     from rich.console import Console
