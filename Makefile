@@ -7,12 +7,13 @@ WORKERS ?= 2
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
-.PHONY: help install demo test pytest lint benchmarks clean
+.PHONY: help install demo test pytest lint docs benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
 	@echo "make test        lint, types, layers and all tests"
 	@echo "make lint        ruff, mypy, import-linter"
+	@echo "make docs        the documentation as a site in build/site"
 	@echo "make benchmarks  print the figures that the README and docs state"
 	@echo "make clean       remove the environment and everything that was built"
 
@@ -39,10 +40,15 @@ pytest: install
 # pytest comes last, so that its closing line is the last one.
 test: lint pytest
 
+# A warning is an error; then every link within the site is followed.
+docs: install
+	$(THREADS) $(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/site
+	$(BIN)/python docs/check_site.py build/site
+
 benchmarks: install
 	@for file in benchmarks/[!_]*.py; do echo "== $$file"; $(THREADS) $(BIN)/python $$file || exit 1; done
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info demo-output results .pytest_cache .mypy_cache .ruff_cache .hypothesis \
-		.import_linter_cache
+	rm -rf $(VENV) build dist *.egg-info demo-output results docs/api docs/auto_gallery .pytest_cache .mypy_cache \
+		.ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

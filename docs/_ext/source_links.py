@@ -1,0 +1,38 @@
+"""Links of the pages to files of the repository, which lie outside the site, become links within the site."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+_ESTIMATOR = re.compile(r"\[`(\w+)`\]\(\.\./estimators/\w+\.py\)")
+_PAPERS = {"contributing": "CONTRIBUTING.md", "changes": "CHANGELOG.md"}
+"""Pages of the site whose text is a paper beside the docs."""
+
+
+def rewritten(text: str) -> str:
+    """Return the source of a page with its links to code and papers turned to pages of the site."""
+    known = importlib.import_module("pamid.estimators")
+    text = _ESTIMATOR.sub(
+        lambda found: f"{{py:obj}}`~pamid.estimators.{found[1]}`" if hasattr(known, found[1]) else found[0], text
+    )
+    text = re.sub(r"\]\(gallery/(plot_\w+)\.py\)", r"](auto_gallery/\1.rst)", text)
+    for page, file in {**_PAPERS, "index": "README.md"}.items():
+        text = text.replace(f"](../{file}", f"]({page}.md")
+    return text
+
+
+def _read(app: Any, docname: str, source: list[str]) -> None:
+    if docname in _PAPERS:
+        text = (Path(app.srcdir).parent / _PAPERS[docname]).read_text(encoding="utf-8")
+        source[0] = rewritten(text.replace("](docs/", "]("))
+    elif docname.partition("/")[0] not in ("api", "auto_gallery"):
+        source[0] = rewritten(source[0])
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Rewrite each page as it is read."""
+    app.connect("source-read", _read)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,91 @@
+"""Check a built site without a network: ``python docs/check_site.py build/site``.
+
+Every link and anchor within the site leads somewhere, and nothing that a page shows is loaded from outside of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+_LOADING = {
+    ("script", "src"),
+    ("img", "src"),
+    ("img", "srcset"),
+    ("iframe", "src"),
+    ("source", "src"),
+    ("link", "href"),
+}
+_NOT_LOADED = {"canonical", "next", "prev", "search", "index", "author", "copyright", "help"}
+_CSS = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])((?:https?:)?//[^"')]+)""")
+
+
+class Page(HTMLParser):
+    """Anchors, links and loaded things of one page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Take what a tag names, leads to and loads."""
+        given = {name: value or "" for name, value in attrs}
+        self.anchors |= {given[name] for name in ("id", "name") if given.get(name)}
+        if tag == "a" and given.get("href"):
+            self.links.append(given["href"])
+        if tag == "link" and given.get("rel", "") in _NOT_LOADED:
+            return
+        for name, value in given.items():
+            if (tag, name) in _LOADING:
+                self.loads += [part.split()[0] for part in value.split(",") if part.strip()]
+        self.loads += _CSS.findall(given.get("style", ""))
+
+
+def html(site: Path) -> list[Path]:
+    """Return the pages; what a theme keeps among its own files is none."""
+    return sorted(file for file in site.rglob("*.html") if "_static" not in file.parts)
+
+
+def faults(site: Path) -> list[str]:
+    """Return a line for each dead link or anchor, and for each thing loaded from outside."""
+    pages = {file: Page(file.read_text(encoding="utf-8")) for file in html(site)}
+    found = []
+    for file, page in pages.items():
+        where = file.relative_to(site)
+        for link in [*page.links, *page.loads]:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                if link in page.loads and parts.scheme != "data":
+                    found.append(f"{where} loads {link}")
+                continue
+            target = (file.parent / unquote(parts.path)).resolve() if parts.path else file
+            if not target.exists():
+                found.append(f"{where}: no {link}")
+            elif where.parts[0] == "_modules":
+                continue  # viewcode names the module where a class lives, its page the package that shows it
+            elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].anchors:
+                found.append(f"{where}: no anchor {link}")
+    for file in sorted(site.rglob("*.css")):
+        found += [f"{file.relative_to(site)} loads {link}" for link in _CSS.findall(file.read_text(encoding="utf-8"))]
+    return found
+
+
+def main() -> int:
+    """Check and tell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("site", type=Path, help="folder that Sphinx wrote")
+    site = parser.parse_args().site.resolve()
+    found = faults(site)
+    print("\n".join(found) or f"{len(html(site))} pages: all links lead somewhere, nothing is loaded")
+    return int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
