@@ -375,35 +375,34 @@ def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
         d = d[d["F"] > 5.0]
         split[name] = d[~d["last"]], d[d["last"]]
     first, *others = FESTO
-    print("Festo: RMSE / N on the last repeat of each contraction, F > 5 N; each seed draws other samples")
-    for seed in range(args.first_seed, args.first_seed + args.seeds):
 
-        def whole(name: str, seed: int = seed) -> StaticPIHM:
-            rows = thin(split[name][0], WHOLE)
-            return StaticPIHM(*FESTO[name], random_state=seed).fit(rows[COLUMNS[1:]], rows["F"])
+    def rmse(model: Any, columns: list[str], test: pd.DataFrame) -> float:
+        return float(np.sqrt(np.mean((model.predict(test[columns]) - test["F"]) ** 2)))
 
-        network = FrozenEstimator(whole(first))
-        for name in others:
-            train, test = split[name]
+    def whole(name: str) -> StaticPIHM:
+        rows = thin(split[name][0], WHOLE)
+        return StaticPIHM(*FESTO[name], random_state=args.first_seed).fit(rows[COLUMNS[1:]], rows["F"])
 
-            def rmse(model: Any, X: Any, test: pd.DataFrame = test) -> float:
-                return float(np.sqrt(np.mean((model.predict(X) - test["F"]) ** 2)))
-
+    network = FrozenEstimator(whole(first))
+    print("Festo: RMSE / N on the last repeat of each contraction, F > 5 N; a seed is a draw of samples")
+    for name in others:
+        train, test = split[name]
+        own = rmse(whole(name), COLUMNS[1:], test)
+        for seed in range(args.first_seed, args.first_seed + args.seeds):
             options = dict(zip(("rest_length", "rest_diameter"), FESTO[name], strict=True), random_state=seed)
-            own = rmse(whole(name), test[COLUMNS[1:]])
             for count in FESTO_COUNTS:
                 step = len(train) // count
                 few = train.iloc[(seed * step) // max(args.seeds, 1) :: step]
                 row = {"muscle": name, "seed": seed, "count": count, "all": own}
                 for method, base in (("Q alone", "frozen"), ("Q", "full")):
                     model = QAdapter(network, base=base, **options).fit(few[COLUMNS], few["F"])
-                    row |= {method: rmse(model, test[COLUMNS]), "Q0": model.q0_, "factor": model.q_}
+                    row |= {method: rmse(model, COLUMNS, test), "Q0": model.q0_, "factor": model.q_}
                 alone = StaticPIHM(**options).fit(few[COLUMNS[1:]], few["F"])
-                row["no source"] = rmse(alone, test[COLUMNS[1:]])
+                row["no source"] = rmse(alone, COLUMNS[1:], test)
                 found.append(row)
                 print(f"{first} -> {name}", {k: round(v, 3) for k, v in row.items() if k != "muscle"}, flush=True)
     d = pd.DataFrame(found)
-    print(f"\nmedian over {args.seeds} seeds; ratio: Q over all data, with the least and the greatest")
+    print(f"\nmedian over {args.seeds} draws; ratio: Q over all data, with the least and the greatest")
     for (name, count), g in d.groupby(["muscle", "count"], sort=False):
         ratio = g["Q"] / g["all"]
         print(
