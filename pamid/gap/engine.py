@@ -18,7 +18,7 @@ from .notes import check, notes_on, without_stuck
 from .search import Search
 from .signal_evidence import SignalEvidence
 from .significance import excess
-from .verdict import LEAST_GAIN, Verdict, decide
+from .verdict import FIRST_GAIN, Verdict, decide
 from .where import bands, regions, shares, trajectories
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def explain(
         return _written(evidence, search, verdict, notes, random_state, say)
 
 
-_QUIET = 0.85
-"""Confidence in no gap where evidence of one is only just missing."""
+_QUIET = 0.5, 0.94
+"""Confidence in no gap where evidence of one is only just missing, and where there is no sign of it."""
 _BEYOND = 0.85
 """Most confidence in a cause beyond the library: a cause in it may have another form than it knows."""
 MAX_ROWS = 160_000
@@ -177,7 +177,8 @@ def _written(
     closure = closures(evidence, held[id(base)], held[id(fit)], random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
-    causes = _causes(evidence, search, verdict, clusters, closure) if known else []
+    part_of = shapley(search.fitter, verdict.base, fit) if known else {}
+    causes = _causes(evidence, verdict, part_of, clusters, closure) if known else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
         say("look for the next experiment")
@@ -193,7 +194,7 @@ def _written(
         regions=[r for e in loud for r in regions(evidence, e, power)] if verdict.kind != "none" else [],
         bands=[b for e in loud for b in bands(evidence, e, gap)] if verdict.kind != "none" else [],
         trajectories=trajectories(evidence, _balanced(evidence, power)) if verdict.kind != "none" else [],
-        candidates=_candidates(search, verdict),
+        candidates=_candidates(search, verdict, part_of),
         causes=causes,
         closure=[c for c in closure if verdict.kind != "none"],
         next_experiment=experiment,
@@ -236,10 +237,13 @@ def _equations(
 
 
 def _causes(
-    evidence: Evidence | SignalEvidence, search: Search, verdict: Verdict, clusters: Clusters, closure: list[Any]
+    evidence: Evidence | SignalEvidence,
+    verdict: Verdict,
+    part_of: dict[str, float],
+    clusters: Clusters,
+    closure: list[Any],
 ) -> list[Cause]:
     fit = verdict.fit
-    part_of = shapley(search.fitter, verdict.base, fit)
     parameters = clusters.parameters()
     whole = evidence.z(fit.spec)
     by_equation = {c.equation: c for c in closure}
@@ -266,7 +270,7 @@ def _told_apart(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause
     return replace(cause, told_apart_by=f"{kind}: {experiment.reason}")
 
 
-def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
+def _candidates(search: Search, verdict: Verdict, part_of: dict[str, float]) -> list[Candidate]:
     """Return the whole library with what speaks for each name, confidences adding to one."""
     scores: dict[str, float] = {}
     closed: dict[str, float] = {}
@@ -278,14 +282,16 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
             scores[r.added] = search.gain(verdict.first.before, r)
             closed[r.added] = _explained(base.fit, r.fit, search.evidence)
     named = list(verdict.fit.spec) if verdict.kind in ("cause", "class", "several") else []
+    leads = _leads({name: part_of.get(name, 1.0) for name in named})
     belief: dict[str, float] = {}
     for name in named:
         for other, w in verdict.weights[name].items():
             if other not in named or other == name:
-                belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) / len(named)
+                belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) * leads[name]
         scores.setdefault(name, max((g for r, g in verdict.rivals[name] if r.added == name), default=0.0))
     if verdict.kind == "none":
-        belief["none"] = _QUIET + (0.97 - _QUIET) * min(1.0, verdict.p_value / 0.1)
+        calm = float(np.clip(np.log10(max(verdict.p_value, 1e-9) / 0.01), 0.0, 1.0))
+        belief["none"] = _QUIET[0] + (_QUIET[1] - _QUIET[0]) * calm
         belief["unknown"] = 0.3 * (1.0 - belief["none"])
     else:
         belief["unknown"] = verdict.unknown if named else _BEYOND * (0.6 + 0.4 * verdict.unknown)
@@ -301,9 +307,9 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
     for name, score in scores.items():
         if name in named or belief.get(name, 0.0) > 0.05 * total:
             continue
-        if score < LEAST_GAIN and closed.get(name, 0.0) > 0.2:
+        if score < FIRST_GAIN and closed.get(name, 0.0) > 0.2:
             reasons[name] = "fits only where it turns into another effect"
-        elif score < LEAST_GAIN:
+        elif score < FIRST_GAIN:
             reasons[name] = "brings no more than noise would"
         elif score < best:
             reasons[name] = f"explains less: its log-likelihood is lower by {best - score:.0f}"
@@ -328,6 +334,12 @@ def _candidates(search: Search, verdict: Verdict) -> list[Candidate]:
     # Causes come first in the order of the verdict; several of them may each be certain.
     place = {name: k for k, name in enumerate(named)}
     return sorted(rows, key=lambda c: (-c.confidence, place.get(c.effect, 99), -c.score))
+
+
+def _leads(shares_of: dict[str, float]) -> dict[str, float]:
+    """Return the probability that each cause is the leading one, from its share of what all explain together."""
+    weight = {name: max(share, 0.02) ** 1.5 for name, share in shares_of.items()}
+    return {name: w / sum(weight.values()) for name, w in weight.items()}
 
 
 def _explained(base: Fit, fit: Fit, evidence: Evidence | SignalEvidence) -> float:

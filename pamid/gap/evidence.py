@@ -64,7 +64,16 @@ class Evidence:
         What a deviation of one tolerance does to the residuals.
     skipped : dict of str to str
         Equations that the log does not allow, and why.
+    weights : array, shape (n_equations,)
+        What a window of each equation counts for.
     """
+
+    form_left = 0.04
+    """Share of an equation's scale that a cause may leave, for its form."""
+    audible = 0.05
+    """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
+    stretch = 0.3
+    """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 
     def __init__(self, log: pd.DataFrame, params: BenchParameters) -> None:
         self.params = params
@@ -106,7 +115,13 @@ class Evidence:
         self.block = np.array([names[run.trajectory] for run in self.runs], dtype=int)[self.run]
         self.free = [name for name, t in params.tolerance.items() if t > 0 and params.get(name) != 0]
         self.J = self._tolerances()
+        self.weights = np.ones(len(self.parts))
         self._state: dict[str, np.ndarray] | None = None
+
+    @staticmethod
+    def prior(name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected on a bench."""
+        return float(all_effects()[name].prior)
 
     @staticmethod
     def _piece(i: int, run: Run, residual: Residual) -> tuple[np.ndarray, ...]:

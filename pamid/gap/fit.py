@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,10 @@ from ..effects import Parameter, all_effects
 from .evidence import AnyEvidence, Spec
 from .likelihood import Solution, solve
 
-SLACK = 1.1
+SLACK = 1.03
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
+LOST = 100.0
+"""Log-likelihood below that without an effect at which a fit with it does not come back."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class Fitter:
         """Fit the tolerances with effects held at their values."""
         return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.z(spec), None, 20)
 
-    def refine(self, spec: Spec, steps: int = 6, gain: float = 0.3) -> Fit:
+    def refine(self, spec: Spec, steps: int = 6, gain: float = 0.3, least: float = -np.inf) -> Fit:
         """Fit everything, beginning from a spec.
 
         Parameters
@@ -141,13 +143,17 @@ class Fitter:
             Most steps.
         gain : float, default=0.3
             A step that adds less to the likelihood is the last.
+        least : float, optional
+            Likelihood without what is tried: a fit that stays far below it after two steps is given up.
         """
         slots = slots_of(spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         z = self.evidence.z(spec)
         best = self._fit(_spec(slots, phi), z, None)
         damping = 1.0
-        for _ in range(steps):
+        for done in range(steps):
+            if done == 2 and best.loglik < least - LOST:
+                break
             D, lower, upper = self.jacobian(slots, phi, z)
             step = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
@@ -176,11 +182,13 @@ class Fitter:
         return Fit(spec, s.x, s.loglik, s.z, s.scales)
 
     def jacobian(
-        self, slots: list[tuple[str, Parameter]], phi: np.ndarray, z: np.ndarray
+        self, slots: list[tuple[str, Parameter]], phi: np.ndarray, z: np.ndarray, only: Sequence[int] | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sensitivities by finite differences, and how far a step may go."""
-        D, lower, upper = np.empty((len(z), len(phi))), np.empty(len(phi)), np.empty(len(phi))
+        """Return sensitivities by finite differences, and how far a step may go; of some parameters alone if wanted."""
+        D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
         for k, (_, p) in enumerate(slots):
+            if only is not None and k not in only:
+                continue
             v = phi[k]
             h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
             h = max(h, 1e-6 * (abs(p.nominal) or p.upper))

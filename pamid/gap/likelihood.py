@@ -180,6 +180,15 @@ def _reweighted(
     return best
 
 
+def window_weights(solution: Solution, parts: Sequence[slice], weights: np.ndarray | None = None) -> np.ndarray:
+    """Return what each window counts for in the curvature of the likelihood at a fit."""
+    w = np.empty(len(solution.z))
+    for i, part in enumerate(parts):
+        share = (1.0 if weights is None else float(weights[i])) / solution.scales[i] ** 2
+        w[part] = share * (NU + 1.0) / (NU + np.square(solution.z[part] / (_GAUSSIAN * solution.scales[i])))
+    return w
+
+
 def form_cost(
     A: np.ndarray, solution: Solution, parts: Sequence[slice], prior: np.ndarray, weights: np.ndarray | None = None
 ) -> float:
@@ -189,10 +198,7 @@ def form_cost(
     """
     if not A.shape[1]:
         return 0.0
-    w = np.empty(len(solution.z))
-    for i, part in enumerate(parts):
-        share = (1.0 if weights is None else float(weights[i])) / solution.scales[i] ** 2
-        w[part] = share * (NU + 1.0) / (NU + np.square(solution.z[part] / (_GAUSSIAN * solution.scales[i])))
+    w = window_weights(solution, parts, weights)
     H = (A.T @ (A * w[:, None])) / np.sqrt(np.outer(prior, prior))
     return 0.5 * float(np.linalg.slogdet(np.eye(len(prior)) + H)[1])
 

@@ -9,12 +9,19 @@ import numpy as np
 
 from ..effects import all_effects
 from .evidence import AnyEvidence
-from .fit import Fit, Fitter, joined
-from .likelihood import form_cost, scale
+from .fit import Fit, Fitter, joined, slots_of
+from .likelihood import form_cost, scale, window_weights
+from .occam import occam
 from .templates import Template, templates
 
-SHORT_LIST = 5
-"""Effects that are refitted at each stage."""
+SHORT_LIST = 3, 8
+"""Effects that are refitted at each stage: at least so many, and at most so many that come close to the best."""
+CLOSE = 8.0, 0.05
+"""Gain in likelihood below the best that still comes close, in nats and as a share."""
+SAME = 0.5
+"""Difference in log-likelihood below which two fits of the same effects are one."""
+HOPELESS = -2.0
+"""Gain at first sight below which a refit is not worth its time."""
 MAX_CAUSES = 3
 FORM = 0.3
 """How far, as a share, the form of an effect may differ smoothly from the library's over the range of the state."""
@@ -41,6 +48,10 @@ class Rival:
         Its likelihood as it is and with loosened forms, at the softness of its stage.
     left : array, shape (n_equations,)
         Scale of what is left with loosened forms, at its own softness; may be less than 1.
+    weights : array, shape (n_windows,)
+        What each window counts for at its fit.
+    z : array, shape (n_windows,)
+        What is left with loosened forms, at its own softness.
     """
 
     added: str
@@ -48,6 +59,8 @@ class Rival:
     plain: float
     loose: float
     left: np.ndarray
+    weights: np.ndarray
+    z: np.ndarray
 
 
 @dataclass
@@ -101,8 +114,10 @@ class Search:
                 self.templates[name] = found
         self._contributions: dict[str, dict[str, np.ndarray]] = {}
         base = fitter.base()
-        self.base = Rival("", base, base.loglik, base.loglik, self._left(base.z))
+        self.base = self.rival("", base)
         self.stages: list[Stage] = []
+        self._costs: dict[str, float] = {}
+        self._done: dict[tuple[str, ...], Stage] = {}
 
     # --- forms that may differ ------------------------------------------------------------------------------
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
@@ -152,26 +167,32 @@ class Search:
         prior = np.full(k, FORM**-2)
         widening = self.evidence.widening(fit.spec)
         plain = self.fitter.linear(z, None, None, None, None, 4, fit.x, soft, widening)
+        weights = window_weights(plain, self.evidence.parts, self.fitter.weights)
+        if soft is not None:
+            weights = weights / np.square(soft)
         if not k:
-            return Rival(added, fit, plain.loglik, plain.loglik, self._left(plain.z))
+            return Rival(added, fit, plain.loglik, plain.loglik, self._left(plain.z), weights, plain.z)
         s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, soft, widening)
         scaled = columns if soft is None else columns / soft[:, None]
         loose = s.loglik - form_cost(scaled, s, self.evidence.parts, prior, self.fitter.weights)
         own = self.softness(fit)
         left = s.z if own is None else s.z * (1.0 if soft is None else soft) / own
-        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self._left(left))
+        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self._left(left), weights, left)
 
     def _left(self, z: np.ndarray) -> np.ndarray:
         return np.array([_raw_scale(z[part]) for part in self.evidence.parts])
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on this kind of system."""
-        of_system = getattr(self.evidence, "prior", None)
-        return float(all_effects()[name].prior if of_system is None else of_system(name))
+        return float(self.evidence.prior(name))
 
     # --- stages ---------------------------------------------------------------------------------------------
     def stage(self, fit: Fit) -> Stage:
         """Try every effect of the library on top of a fit."""
+        key = tuple(sorted(fit.spec))
+        done = self._done.get(key)
+        if done is not None and abs(done.before.fit.loglik - fit.loglik) < SAME:
+            return done
         soft = self.softness(fit)
         before = self.rival("", fit, soft)
         z = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
@@ -195,16 +216,17 @@ class Search:
                     soft,
                     self.evidence.widening(fit.spec),
                 )
-                gain = s.loglik - before.loose - penalty(m, self.evidence) + self.prior(name)
+                gain = s.loglik - before.loose - least_penalty(m, self.evidence) + self.prior(name)
                 if name not in screened or gain > screened[name][0]:
                     screened[name] = (gain, t.values(s.x[self.fitter.n : self.fitter.n + m]))
         rivals = []
-        for name in sorted(screened, key=lambda n: -screened[n][0])[:SHORT_LIST]:
+        for name in _short_list({name: gain for name, (gain, _) in screened.items()}):
             self.say(f"refit with {name}")
-            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}))
+            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}), least=fit.loglik)
             rivals.append(self.rival(name, refined, soft))
         rivals.sort(key=lambda r: self.gain(before, r), reverse=True)
         self.stages.append(Stage(before, screened, rivals))
+        self._done[key] = self.stages[-1]
         return self.stages[-1]
 
     def gain(self, before: Rival, after: Rival) -> float:
@@ -213,8 +235,24 @@ class Search:
         What an effect gains only by bending its form counts half: a form is known roughly, but it is known.
         """
         bent = 0.5 * (after.plain - before.plain) + 0.5 * (after.loose - before.loose)
-        cost = penalty(after.fit.size - before.fit.size, self.evidence) - self.prior(after.added)
+        cost = self.cost(after, after.plain - before.plain) - self.prior(after.added)
         return min(bent, after.loose - before.loose) - cost if degenerate(after.fit, after.added) is None else -cost
+
+    def cost(self, rival: Rival, gain: float) -> float:
+        """Return what the effect that a rival adds costs for its parameters."""
+        key = f"{rival.added} {gain:.3f} {rival.fit.spec!r}"
+        if key not in self._costs:
+            slots = slots_of(rival.fit.spec)
+            phi = np.array([rival.fit.spec[name][p.name] for name, p in slots])
+            mine = [k for k, (name, _) in enumerate(slots) if name == rival.added]
+            if len(mine) > 1:
+                D = self.fitter.jacobian(slots, phi, self.evidence.z(rival.fit.spec), mine)[0][:, mine]
+            else:
+                D = np.zeros((len(self.evidence.z0), len(mine)))
+            self._costs[key] = occam(
+                D, self.evidence.J, rival.weights, [slots[k][1] for k in mine], [phi[k] for k in mine], gain
+            )
+        return self._costs[key]
 
 
 def has_form(name: str) -> bool:
@@ -242,6 +280,14 @@ def degenerate(fit: Fit, name: str) -> str | None:
     return None
 
 
+def _short_list(gains: dict[str, float]) -> list[str]:
+    """Return the effects to refit, the best first."""
+    names = sorted(gains, key=lambda n: -gains[n])
+    best = gains[names[0]] if names else 0.0
+    close = [n for n in names if gains[n] > max(best - CLOSE[0] - CLOSE[1] * max(best, 0.0), HOPELESS)]
+    return names[: int(np.clip(len(close), *SHORT_LIST))]
+
+
 def _raw_scale(z: np.ndarray) -> float:
     """Return the robust scale of residuals, which may be less than one."""
     return scale(z, 0.0)
@@ -250,6 +296,11 @@ def _raw_scale(z: np.ndarray) -> float:
 def penalty(k: int, evidence: AnyEvidence) -> float:
     """Return what k further parameters cost (Schwarz)."""
     return 0.5 * k * float(np.log(max(len(evidence.z0), 2)))
+
+
+def least_penalty(k: int, evidence: AnyEvidence) -> float:
+    """Return what k further parameters of one effect cost at first sight: all but the first may bend little."""
+    return penalty(min(k, 1), evidence) + 1.5 * max(k - 1, 0)
 
 
 def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:

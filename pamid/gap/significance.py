@@ -10,11 +10,9 @@ import numpy as np
 from .evidence import AnyEvidence
 from .fit import SLACK, Fit
 from .likelihood import NU
-from .search import penalty
+from .search import least_penalty
 from .templates import Template
 
-BLOCK = 0.3
-"""Length of the stretches of time whose sign is flipped as a whole, s: longer than what residuals remember."""
 REPLICATES = 199
 
 
@@ -89,7 +87,7 @@ def library_test(
         score = 0.5 * np.sum(along * along, axis=0)
         if U.shape[1] == 1 and t.lower[usable][0] >= 0.0:  # an amplitude that cannot be negative
             score = np.where(-(T.T @ Z)[0] > 0.0, score, 0.0)
-        best = np.maximum(best, score - penalty(U.shape[1], evidence))
+        best = np.maximum(best, score - least_penalty(U.shape[1], evidence))
     drawn = best[1:]
     spread = max(float(np.std(drawn)) * np.sqrt(6.0) / np.pi, 0.3)
     place = float(np.mean(drawn)) - 0.5772 * spread
@@ -99,7 +97,7 @@ def library_test(
 
 def _signs(evidence: AnyEvidence, random_state: np.random.RandomState) -> np.ndarray:
     """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
-    stretch = np.floor(evidence.time / getattr(evidence, "stretch", BLOCK)).astype(int)
+    stretch = np.floor(evidence.time / evidence.stretch).astype(int)
     _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
     draws = random_state.randint(0, 2, size=(label.max() + 1, REPLICATES)) * 2 - 1
     return draws[label.ravel()]
@@ -128,7 +126,7 @@ def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Ex
     """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
     from scipy.stats import norm
 
-    stretch = np.floor(evidence.time[part] / getattr(evidence, "stretch", BLOCK)).astype(int)
+    stretch = np.floor(evidence.time[part] / evidence.stretch).astype(int)
     _, label = np.unique(
         np.column_stack([evidence.run[part], evidence.side[part], stretch]), axis=0, return_inverse=True
     )

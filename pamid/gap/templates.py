@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import Effect, Parameter
+from ..effects import Effect, Parameter, all_effects
 from .evidence import AnyEvidence
 
 _REACH = 12.0
@@ -44,6 +44,11 @@ class Template:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """Return all parameters of the effect at fitted coefficients."""
+        if not self.linear and len(self.fixed) == 1:
+            [p] = (p for p in all_effects()[self.effect].parameters if p.name in self.fixed)
+            if 0.0 <= p.lower <= 0.02 * p.nominal:
+                # Part of an effect that vanishes with its only parameter is the effect with part of it.
+                return {p.name: max(p.lower, self.fixed[p.name] * float(np.clip(x[0], 0.02, 1.0)))}
         found = {name: float(v) for name, v in zip(self.linear, x, strict=False)}
         return {**self.fixed, **found}
 

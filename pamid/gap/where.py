@@ -20,6 +20,8 @@ _FEATURES = ("eps", "deps", "P", "dP", "u")
 _JOINT_FEATURES = ("q", "dq")
 ENERGY = 0.8
 """Share of a gap's energy that its regions are to hold."""
+LEAVES = 24
+"""Most leaves of the tree that tells a muscle's regions; what comes after steps is a few windows in a corner."""
 
 
 def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
@@ -64,11 +66,11 @@ def shares(values: np.ndarray) -> np.ndarray:
     return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
 
 
-def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 8) -> list[Region]:
+def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 24) -> list[Region]:
     """Return the regions of the state that together hold most of an equation's gap in few of its samples.
 
-    The fewest windows that hold `ENERGY` of the gap are told from the others by a shallow tree on the state; its
-    leaves in which they prevail are the regions.
+    The fewest windows that hold `ENERGY` of the gap are told from the others by a tree on the state; its leaves that
+    agree with them best, taken together, are the regions. They come with the largest share first.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
         The equation.
     power : array, shape (n_windows,)
         The gap's power at each window.
-    most : int, default=8
+    most : int, default=24
         Most regions, those of both muscles together.
     """
     part = evidence.parts[evidence.equations.index(equation)]
@@ -89,11 +91,11 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
         mine = evidence.side[part] == side
         state = {evidence.column(n, int(side)): evidence.state[n][part][mine] for n in names}
         state = {n: x for n, x in state.items() if np.all(np.isfinite(x))}
-        found += _leaves(equation, state, power[part][mine], float(power[part].sum()), most // len(sides))
-    return found
+        found += _of_one_side(equation, state, power[part][mine], float(power[part].sum()), most // len(sides))
+    return sorted(found, key=lambda r: -r.share)
 
 
-def _leaves(equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: float, most: int) -> list[Region]:
+def _of_one_side(equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: float, most: int) -> list[Region]:
     from sklearn.tree import DecisionTreeClassifier
 
     if not state or len(y) < 100 or not np.any(y > 0):
@@ -104,15 +106,42 @@ def _leaves(equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: f
     inside[order[: int(np.searchsorted(np.cumsum(y[order]), ENERGY * y.sum())) + 1]] = True
     if inside.mean() > 0.95:
         return []
-    tree = DecisionTreeClassifier(max_leaf_nodes=8, min_samples_leaf=max(10, len(y) // 60), random_state=0)
-    leaf = tree.fit(X, inside).apply(X)
+    fitted = DecisionTreeClassifier(max_leaf_nodes=LEAVES, min_samples_leaf=max(4, len(y) // 300), random_state=0)
+    leaf = fitted.fit(X, inside).apply(X)
     found = []
-    for node in np.unique(leaf):
-        mine = leaf == node
-        if inside[mine].mean() > 0.5:
-            query = _path(tree.tree_, int(node), list(state))
-            found.append(Region(equation, query, float(y[mine].sum() / total), float(mine.mean())))
+    for node in _whole_branches(fitted.tree_, _agreeing(leaf, inside)):
+        mine = np.isin(leaf, _leaves_below(fitted.tree_, node))
+        query = _path(fitted.tree_, node, list(state))
+        found.append(Region(equation, query, float(y[mine].sum() / total), float(mine.mean())))
     return sorted((r for r in found if r.query), key=lambda r: -r.share)[:most]
+
+
+def _agreeing(leaf: np.ndarray, inside: np.ndarray) -> set[int]:
+    """Return the leaves whose union agrees best with a set of windows, by the harmonic mean of precision and recall."""
+    nodes, at, size = np.unique(leaf, return_inverse=True, return_counts=True)
+    hits = np.bincount(at, inside)
+    order = np.argsort(-hits / size, kind="stable")
+    f1 = 2.0 * np.cumsum(hits[order]) / (np.cumsum(size[order]) + inside.sum())
+    return {int(n) for n in nodes[order[: int(np.argmax(f1)) + 1]]}
+
+
+def _leaves_below(tree: Any, node: int) -> list[int]:
+    if tree.children_left[node] < 0:
+        return [node]
+    return [leaf for side in (tree.children_left, tree.children_right) for leaf in _leaves_below(tree, int(side[node]))]
+
+
+def _whole_branches(tree: Any, chosen: set[int]) -> list[int]:
+    """Return the fewest nodes whose leaves are the chosen ones."""
+
+    def below(node: int) -> list[int]:
+        if set(_leaves_below(tree, node)) <= chosen:
+            return [node]
+        if tree.children_left[node] < 0:
+            return []
+        return below(int(tree.children_left[node])) + below(int(tree.children_right[node]))
+
+    return below(0)
 
 
 def _path(tree: Any, node: int, columns: list[str]) -> str:

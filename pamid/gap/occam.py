@@ -1,0 +1,74 @@
+r"""What an effect costs for the freedom it has: Laplace's approximation of its evidence.
+
+Schwarz charges every parameter alike. But a presliding distance that the log hardly tells, or the split of a fault
+over two muscles that are alike, bends nothing and should cost nothing, while an amplitude costs the full price. The
+volume of parameters that fit as well, against the volume that was thought possible, says how much each one bends:
+
+.. math:: c = \tfrac{1}{2} \log n + \tfrac{1}{2} \log\det(I + S H S) - \tfrac{1}{2} \log(1 + 2 G)
+
+with H the curvature of the likelihood, tolerances projected out, S the widths of what was thought possible and G the
+gain. An amplitude is thought possible up to about its own size, so that an effect of one amplitude costs Schwarz's
+price.
+
+References
+----------
+D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992. https://doi.org/10.1162/neco.1992.4.3.415
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effects import Parameter
+
+
+def width(p: Parameter, value: float) -> float:
+    """Return how far a nonlinear parameter may be from a guess: a factor of e, or what a uniform one spreads."""
+    if p.lower >= 0.0 and value > 0.0:
+        return value
+    return (p.upper - p.lower) / np.sqrt(12.0)
+
+
+def occam(
+    D: np.ndarray,
+    J: np.ndarray,
+    weights: np.ndarray,
+    parameters: Sequence[Parameter],
+    values: Sequence[float],
+    gain: float,
+) -> float:
+    """Return what the parameters of an effect cost, a logarithm of likelihood.
+
+    Parameters
+    ----------
+    D : array, shape (n_windows, n_parameters)
+        Sensitivities to the effect's parameters, at the fit.
+    J : array, shape (n_windows, n_free)
+        Sensitivities to what has a tolerance, which may take up the effect.
+    weights : array, shape (n_windows,)
+        What each window counts for at the fit.
+    parameters : sequence of Parameter
+        The parameters.
+    values : sequence of float
+        Their values.
+    gain : float
+        What the effect gains in likelihood.
+    """
+    n, k = D.shape
+    one = 0.5 * float(np.log(max(n, 2)))
+    if k < 2:
+        return one * k
+    Dw = D * weights[:, None]
+    H = D.T @ Dw
+    if J.shape[1]:
+        cross = J.T @ Dw
+        H = H - cross.T @ np.linalg.lstsq(J.T @ (J * weights[:, None]) + 3.0 * np.eye(J.shape[1]), cross, rcond=None)[0]
+    strength = 2.0 * max(gain, 1.0)
+    curvature = np.maximum(np.diag(H), 0.0)
+    with np.errstate(divide="ignore"):
+        amplitude = np.where(curvature > 0.0, np.sqrt(strength / np.maximum(curvature, 1e-300)), 0.0)
+    S = np.array([a if p.linear else width(p, v) for p, v, a in zip(parameters, values, amplitude, strict=True)])
+    bends = 0.5 * float(np.linalg.slogdet(np.eye(k) + H * np.outer(S, S))[1])
+    return float(np.clip(one + bends - 0.5 * np.log1p(strength), one, one * k))
