@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from pamid.bench.parameters import BenchParameters
 from pamid.cli import main
 from pamid.signals import LogMapping
+from pamid.systems import read_system
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -105,6 +106,10 @@ def test_toml_is_a_simulator_or_a_mapping(page: Path, tmp_path: Path) -> None:
             file = tmp_path / "sim.toml"
             file.write_text(block.text, encoding="utf-8")
             BenchParameters.from_toml(file)
+        elif "kind" in content:
+            file = tmp_path / "sim.toml"
+            file.write_text(block.text, encoding="utf-8")
+            read_system(file)
         else:
             LogMapping.load(content)
 

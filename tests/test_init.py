@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -133,6 +134,9 @@ def test_what_is_not_given_is_marked(muscle, tmp_path, capsys):
     assert (tmp_path / "a" / "sim.toml").read_text().count("ASSUMED") == 2
     assert "ASSUMED" in (tmp_path / "a" / "columns.toml").read_text()
     assert report["next"].startswith("pamid check ")
+    argv = [str(muscle), "--columns", str(tmp_path / "a" / "columns.toml"), "--sim", str(tmp_path / "a" / "sim.toml")]
+    assert main(["check", *argv]) == 0
+    assert "still assumes rest_length, rest_diameter" in capsys.readouterr().err
 
 
 def test_a_bench_with_its_own_names(tmp_path):
@@ -202,6 +206,8 @@ def test_a_number_beside_the_samples_of_a_json_log(tmp_path):
     assert log["gain"].unique().tolist() == [4.0]
     assert log["trajectory"].iloc[0] == "sine-servo"
     assert "ASSUMED" not in (tmp_path / "a" / "sim.toml").read_text()
+    made(tmp_path / "b", tmp_path / "servo.json", "--kind", "joint", "--yes")
+    assert re.search("gain = 0 .*ASSUMED", (tmp_path / "b" / "sim.toml").read_text())
 
 
 def test_hostile_names_stay_text(tmp_path):

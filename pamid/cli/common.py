@@ -124,7 +124,20 @@ def system_of(args: argparse.Namespace) -> System | None:
     """Read the page of a system, if --sim names one that is no bench; None otherwise."""
     from ..systems import kind_of_file, read_system
 
+    _note_assumed(args)
     return read_system(args.sim) if args.sim and kind_of_file(args.sim) != "bench" else None
+
+
+def _note_assumed(args: argparse.Namespace) -> None:
+    """Remind of what 'pamid init' had to assume and nobody has replaced since."""
+    for path in filter(None, (args.sim, args.columns)):
+        try:
+            with Path(path).open(encoding="utf-8") as stream:
+                lines = [line.split("=")[0].strip() for line in stream if "ASSUMED" in line]
+        except (OSError, UnicodeDecodeError):
+            continue  # whoever reads it for its content says so better
+        if lines:
+            note(args, f"{path} still assumes {', '.join(lines[:8])}: replace or confirm it, and remove ASSUMED")
 
 
 def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:

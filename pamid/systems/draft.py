@@ -177,9 +177,8 @@ class Draft:
         """Return the numbers of the page that nobody has given and nobody else can know."""
         if self.kind == "bench":
             return tuple(name for name in OWN if name not in self.numbers)
-        return tuple(
-            q.name for q in all_systems()[self.kind].numbers if q.default is None and q.name not in self.numbers
-        )
+        known = {i.name for i in self.inputs() if self.of(i.name) is not None} | set(self.constants)
+        return tuple(name for name in all_systems()[self.kind].own(known) if name not in self.numbers)
 
     def page_text(self) -> str:
         """Return the simulator file; what nobody has given is marked in it."""
