@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
+from typing import Any
 
 import numpy as np
 import torch
@@ -37,6 +38,8 @@ class Adam(Trainer):
         Decay of the first and second moment.
     patience : int, default=500
         Epochs without a new best on held-out trajectories, where there are any, after which training stops.
+    checkpoint : path-like, optional
+        Folder in which a training keeps its state, so that one that is killed goes on to the same result.
 
     References
     ----------
@@ -53,6 +56,7 @@ class Adam(Trainer):
         beta1: float = 0.9,
         beta2: float = 0.999,
         patience: int = 500,
+        checkpoint: str | None = None,
     ) -> None:
         self.max_iter = max_iter
         self.learning_rate = learning_rate
@@ -61,6 +65,7 @@ class Adam(Trainer):
         self.beta1 = beta1
         self.beta2 = beta2
         self.patience = patience
+        self.checkpoint = checkpoint
 
     def steps(
         self,
@@ -70,21 +75,26 @@ class Adam(Trainer):
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
         adapter: Reparametrisation = IDENTITY,
+        state: dict[str, Any] | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the mean loss of the epoch; the published decay knows no prior but zero."""
+        state = {} if state is None else state
         # One flat vector holds all parameters: the optimiser is then a few operations, however many layers there are.
         flat = torch.cat([p.reshape(-1) for p in parameters])
         g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
         net = _Network(flat, g, shapes, adapter)
-        n, step = len(problem), 0
+        n, step, begun = len(problem), int(state.get("step", 0)), int(state.get("epochs", 0))
+        if begun:
+            for own, kept in ((flat, state["flat"]), (first, state["first"]), (second, state["second"])):
+                own.copy_(kept)
         with ExitStack() as stack:
             host = None
             if flat.device.type == "cpu":
                 threads = min(torch.get_num_threads(), self.batch_size // BLOCK)
                 host = HostGradient(net.flat.numpy(), net.gradient.numpy(), net.shapes, activation, threads)
                 stack.callback(host.close)
-            for _ in range(self.max_iter):
+            for epoch in range(begun, self.max_iter):
                 total = torch.zeros_like(flat[0])
                 with host.alone() if host else nullcontext():
                     drawn = problem
@@ -104,6 +114,7 @@ class Adam(Trainer):
                         rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
                         torch.sqrt(second, out=g).add_(1e-8 * unbiased)
                         flat.addcdiv_(first, g if net.shares is None else g.div_(net.shares), value=-rate)
+                state |= {"epochs": epoch + 1, "step": step, "flat": flat, "first": first, "second": second}
                 yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())
 
 

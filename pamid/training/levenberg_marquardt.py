@@ -11,6 +11,7 @@ matrices: no Jacobian is formed, and a step costs a few products of (samples × 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
@@ -42,6 +43,8 @@ class LevenbergMarquardt(Trainer):
         Relative fall of the penalised loss below which full-batch training counts as converged.
     patience : int, default=40
         Steps without a new best on held-out trajectories, where there are any, after which training stops.
+    checkpoint : path-like, optional
+        Folder in which a training keeps its state, so that one that is killed goes on to the same result.
 
     References
     ----------
@@ -58,6 +61,7 @@ class LevenbergMarquardt(Trainer):
         damping: float = 1e-3,
         tolerance: float = 1e-9,
         patience: int = 40,
+        checkpoint: str | None = None,
     ) -> None:
         self.max_iter = max_iter
         self.batch_size = batch_size
@@ -65,6 +69,7 @@ class LevenbergMarquardt(Trainer):
         self.damping = damping
         self.tolerance = tolerance
         self.patience = patience
+        self.checkpoint = checkpoint
 
     def loss_covers(self, n_samples: int) -> bool:
         """Say whether a step takes all samples."""
@@ -78,14 +83,18 @@ class LevenbergMarquardt(Trainer):
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
         adapter: Reparametrisation = IDENTITY,
+        state: dict[str, Any] | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
         """Yield the parameters and the loss of the step's samples after each step."""
-        psi = [p.clone() for p in parameters]
+        state = {} if state is None else state
+        psi = state.get("psi") or [p.clone() for p in parameters]
         origin = [torch.zeros_like(p) for p in parameters] if prior is None else prior
-        mean = psi
-        mu, n = self.damping, len(problem)
+        mean = state.get("mean") or psi
+        mu, n = float(state.get("mu", self.damping)), len(problem)
         full = n <= self.batch_size
-        for _ in range(self.max_iter):
+        if state.get("converged"):
+            return
+        for k in range(int(state.get("steps", 0)), self.max_iter):
             batch = problem
             if not full:
                 rows = random_state.choice(n, self.batch_size, replace=False)
@@ -122,8 +131,10 @@ class LevenbergMarquardt(Trainer):
             psi = trial
             # Steps on fresh draws scatter about the minimum; their running mean lies closer to it.
             mean = psi if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, psi, strict=True)]
+            converged = full and before - after < self.tolerance * before
+            state |= {"steps": k + 1, "psi": psi, "mean": mean, "mu": mu, "converged": converged}
             yield mean, float(r_new @ r_new)
-            if full and before - after < self.tolerance * before:
+            if converged:
                 return
 
     def _penalty(self, psi: Parameters, origin: Parameters) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 from .network import Parameters
 
@@ -73,6 +74,15 @@ class BestSoFar:
             self.parameters = [p.clone() for p in parameters]
         else:
             self.since += 1
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """All of it, for another one to go on from."""
+        return {"score": self.score, "since": self.since, "parameters": self.parameters}
+
+    @state.setter
+    def state(self, state: dict[str, Any]) -> None:
+        self.score, self.since, self.parameters = float(state["score"]), int(state["since"]), state["parameters"]
 
     @property
     def stale(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from .network import Parameters, forward
 from .problem import Problem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .result import BestSoFar, Callback, Status, TrainingResult
+from .resume import Resumption, fingerprint
 
 EVALUATION_ROWS = 8192
 """Rows on which the loss of the current parameters is judged; more would cost without telling more."""
@@ -47,8 +49,30 @@ class Trainer(BaseEstimator):
         random_state: np.random.RandomState,
         prior: Parameters | None = None,
         adapter: Reparametrisation = IDENTITY,
+        state: dict[str, Any] | None = None,
     ) -> Iterator[tuple[Parameters, float]]:
-        """Yield the parameters and the mean squared residual after each iteration."""
+        """Yield the parameters and the mean squared residual after each iteration.
+
+        A trainer with a parameter ``checkpoint`` takes `state`: it goes on from one that is not empty, and has put all
+        that the next iteration needs into it, tensors, numbers, lists and texts, whenever it yields.
+        """
+
+    def _kept(
+        self,
+        problem: Problem,
+        parameters: Parameters,
+        activation: str,
+        random_state: np.random.RandomState,
+        *others: Any,
+    ) -> tuple[Resumption | None, dict[str, Any]]:
+        """Return where the state of this training is kept, if it is, and a place for it."""
+        folder = getattr(self, "checkpoint", None)
+        if folder is None:
+            return None, {}
+        settings = {k: v for k, v in self.get_params(deep=False).items() if k != "checkpoint"}
+        numbers = random_state.get_state(legacy=True)
+        what = (type(self).__name__, settings, problem, parameters, activation, numbers, others)
+        return Resumption(folder, fingerprint(*what)), {}
 
     def loss_covers(self, n_samples: int) -> bool:
         """Say whether the losses that `steps` yields are means over all samples, not over a draw of them."""
@@ -107,6 +131,7 @@ class Trainer(BaseEstimator):
             The best parameters, and why the training ended.
         """
         self.check()
+        kept, state = self._kept(problem, parameters, activation, random_state, prior, validation, adapter)
         judged = validation
         if judged is None:
             judged = problem
@@ -120,9 +145,24 @@ class Trainer(BaseEstimator):
         losses: list[float] = []
         held_out: list[float] = []
         status = Status.FINISHED
-        through = () if adapter is IDENTITY else (adapter,)
+        through: dict[str, Any] = {} if adapter is IDENTITY else {"adapter": adapter}
+        if kept is not None:
+            through["state"] = state
+            if (saved := kept.load()) is not None:
+                state |= saved["trainer"]
+                best.state, losses, held_out = saved["best"], saved["losses"], saved["held_out"]
+                random_state.set_state(tuple(saved["random"]))
+                if saved["status"]:
+                    return TrainingResult(best.parameters, Status[saved["status"]], len(losses), losses, held_out)
+
+        def keep(done: str = "") -> None:
+            if kept is not None:
+                numbers = list(random_state.get_state(legacy=True))
+                whole = {"trainer": state, "best": best.state, "losses": losses, "held_out": held_out}
+                kept.save(whole | {"random": numbers, "status": done}, at_once=bool(done))
+
         try:
-            for current, loss in self.steps(problem, parameters, activation, random_state, prior, *through):
+            for current, loss in self.steps(problem, parameters, activation, random_state, prior, **through):
                 own = judged is problem and self.loss_covers(len(problem))
                 score = loss if own else mean_squared_residual(adapter.expand(current), judged, activation)
                 losses.append(loss)
@@ -132,14 +172,19 @@ class Trainer(BaseEstimator):
                     status = Status.DIVERGED
                     break
                 best.offer(score, current)
+                stale = validation is not None and best.stale
+                if not stale:  # a training that goes on from here would not know that it had ended
+                    keep()
                 if callback is not None and callback(loss, current):
                     status = Status.STOPPED_BY_CALLBACK
                     break
-                if validation is not None and best.stale:
+                if stale:
                     status = Status.STOPPED_EARLY
                     break
             else:
                 status = Status.FINISHED if len(losses) >= self.max_iter else Status.CONVERGED
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
+        if status in (Status.FINISHED, Status.CONVERGED, Status.STOPPED_EARLY):
+            keep(status.name)
         return TrainingResult(best.parameters, status, len(losses), losses, held_out)

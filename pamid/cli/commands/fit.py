@@ -50,6 +50,11 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--set", metavar="NAME=VALUE", action="append", default=[], help="parameter of the estimator; repeatable"
     )
+    parser.add_argument(
+        "--checkpoint",
+        metavar="DIR",
+        help="folder in which training keeps its state: the same command, given again after a crash, goes on from it",
+    )
     parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")
     parser.add_argument("--thin", type=int, default=1, metavar="N", help="fit on every N-th sample only (default: all)")
 
@@ -69,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
     params = simulator_of(args)
     estimator = make_estimator(args.estimator, parse_settings(args.set), params, args.seed)
     target = equation_of(estimator, args.equation)
+    trainer = _keep_state(estimator, args) if args.checkpoint is not None else None
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
         raise ParameterError(
             f"--thin is {args.thin}, and {args.estimator} learns from the sequence of samples.",
@@ -88,6 +94,8 @@ def run(args: argparse.Namespace) -> int:
     with progress(args, f"Fitting {args.estimator}"):
         fitted = _fit(estimator, features[columns].iloc[rows], signals[target.column].iloc[rows])
     seconds = time.perf_counter() - started
+    if args.checkpoint is not None:
+        fitted.set_params(trainer=trainer)  # a path of this machine is no part of the model
     model = _pipeline(steps, fitted)
     predicted = predict_table(fitted, features[columns])
     training = score_by_trajectory(signals, predicted, target)
@@ -114,6 +122,25 @@ def run(args: argparse.Namespace) -> int:
     print(table([args.estimator, f"rmse / {target.unit}", "nrmse", "samples"], lines))
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
+
+
+def _keep_state(estimator: Any, args: argparse.Namespace) -> Any:
+    """Let the estimator's trainer keep its state in a folder; return the trainer that it was given."""
+    from sklearn.base import clone
+
+    from ...training import trainer_named
+
+    parameters = estimator.get_params()
+    if "trainer" not in parameters:
+        raise ParameterError(
+            f"--checkpoint is given, and {args.estimator} has no trainer that keeps its state.",
+            "a hybrid model, such as StaticPIHM",
+            "Leave --checkpoint out: the fit takes seconds.",
+        )
+    if parameters.get("random_state") is None:
+        estimator.set_params(random_state=args.seed)  # a training is known again by its random numbers
+    estimator.set_params(trainer=clone(trainer_named(parameters["trainer"])).set_params(checkpoint=args.checkpoint))
+    return parameters["trainer"]
 
 
 def _inputs(features: Any, estimator: Any) -> list[str]:
