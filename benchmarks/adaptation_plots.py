@@ -19,17 +19,22 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 SETS = ("target", "tri", "step")
+OURS = ("Q alone", "Q, pull chosen")
+"""Adaptations drawn beside the published ones."""
 
 
 def curves(found: list[dict[str, Any]], folder: Path) -> None:
     """Loss over the share of each method's own training time: Figure 5 of the study, with time in place of epochs."""
     fig, axis = plt.subplots(figsize=(6, 3.5), layout="constrained")
-    for row in found:
-        if len(row.get("curve", [])) > 1:
+    latest = {(r["seed"], r["muscle"], r["method"]): r for r in found if "curve" in r}  # of two files the later one
+    for row in latest.values():
+        if not ("Adam" in row["method"] or row["method"] in OURS):
+            continue
+        if len(row["curve"]) > 1:
             seconds = np.linspace(0, row["seconds"], len(row["curve"]) + 1)[1:]
             axis.loglog(seconds, row["curve"], label=row["method"])
-        elif "curve" in row and row["method"] == "Q alone":
-            axis.plot(row["seconds"], row["curve"][0], "k*", label="Q alone")
+        else:
+            axis.plot(row["seconds"], row["curve"][0], "k*", label=row["method"])
     axis.set(
         xlabel="CPU time of the adaptation / s", ylabel="loss / variance of the target", title="A to B, 315 samples"
     )
@@ -85,7 +90,12 @@ def predictions(folder: Path, muscle: str, steps: int) -> None:
         axis.plot(d["time"], 1e3 * scratch.predict(d[COLUMNS[1:]]), lw=0.8, label="published network, from scratch")
         axis.plot(d["time"], 1e3 * adapted.predict(d[COLUMNS]), "--", lw=0.8, label="adapted from A, 315 samples")
         span = 1e3 * d["mdot"].abs().max()
-        axis.set(title=d["trajectory"].iloc[0], xlabel="time / s", ylabel="flow / g/s", ylim=(-1.6 * span, 1.6 * span))
+        axis.set(
+            title=f"{muscle}: {d['trajectory'].iloc[0]}",
+            xlabel="time / s",
+            ylabel="flow / g/s",
+            ylim=(-1.6 * span, 1.6 * span),
+        )
     axes[0].legend(fontsize=7)
     fig.savefig(folder / f"adaptation-predictions-{muscle}.png", dpi=120)
 
@@ -103,10 +113,13 @@ def main() -> None:
     folder = Path(args.folder)
     folder.mkdir(parents=True, exist_ok=True)
     draw = {"table": curves, "samples": counts, "scaling": scaling}
+    kept: dict[str, list[dict[str, Any]]] = {}
     for file in args.files:
         for part, found in json.loads(Path(file).read_text(encoding="utf-8")).items():
-            if part in draw and found:
-                draw[part](found, folder)
+            kept.setdefault(part, []).extend(found)
+    for part, found in kept.items():
+        if part in draw and found:
+            draw[part](found, folder)
     for muscle in args.predictions:
         predictions(folder, muscle, args.steps)
 
