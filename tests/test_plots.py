@@ -10,10 +10,31 @@ import numpy as np
 import pandas as pd
 import pytest
 from pamid.estimators import GeometricForce, PolynomialFlow, SINDyRegressor
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.frozen import FrozenEstimator
 
 from pamid.compare.comparison import Comparison, Score
-from pamid.errors import IncompatibleError, MissingColumnError, OutputError, ParameterError, UnknownOptionError
-from pamid.plots import ForceMapDisplay, VolumeDisplay, comparison_plot, fit_plot, save_figure, volume_plot
+from pamid.errors import (
+    IncompatibleError,
+    MissingColumnError,
+    MissingTrajectoryError,
+    OutputError,
+    ParameterError,
+    ShapeError,
+    UnknownOptionError,
+)
+from pamid.plots import (
+    AdaptationDisplay,
+    ForceMapDisplay,
+    LoopDisplay,
+    ResidualMapDisplay,
+    VolumeDisplay,
+    VolumeSurfaceDisplay,
+    comparison_plot,
+    fit_plot,
+    save_figure,
+    volume_plot,
+)
 from pamid.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, new_figure
 from pamid.volume.braided import chou_hannaford
 from pamid.volume.functions import flow as volume_flow
@@ -208,3 +229,132 @@ def test_colours_are_told_apart_by_every_eye(kind):
     gaps = [np.linalg.norm(a - b) for i, a in enumerate(palette) for b in palette[:i]]
     assert min(gaps) > 0.1
     assert np.linalg.norm(seen_by(BLUE, kind) - seen_by(GREY, kind)) > 0.1
+
+
+# --- displays of estimators and of predictions ------------------------------------------------------------------
+@pytest.fixture
+def runs(data):
+    X, force = data
+    names = np.repeat(["sine-1", "sine-2", "step-1"], 100)
+    return X.assign(trajectory=names), force, names
+
+
+@pytest.fixture(autouse=True)
+def no_window(monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+
+
+def test_loops_of_runs(fitted, runs):
+    X, force, names = runs
+    display = LoopDisplay.from_estimator(fitted, X.drop(columns="trajectory"), force + 5, groups=names).plot()
+    assert labels(display.figure_)[:2] == ["contraction / %", "force / N"]
+    wide, narrow = display.ax_.lines[:2]
+    assert np.mean(wide.get_ydata() - narrow.get_ydata()) == pytest.approx(5, abs=0.5)
+    again = LoopDisplay.from_predictions(1e-6 * force, 1e-6 * force, X, across="P", unit="kg/s").plot(runs=["step-1"])
+    assert labels(again.figure_)[:2] == ["pressure, absolute / bar", "mass flow / mg/s"]
+    assert np.ptp(again.ax_.lines[0].get_ydata()) == pytest.approx(np.ptp(force[200:]))
+    with pytest.raises(UnknownOptionError, match="sine-9"):
+        display.plot(runs=["sine-9"])
+    with pytest.raises(MissingTrajectoryError):
+        LoopDisplay.from_predictions(force, force, X.drop(columns="trajectory"))
+    with pytest.raises(ShapeError):
+        LoopDisplay.from_predictions(force[:5], force, X)
+
+
+def test_a_residual_map_shows_where_and_which_way(fitted, runs):
+    X, force, _ = runs
+    bump = 30.0 * (X["eps"] > 0.1) * (X["P"] > 4e5)
+    display = ResidualMapDisplay.from_estimator(fitted, X, force + bump, cells=(4, 4)).plot()
+    assert display.residual[3, 3] == pytest.approx(30, abs=3)
+    assert display.residual[0, 0] == pytest.approx(0, abs=3)
+    assert labels(display.figure_)[:2] == ["contraction / %", "pressure, absolute / bar"]
+    assert any("measured less predicted / N" in text for text in labels(display.figure_))
+    mesh = display.ax_.collections[0]
+    assert mesh.get_clim()[0] == -mesh.get_clim()[1]
+    still = ResidualMapDisplay.from_predictions(force, force, X.assign(eps=0.1)).plot()
+    assert np.isfinite(still.ax_.get_xlim()).all()
+    with pytest.raises(MissingColumnError, match="deps"):
+        ResidualMapDisplay.from_predictions(force, force, X, over=("eps", "deps"))
+    with pytest.raises(ParameterError):
+        ResidualMapDisplay.from_predictions(force, force, X, cells=(1, 4))
+
+
+def test_a_volume_surface_knows_how_far_it_is_known(fitted, runs):
+    X, force, names = runs
+    noisy = force + 20 * np.random.default_rng(0).standard_normal(len(force))
+    plain = X.drop(columns="trajectory")
+    model = GeometricForce(rest_length=0.2, rest_diameter=0.02)
+    display = VolumeSurfaceDisplay.from_estimator(model, plain, noisy, groups=names, n_refits=4, random_state=0).plot()
+    calm = VolumeSurfaceDisplay.from_estimator(model, plain, force, groups=names, n_refits=4, random_state=0)
+    assert display.V_std.mean() > 10 * calm.V_std.mean()
+    assert not hasattr(model, "coef_")
+    assert labels(display.figure_) == ["contraction / %", "gauge pressure / bar", "volume V / cm³"]
+    corner = VolumeSurfaceDisplay.from_estimators([fitted], plain[(plain["eps"] < 0.1) | (plain["P"] < 4e5)])
+    assert not corner.known[-5:, -5:].any()
+    assert corner.known[:5, :5].all()
+    assert np.all(corner.plot().V_std == 0)
+    given = VolumeSurfaceDisplay.from_predictions(corner.eps, corner.p_gauge, corner.V, 0.02 * corner.V).plot()
+    assert given.known.all()
+    with pytest.raises(ParameterError, match="1 runs"):
+        VolumeSurfaceDisplay.from_estimator(model, plain, force, groups=np.repeat("a", 300))
+    with pytest.raises(IncompatibleError):
+        VolumeSurfaceDisplay.from_estimators([SINDyRegressor()], plain)
+
+
+class Scaled(RegressorMixin, BaseEstimator):
+    """Learns one factor on a source; the more samples, the nearer."""
+
+    def __init__(self, source=None):
+        self.source = source
+
+    def fit(self, X, y, groups=None):
+        base = self.source.predict(X)
+        self.factor_ = float(base @ y / (base @ base))
+        return self
+
+    def predict(self, X):
+        return self.factor_ * self.source.predict(X)
+
+
+def test_adaptation_curves(fitted, runs):
+    X, force, names = runs
+    plain, target = X.drop(columns="trajectory"), 1.5 * force + 30 * np.random.default_rng(0).standard_normal(300)
+    display = AdaptationDisplay.from_estimator(
+        {"factor": Scaled(FrozenEstimator(fitted))},
+        plain[:200],
+        target[:200],
+        plain[200:],
+        1.5 * force[200:],
+        groups=names[:200],
+        samples=(5, 50, 200),
+        n_draws=4,
+        source=fitted,
+        random_state=0,
+    ).plot()
+    errors = display.errors["factor"]
+    assert errors.shape == (3, 4)
+    assert errors[0].mean() > errors[2].mean()
+    assert display.before > errors.max()
+    assert labels(display.figure_) == ["samples of the target", "error of the force on unseen runs, RMSE / N"]
+    assert [t.get_text() for t in display.ax_.get_legend().get_texts()] == ["factor", "source as it is"]
+    with pytest.raises(ParameterError, match="500 samples"):
+        AdaptationDisplay.from_estimator(Scaled(fitted), plain, target, plain, target, groups=names, samples=[500])
+    with pytest.raises(ShapeError):
+        AdaptationDisplay.from_predictions([1, 2], {"a": [1.0]})
+
+
+def test_displays_draw_on_the_axes_they_are_given(fitted, runs):
+    X, force, _ = runs
+    _, axes = new_figure(9, 3, 1, 3)
+    surface = VolumeSurfaceDisplay.from_estimators([fitted], X)
+    for ax, display in zip(
+        axes[0],
+        (LoopDisplay.from_predictions(force, force, X), ResidualMapDisplay.from_predictions(force, force, X), surface),
+        strict=True,
+    ):
+        assert display.plot(ax).ax_ is ax
+    taken = ForceMapDisplay.from_predictions([0.0, 0.1], [0.0, 1e5], [[1.0, 2.0], [3.0, 4.0]]).plot()
+    assert "force at rest / N" in labels(taken.figure_)

@@ -11,6 +11,10 @@ _HOME = {
     "volume_plot": "volumes",
     "VolumeDisplay": "volumes",
     "ForceMapDisplay": "force_map",
+    "LoopDisplay": "loops",
+    "ResidualMapDisplay": "residual_map",
+    "VolumeSurfaceDisplay": "volume_surface",
+    "AdaptationDisplay": "adaptation",
     "save_figure": "style",
 }
 """In which module each public name lives."""

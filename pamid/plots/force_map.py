@@ -8,7 +8,8 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
-from .style import GREY, drawn_on, style
+from ._signals import resting
+from .style import drawn_on, style
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,21 +82,41 @@ class ForceMapDisplay:
         ParameterError
             If there are fewer than two points.
         """
-        import pandas as pd
-
         if lacking := [c for c in ("eps", "P") if c not in getattr(X, "columns", ())]:
             raise MissingColumnError(f"X has no {', '.join(lacking)}.", "a DataFrame with eps and P", "Add the column.")
         if n_points < 2:
             raise ParameterError(f"n_points is {n_points}.", "at least 2", "Raise it.")
         eps_all, P_all = X["eps"].to_numpy(dtype=float), X["P"].to_numpy(dtype=float)
         eps, P = (np.linspace(a.min(), a.max(), n_points) for a in (eps_all, P_all))
-        grid = pd.DataFrame({"eps": np.tile(eps, n_points), "deps": 0.0, "P": np.repeat(P, n_points), "dP": 0.0})
-        names = list(getattr(estimator, "feature_names_in_", grid.columns))
-        force = np.asarray(estimator.predict(grid[[n for n in names if n in grid.columns]]), dtype=float)
+        grid = resting(estimator, np.tile(eps, n_points), np.repeat(P, n_points))
+        force = np.asarray(estimator.predict(grid), dtype=float)
         force = (force[:, 0] if force.ndim == 2 else force).reshape(n_points, n_points)
         every = max(1, len(X) // 800)
         samples = np.column_stack([eps_all, P_all - atmospheric_pressure])[::every]
         return cls(eps, P - atmospheric_pressure, force, samples)
+
+    @classmethod
+    def from_predictions(cls, eps: Any, p_gauge: Any, force: Any, samples: Any = None) -> Self:
+        """Take a map as it is.
+
+        Parameters
+        ----------
+        eps : array_like, shape (n_eps,)
+            Contraction ratio, dimensionless.
+        p_gauge : array_like, shape (n_pressures,)
+            Gauge pressure, Pa.
+        force : array_like, shape (n_pressures, n_eps)
+            Force at rest, N.
+        samples : array_like, shape (n_samples, 2), optional
+            Contraction and gauge pressure of samples to show.
+
+        Returns
+        -------
+        ForceMapDisplay
+            To be drawn with ``plot``.
+        """
+        shown = np.zeros((0, 2)) if samples is None else np.asarray(samples, dtype=float)
+        return cls(np.asarray(eps, float), np.asarray(p_gauge, float), np.asarray(force, float), shown)
 
     def plot(self, ax: Axes | None = None) -> Self:
         """Draw the map with its samples.
@@ -114,7 +135,9 @@ class ForceMapDisplay:
             self.figure_, self.ax_ = drawn_on(ax)
             x, y = 100 * self.eps, self.p_gauge / 1e5
             filled = self.ax_.contourf(x, y, self.force, levels=14, cmap="cividis")
-            self.ax_.scatter(100 * self.samples[:, 0], self.samples[:, 1] / 1e5, s=1.0, color=GREY, alpha=0.6)
+            self.ax_.scatter(
+                100 * self.samples[:, 0], self.samples[:, 1] / 1e5, s=1.5, color="white", alpha=0.8, linewidths=0
+            )
             self.figure_.colorbar(filled, ax=self.ax_, label="force at rest / N")
             self.ax_.set_xlabel("contraction / %")
             self.ax_.set_ylabel("gauge pressure / bar")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..errors import IncompatibleError, MissingColumnError
+from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
 
 if TYPE_CHECKING:
@@ -105,8 +106,6 @@ class VolumeDisplay:
         MissingColumnError
             If X has no ``eps`` or ``P``.
         """
-        import pandas as pd
-
         if not hasattr(estimator, "volume"):
             raise IncompatibleError(
                 f"{type(estimator).__name__} identifies no volume.",
@@ -121,11 +120,8 @@ class VolumeDisplay:
         least, most = np.quantile(all_eps, (0.001, 0.999))
         eps = np.linspace(least, most, _POINTS)
         covered = np.array([_covered(all_eps, all_P, P) for P in pressures])
-        grid = pd.DataFrame(
-            {"eps": np.tile(eps, n_pressures), "deps": 0.0, "P": np.repeat(pressures, _POINTS), "dP": 0.0}
-        )
-        names = list(getattr(estimator, "feature_names_in_", grid.columns))
-        jet = estimator.volume(grid[[n for n in names if n in grid.columns]])
+        grid = resting(estimator, np.tile(eps, n_pressures), np.repeat(pressures, _POINTS))
+        jet = estimator.volume(grid)
         length = rest_length or getattr(estimator, "rest_length", None)
         diameter = rest_diameter or getattr(estimator, "rest_diameter", None)
         geometry = _geometry(eps, length, diameter, braid_angle) if length and diameter else {}

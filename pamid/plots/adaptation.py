@@ -1,0 +1,213 @@
+"""How the error falls with the samples of an adaptation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ..errors import ParameterError, ShapeError
+from ._signals import predicted, runs_of, target_of
+from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, drawn_on, style
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
+_MARKS = ("o", "s", "^", "D", "v")
+
+
+class AdaptationDisplay:
+    """Error on unseen runs over the number of samples that an adaptation had, one curve a method.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_sizes,)
+        Numbers of samples.
+    errors : dict of str to ndarray, shape (n_sizes,) or (n_sizes, n_draws)
+        Root mean square error of each method, SI; several draws give a band from the least to the largest.
+    before : float, optional
+        Error of the source as it is.
+    unit : str, default="N"
+        SI unit of the errors.
+
+    Attributes
+    ----------
+    ax_ : Axes
+        Where it was drawn.
+    figure_ : Figure
+        Its figure.
+
+    Examples
+    --------
+    >>> from pamid.plots import AdaptationDisplay
+    >>> display = AdaptationDisplay.from_predictions([50, 200, 800], {"q": [3.0, 2.0, 1.8]}, before=9.0)
+    >>> display.plot().ax_.get_xlabel()
+    'samples of the target'
+    """
+
+    def __init__(
+        self,
+        samples: np.ndarray,
+        errors: Mapping[str, np.ndarray],
+        before: float | None = None,
+        unit: str = "N",
+    ) -> None:
+        for name, values in errors.items():
+            if len(values) != len(samples):
+                raise ShapeError(
+                    f"{name} has {len(values)} errors for {len(samples)} numbers of samples.",
+                    "one a size",
+                    "Correct it.",
+                )
+        self.samples = samples
+        self.errors = dict(errors)
+        self.before = before
+        self.unit = unit
+
+    @classmethod
+    def from_predictions(
+        cls, samples: Any, errors: Mapping[str, Any], *, before: float | None = None, unit: str = "N"
+    ) -> Self:
+        """Take errors as they are.
+
+        Parameters
+        ----------
+        samples : array_like, shape (n_sizes,)
+            Numbers of samples.
+        errors : mapping of str to array_like, shape (n_sizes,) or (n_sizes, n_draws)
+            Root mean square errors by method, SI.
+        before : float, optional
+            Error of the source as it is.
+        unit : str, default="N"
+            SI unit.
+
+        Returns
+        -------
+        AdaptationDisplay
+            To be drawn with ``plot``.
+        """
+        arrays = {str(name): np.asarray(values, dtype=float) for name, values in errors.items()}
+        return cls(np.asarray(samples, dtype=int), arrays, before, unit)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: pd.DataFrame,
+        y: Any,
+        X_test: pd.DataFrame,
+        y_test: Any,
+        *,
+        groups: Any = None,
+        samples: Sequence[int] = (50, 100, 200, 400),
+        n_draws: int = 3,
+        source: Any = None,
+        unit: str = "N",
+        random_state: Any = None,
+    ) -> Self:
+        """Fit clones of an adapter, or of several, on parts of the target's data, and score them on unseen runs.
+
+        Parameters
+        ----------
+        estimator : estimator or mapping of str to estimator
+            Adapters, such as ``QAdapter(FrozenEstimator(source))``; they stay as they are.
+        X, X_test : DataFrame
+            Signals of the target: those to adapt on, and those of runs that are kept for the score.
+        y, y_test : array_like, shape (n_samples,)
+            Target of the fit, SI.
+        groups : array_like, shape (n_samples,), optional
+            Run of each row of X; the column ``trajectory`` by default.
+        samples : sequence of int, default=(50, 100, 200, 400)
+            Numbers of samples.
+        n_draws : int, default=3
+            Draws of samples at each number.
+        source : estimator, optional
+            Fitted model of the source, for the line "as it is".
+        unit : str, default="N"
+            SI unit of the target.
+        random_state : int, RandomState or None, default=None
+            Draws.
+
+        Returns
+        -------
+        AdaptationDisplay
+            To be drawn with ``plot``.
+
+        Raises
+        ------
+        ParameterError
+            More samples are asked for than there are.
+        MissingTrajectoryError
+            Nothing tells the runs.
+        """
+        from sklearn.base import clone
+        from sklearn.utils import check_random_state
+
+        methods = estimator if isinstance(estimator, Mapping) else {type(estimator).__name__: estimator}
+        if max(samples) > len(X):
+            raise ParameterError(
+                f"{max(samples)} samples are asked for; X has {len(X)}.", "at most as many", "Lower it."
+            )
+        runs, y, y_test = runs_of(X, groups), np.asarray(y, dtype=float), np.asarray(y_test, dtype=float)
+        draws = check_random_state(random_state)
+        errors: dict[str, Any] = {name: np.full((len(samples), n_draws), np.nan) for name in methods}
+        for k, n in enumerate(samples):
+            for j in range(n_draws):
+                rows = np.sort(draws.choice(len(X), n, replace=False))
+                for name, method in methods.items():
+                    model = clone(method).fit(X.iloc[rows].reset_index(drop=True), y[rows], groups=runs[rows])
+                    errors[name][k, j] = _rmse(y_test, predicted(model, X_test))
+        before = None if source is None else _rmse(y_test, predicted(source, X_test))
+        return cls(np.asarray(samples, dtype=int), errors, before, unit)
+
+    def plot(self, ax: Axes | None = None) -> Self:
+        """Draw the curves, both axes in powers of ten.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where; a new figure of pyplot by default.
+
+        Returns
+        -------
+        AdaptationDisplay
+            With the attributes ``ax_`` and ``figure_``.
+        """
+        factor, word, unit = target_of(self.unit)
+        with style():
+            self.figure_, self.ax_ = drawn_on(ax)
+            for k, (name, values) in enumerate(self.errors.items()):
+                every = factor * values.reshape(len(self.samples), -1)
+                colour = _COLOURS[k % len(_COLOURS)]
+                if every.shape[1] > 1:
+                    self.ax_.fill_between(
+                        self.samples, every.min(axis=1), every.max(axis=1), color=colour, alpha=0.18, lw=0
+                    )
+                mark = _MARKS[k % len(_MARKS)]
+                self.ax_.plot(
+                    self.samples, np.median(every, axis=1), color=colour, marker=mark, markersize=4, label=name
+                )
+            if self.before is not None:
+                self.ax_.axhline(factor * self.before, color=GREY, linestyle=(0, (4, 3)), label="source as it is")
+            self.ax_.set(xscale="log", yscale="log", xlabel="samples of the target")
+            self.ax_.set_ylabel(f"error of the {word} on unseen runs, RMSE / {unit}")
+            _plain_ticks(self.ax_, self.samples)
+            self.ax_.legend()
+        return self
+
+
+def _plain_ticks(ax: Axes, samples: np.ndarray) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set_xticks(samples, [f"{n:,}" for n in samples])
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _rmse(y: np.ndarray, predicted_: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(y - predicted_))))

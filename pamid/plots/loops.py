@@ -1,0 +1,183 @@
+"""Measured and predicted loops of single runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ..errors import UnknownOptionError
+from ._signals import axis_of, column, predicted, runs_of, same_length, target_of
+from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+
+
+class LoopDisplay:
+    """Target over the contraction (or another signal), run by run, measured and predicted.
+
+    The width of a loop is what a static model cannot follow: hysteresis, friction, lags.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_samples,)
+        Signal on the axis, SI.
+    y_true, y_pred : ndarray, shape (n_samples,)
+        Measured and predicted target, SI.
+    groups : ndarray, shape (n_samples,)
+        Run of each sample.
+    across : str, default="eps"
+        What x is: a column's name.
+    unit : str, default="N"
+        SI unit of the target.
+
+    Attributes
+    ----------
+    ax_ : Axes
+        Where it was drawn.
+    figure_ : Figure
+        Its figure.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import GeometricForce
+    >>> from pamid.plots import LoopDisplay
+    >>> t = np.linspace(0, 6, 300)
+    >>> X = pd.DataFrame({"eps": 0.1 + 0.08 * np.sin(t), "P": 3e5 + 1e5 * np.cos(2 * t)})
+    >>> F = 1e-3 * (X["P"] - 101325) * (1 - 3 * X["eps"])
+    >>> display = LoopDisplay.from_estimator(GeometricForce().fit(X, F), X, F, groups=np.repeat("sine", 300))
+    >>> display.plot().ax_.get_ylabel()
+    'force / N'
+    """
+
+    def __init__(
+        self,
+        x: np.ndarray,
+        y_true: np.ndarray,
+        y_pred: np.ndarray,
+        groups: np.ndarray,
+        across: str = "eps",
+        unit: str = "N",
+    ) -> None:
+        same_length(x=x, y_true=y_true, y_pred=y_pred, groups=groups)
+        self.x = x
+        self.y_true = y_true
+        self.y_pred = y_pred
+        self.groups = groups
+        self.across = across
+        self.unit = unit
+
+    @classmethod
+    def from_estimator(
+        cls, estimator: Any, X: pd.DataFrame, y: Any, *, groups: Any = None, across: str = "eps", unit: str = "N"
+    ) -> Self:
+        """Predict with a fitted estimator.
+
+        Parameters
+        ----------
+        estimator : estimator
+            Fitted.
+        X : DataFrame
+            Signals, with the column `across`.
+        y : array_like, shape (n_samples,)
+            Measured target, SI.
+        groups : array_like, shape (n_samples,), optional
+            Run of each row; the column ``trajectory`` by default.
+        across : str, default="eps"
+            Column on the axis.
+        unit : str, default="N"
+            SI unit of the target: ``"N"``, ``"kg/s"``, ``"Pa"``.
+
+        Returns
+        -------
+        LoopDisplay
+            To be drawn with ``plot``.
+
+        Raises
+        ------
+        MissingColumnError, MissingTrajectoryError, ShapeError
+            The table lacks the column, nothing tells the runs, or lengths differ.
+        """
+        return cls.from_predictions(y, predicted(estimator, X), X, groups=groups, across=across, unit=unit)
+
+    @classmethod
+    def from_predictions(
+        cls, y_true: Any, y_pred: Any, X: pd.DataFrame, *, groups: Any = None, across: str = "eps", unit: str = "N"
+    ) -> Self:
+        """Take predictions as they are.
+
+        Parameters
+        ----------
+        y_true, y_pred : array_like, shape (n_samples,)
+            Measured and predicted target, SI.
+        X : DataFrame
+            Signals, with the column `across`.
+        groups : array_like, shape (n_samples,), optional
+            Run of each row; the column ``trajectory`` by default.
+        across : str, default="eps"
+            Column on the axis.
+        unit : str, default="N"
+            SI unit of the target.
+
+        Returns
+        -------
+        LoopDisplay
+            To be drawn with ``plot``.
+        """
+        y_true, y_pred = (np.asarray(y, dtype=float).ravel() for y in (y_true, y_pred))
+        return cls(column(X, across), y_true, y_pred, runs_of(X, groups), across, unit)
+
+    def plot(self, ax: Axes | None = None, *, runs: Sequence[Any] | None = None, most: int = 3) -> Self:
+        """Draw some runs.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where; a new figure of pyplot by default.
+        runs : sequence, optional
+            Which runs; by default `most` of them, evenly from the best to the worst predicted.
+        most : int, default=3
+            How many runs where none are named.
+
+        Returns
+        -------
+        LoopDisplay
+            With the attributes ``ax_`` and ``figure_``.
+
+        Raises
+        ------
+        UnknownOptionError
+            If there is no such run.
+        """
+        names = list(dict.fromkeys(self.groups.tolist()))
+        if runs is not None and (strange := [r for r in runs if r not in names]):
+            raise UnknownOptionError(
+                f"There is no run {strange[0]!r}.", f"one of {', '.join(map(str, names[:12]))}", "Correct it."
+            )
+        chosen = list(runs) if runs is not None else self._examples(names, most)
+        factor, word, unit = target_of(self.unit)
+        scale, label = axis_of(self.across)
+        with style():
+            self.figure_, self.ax_ = drawn_on(ax)
+            for k, name in enumerate(chosen):
+                rows = self.groups == name
+                colour = _COLOURS[k % len(_COLOURS)]
+                x = scale * self.x[rows]
+                self.ax_.plot(x, factor * self.y_true[rows], color=colour, linewidth=3.0, alpha=0.28)
+                self.ax_.plot(x, factor * self.y_pred[rows], color=colour, linewidth=1.0, label=str(name)[:30])
+            self.ax_.plot([], [], color=GREY, linewidth=3.0, alpha=0.4, label="wide: measured")
+            self.ax_.set(xlabel=label, ylabel=f"{word} / {unit}")
+            self.ax_.legend()
+        return self
+
+    def _examples(self, names: list[Any], most: int) -> list[Any]:
+        error = [float(np.nanmean(np.square((self.y_true - self.y_pred)[self.groups == n]))) for n in names]
+        order = np.argsort(error, kind="stable")
+        picked = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
+        return [names[order[k]] for k in picked]
