@@ -8,7 +8,9 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from html.parser import HTMLParser
+from functools import cache
+from html import unescape
+from os.path import normpath
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -20,23 +22,25 @@ _LOADING = {
     ("source", "src"),
     ("link", "href"),
 }
+_TAG = re.compile(r"<([a-zA-Z][\w-]*)((?:\s+[\w:@-]+(?:=(?:\"[^\"]*\"|'[^']*'|[^\s>\"']+))?)*)\s*/?>")
+_ATTRIBUTE = re.compile(r"""([\w:-]+)=(?:"([^"]*)"|'([^']*)')""")
+_SCRIPT = re.compile(r"(<script[^>]*>).*?</script>", re.DOTALL)  # what a script may write is no tag of the page
 _NOT_LOADED = {"canonical", "next", "prev", "search", "index", "author", "copyright", "help"}
 _CSS = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])((?:https?:)?//[^"')]+)""")
 
 
-class Page(HTMLParser):
+class Page:
     """Anchors, links and loaded things of one page."""
 
     def __init__(self, text: str) -> None:
-        super().__init__()
         self.anchors: set[str] = set()
         self.links: list[str] = []
         self.loads: list[str] = []
-        self.feed(text)
+        for tag, attributes in _TAG.findall(_SCRIPT.sub(r"\1</script>", text)):
+            self._take(tag.lower(), {name: unescape(a or b) for name, a, b in _ATTRIBUTE.findall(attributes)})
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def _take(self, tag: str, given: dict[str, str]) -> None:
         """Take what a tag names, leads to and loads."""
-        given = {name: value or "" for name, value in attrs}
         self.anchors |= {given[name] for name in ("id", "name") if given.get(name)}
         if tag == "a" and given.get("href"):
             self.links.append(given["href"])
@@ -57,6 +61,7 @@ def faults(site: Path) -> list[str]:
     """Return a line for each dead link or anchor, and for each thing loaded from outside."""
     pages = {file: Page(file.read_text(encoding="utf-8")) for file in html(site)}
     found = []
+    there = cache(Path.exists)
     for file, page in pages.items():
         where = file.relative_to(site)
         for link in [*page.links, *page.loads]:
@@ -65,8 +70,8 @@ def faults(site: Path) -> list[str]:
                 if link in page.loads and parts.scheme != "data":
                     found.append(f"{where} loads {link}")
                 continue
-            target = (file.parent / unquote(parts.path)).resolve() if parts.path else file
-            if not target.exists():
+            target = Path(normpath(file.parent / unquote(parts.path))) if parts.path else file
+            if not there(target):
                 found.append(f"{where}: no {link}")
             elif where.parts[0] == "_modules":
                 continue  # viewcode names the module where a class lives, its page the package that shows it

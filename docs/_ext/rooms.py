@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import os
 import pkgutil
 import re
 from pathlib import Path
@@ -103,6 +104,8 @@ def page(room: str, line: str) -> str:
         return "\n".join([*parts, *(f".. autoexception:: {p}\n" for p in door)])
     if door:
         parts += [_table(door)]
+    if door and os.environ.get("PAMID_DOCS") == "short":
+        return "\n".join(parts)
     if room in _TOGETHER:
         parts += ["Members", "-------", "", _table([p for paths in rest.values() for p in paths])]
         rest = {}
