@@ -114,10 +114,14 @@ class AdaptationDisplay:
         ----------
         estimator : estimator or mapping of str to estimator
             Adapters, such as ``QAdapter(FrozenEstimator(source))``; they stay as they are.
-        X, X_test : DataFrame
-            Signals of the target: those to adapt on, and those of runs that are kept for the score.
-        y, y_test : array_like, shape (n_samples,)
+        X : DataFrame
+            Signals of the target to adapt on.
+        y : array_like, shape (n_samples,)
             Target of the fit, SI.
+        X_test : DataFrame
+            Signals of runs that are kept for the score.
+        y_test : array_like, shape (n_test_samples,)
+            Target on them, SI.
         groups : array_like, shape (n_samples,), optional
             Run of each row of X; the column ``trajectory`` by default.
         samples : sequence of int, default=(50, 100, 200, 400)
