@@ -36,8 +36,8 @@ class Clusters:
         self.evidence, self.fit = evidence, fit
         self.slots = slots_of(fit.spec)
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
-        z = evidence.z(fit.spec) if fit.spec else evidence.z0
-        D, _, _ = fitter.jacobian(self.slots, phi, z) if self.slots else (np.zeros((len(z), 0)), None, None)
+        z = evidence.tangent(fit.spec, fit.x)
+        D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
         self.A = np.column_stack([evidence.J, D])
         self.z = z + evidence.J @ fit.x
         w = np.empty(len(z))

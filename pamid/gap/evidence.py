@@ -117,6 +117,7 @@ class Evidence:
         self.J = self._tolerances()
         self.weights = np.ones(len(self.parts))
         self._state: dict[str, np.ndarray] | None = None
+        self._tangents: dict[bytes, np.ndarray] = {}
 
     @staticmethod
     def prior(name: str) -> float:
@@ -189,6 +190,29 @@ class Evidence:
                 if ratio is not None:
                     ratio[slot] = np.maximum(residual.noise.ravel() / self.noise[slot], 1.0)
         self._widening = (lagging, ratio)
+        return out
+
+    def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.
+
+        Parameters
+        ----------
+        spec : mapping
+            Effects with their values.
+        x : array, shape (n_free,)
+            Deviations of the parameters, in tolerances.
+        """
+        deviations = dict(zip(self.free, map(float, x), strict=True))
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._tangents:
+            exact = self.z({}, deviations, equations=None) if np.any(x) else self.z0
+            self._tangents = {**dict(list(self._tangents.items())[-5:]), key: exact - self.J @ x}
+        out = self._tangents[key]
+        if spec:
+            out, changed, linear = out.copy(), self.z(spec, deviations), self.J @ x
+            for name in self.touched(spec):
+                part = self.parts[self.equations.index(name)]
+                out[part] = changed[part] - linear[part]
         return out
 
     def widening(self, spec: Spec) -> np.ndarray | None:

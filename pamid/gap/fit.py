@@ -13,6 +13,10 @@ from .likelihood import Solution, solve
 
 SLACK = 1.03
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
+ROUNDS = 3
+"""Most times that the linear model of the tolerances is laid anew where a fit has come to."""
+NEAR = 0.03
+"""Move of the tolerances, in their unit, that needs no new one."""
 LOST = 100.0
 """Log-likelihood below that without an effect at which a fit with it does not come back."""
 
@@ -125,14 +129,29 @@ class Fitter:
 
     def base(self) -> Fit:
         """Fit the tolerances alone."""
-        s = self.linear(self.evidence.z0, iterations=20)
-        return Fit({}, s.x, s.loglik, s.z, s.scales)
+        return self._exact({}, np.zeros(self.n))
 
     def at(self, spec: Spec) -> Fit:
         """Fit the tolerances with effects held at their values."""
-        return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.z(spec), None, 20)
+        return self._exact({k: dict(v) for k, v in spec.items()}, np.zeros(self.n))
 
-    def refine(self, spec: Spec, steps: int = 6, gain: float = 0.3, least: float = -np.inf) -> Fit:
+    def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
+        """Fit the tolerances, the linear model of them laid where the fit ends."""
+        for _ in range(ROUNDS):
+            found = self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20)
+            moved, x = float(np.max(np.abs(found.x - x), initial=0.0)), found.x
+            if moved < NEAR:
+                break
+        return found
+
+    def refine(
+        self,
+        spec: Spec,
+        steps: int = 6,
+        gain: float = 0.3,
+        least: float = -np.inf,
+        near: np.ndarray | None = None,
+    ) -> Fit:
         """Fit everything, beginning from a spec.
 
         Parameters
@@ -145,16 +164,29 @@ class Fitter:
             A step that adds less to the likelihood is the last.
         least : float, optional
             Likelihood without what is tried: a fit that stays far below it after two steps is given up.
+        near : array, shape (n_free,), optional
+            Deviations of the tolerances to begin from.
         """
+        x = np.zeros(self.n) if near is None else near
+        found = self._refined(spec, x, steps, gain, least)
+        for _ in range(ROUNDS - 1):
+            if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < least - LOST:
+                break
+            x = found.x
+            found = self._refined(found.spec, x, 2, gain, least)
+        return found
+
+    def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float) -> Fit:
+        """Fit everything with a linear model of the tolerances, laid at deviations x."""
         slots = slots_of(spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
-        z = self.evidence.z(spec)
-        best = self._fit(_spec(slots, phi), z, None)
+        z = self.evidence.tangent(spec, x)
+        best = self._fit(_spec(slots, phi), z, x)
         damping = 1.0
         for done in range(steps):
             if done == 2 and best.loglik < least - LOST:
                 break
-            D, lower, upper = self.jacobian(slots, phi, z)
+            D, lower, upper = self.jacobian(slots, phi, z, x)
             step = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
             ).x[self.n :]
@@ -162,7 +194,7 @@ class Fitter:
                 trial = np.array(
                     [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
                 )
-                z_trial = self.evidence.z(_spec(slots, trial))
+                z_trial = self.evidence.tangent(_spec(slots, trial), x)
                 found = self._fit(_spec(slots, trial), z_trial, best.x)
                 if found.loglik > best.loglik or damping < 0.1:
                     break
@@ -178,11 +210,16 @@ class Fitter:
     def _fit(
         self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6
     ) -> Fit:
-        s = self.linear(z, iterations=iterations, start=start, widening=self.evidence.widening(spec))
+        s = self.linear(z, iterations=iterations, start=start, widening=self.evidence.widening(spec) if spec else None)
         return Fit(spec, s.x, s.loglik, s.z, s.scales)
 
     def jacobian(
-        self, slots: list[tuple[str, Parameter]], phi: np.ndarray, z: np.ndarray, only: Sequence[int] | None = None
+        self,
+        slots: list[tuple[str, Parameter]],
+        phi: np.ndarray,
+        z: np.ndarray,
+        x: np.ndarray,
+        only: Sequence[int] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, and how far a step may go; of some parameters alone if wanted."""
         D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
@@ -196,7 +233,7 @@ class Fitter:
                 h = -h
             moved = phi.copy()
             moved[k] += h
-            D[:, k] = (self.evidence.z(_spec(slots, moved)) - z) / h
+            D[:, k] = (self.evidence.tangent(_spec(slots, moved), x) - z) / h
             lower[k], upper[k] = p.lower - v, p.upper - v
             if not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
                 lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(h)))

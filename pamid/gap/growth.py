@@ -148,7 +148,7 @@ def _exchanged(search: Search, rivals: Alternatives, fit: Fit) -> Fit:
     """Try every earlier cause anew beside the others: alone it may have been a compromise, and now be none at all."""
     for name in list(fit.spec)[:-1]:
         others = {k: v for k, v in fit.spec.items() if k != name}
-        stage = search.stage(search.fitter.refine(others, steps=3))
+        stage = search.stage(search.fitter.refine(others, steps=3, near=fit.x))
         found = [f for f in _gains(search, stage) if f[0].added != name]
         stands = search.rival(name, fit, search.softness(stage.before.fit))
         found = sorted([*found, (stands, search.gain(stage.before, stands))], key=lambda f: -f[1])
@@ -169,7 +169,7 @@ def _shortened(search: Search, rivals: Alternatives, fit: Fit) -> Fit:
     whole = search.base.fit.loglik
     for pair in combinations(list(fit.spec), 2):
         others = {k: v for k, v in fit.spec.items() if k not in pair}
-        stage = search.stage(search.fitter.refine(others, steps=3)) if others else search.stages[0]
+        stage = search.stage(search.fitter.refine(others, steps=3, near=fit.x)) if others else search.stages[0]
         worst = fit.loglik - ALIKE - ALIKE_SHARE * (fit.loglik - whole)
         for rival, gain in _gains(search, stage):
             if rival.added in pair or gain <= LEAST_GAIN or rival.fit.loglik < worst:

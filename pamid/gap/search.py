@@ -122,13 +122,13 @@ class Search:
     # --- forms that may differ ------------------------------------------------------------------------------
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
         """Return what each effect of a fit adds to the residuals beyond what tolerances take up, in units of noise."""
-        key, J = repr(fit.spec), self.evidence.J
+        key, J = f"{fit.spec!r} {fit.x.tobytes()!r}", self.evidence.J
         if key not in self._contributions:
-            whole = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+            whole = self.evidence.tangent(fit.spec, fit.x)
             found = {}
             for name in fit.spec:
                 rest = {k: v for k, v in fit.spec.items() if k != name}
-                d = whole - (self.evidence.z(rest) if rest else self.evidence.z0)
+                d = whole - self.evidence.tangent(rest, fit.x)
                 found[name] = d - J @ np.linalg.lstsq(J, d, rcond=None)[0] if J.shape[1] else d
             self._contributions = {**dict(list(self._contributions.items())[-3:]), key: found}
         return self._contributions[key]
@@ -163,7 +163,7 @@ class Search:
         columns = self.loosened(fit)
         k = columns.shape[1]
         bounds = np.full(k, 2 * FORM)
-        z = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+        z = self.evidence.tangent(fit.spec, fit.x)
         prior = np.full(k, FORM**-2)
         widening = self.evidence.widening(fit.spec)
         plain = self.fitter.linear(z, None, None, None, None, 4, fit.x, soft, widening)
@@ -195,7 +195,7 @@ class Search:
             return done
         soft = self.softness(fit)
         before = self.rival("", fit, soft)
-        z = self.evidence.z(fit.spec) if fit.spec else self.evidence.z0
+        z = self.evidence.tangent(fit.spec, fit.x)
         nuisance = self.loosened(fit)
         k = nuisance.shape[1]
         form, prior = np.full(k, 2 * FORM), np.full(k, FORM**-2)
@@ -222,7 +222,7 @@ class Search:
         rivals = []
         for name in _short_list({name: gain for name, (gain, _) in screened.items()}):
             self.say(f"refit with {name}")
-            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}), least=fit.loglik)
+            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}), least=fit.loglik, near=fit.x)
             rivals.append(self.rival(name, refined, soft))
         rivals.sort(key=lambda r: self.gain(before, r), reverse=True)
         self.stages.append(Stage(before, screened, rivals))
@@ -246,7 +246,8 @@ class Search:
             phi = np.array([rival.fit.spec[name][p.name] for name, p in slots])
             mine = [k for k, (name, _) in enumerate(slots) if name == rival.added]
             if len(mine) > 1:
-                D = self.fitter.jacobian(slots, phi, self.evidence.z(rival.fit.spec), mine)[0][:, mine]
+                z = self.evidence.tangent(rival.fit.spec, rival.fit.x)
+                D = self.fitter.jacobian(slots, phi, z, rival.fit.x, mine)[0][:, mine]
             else:
                 D = np.zeros((len(self.evidence.z0), len(mine)))
             self._costs[key] = occam(
