@@ -219,17 +219,11 @@ def test_report(page: Page, report: Path) -> None:
     assert page.ask(
         "[...document.querySelectorAll('svg')].every(s => s.getAttribute('aria-label') || s.querySelector('title'))"
     )
+    if page.ask("document.querySelectorAll('a[href], summary, button, [tabindex=\"0\"]').length") >= 2:
+        check_keyboard(page, 6)
     page.open(report, PHONE)
     check_narrow(page)
     check_quiet(page)
-
-
-@needs_browser
-def test_report_by_keyboard(page: Page, report: Path) -> None:
-    page.open(report)
-    if page.ask("document.querySelectorAll('a[href], summary, button, [tabindex=\"0\"]').length") < 2:
-        pytest.skip("the report has nothing to reach")
-    check_keyboard(page, 6)
 
 
 @needs_browser
@@ -248,9 +242,14 @@ def test_the_checks_find_what_they_look_for(page: Page, tmp_path: Path) -> None:
         check_keyboard(page, 2)
 
 
-@needs_browser
-def test_site(page: Page, site: Path) -> None:
-    """A page of each kind, wide and narrow."""
+def test_site(site: Path, request: pytest.FixtureRequest) -> None:
+    """Every link leads somewhere; a page of each kind, wide and narrow. One test, so that the site is built once."""
+    check = [sys.executable, str(ROOT / "docs" / "check_site.py"), str(site)]
+    done = subprocess.run(check, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    if not BROWSER:
+        pytest.skip("the links are right; the rest needs chromium, which is not installed here")
+    page = request.getfixturevalue("page")
     for name in ("index", "theory-laws", "models", "auto_gallery/plot_10_cause", "api/pamid.estimators.StaticPIHM"):
         for width in (1280, PHONE):
             page.open(site / f"{name}.html", width)
@@ -260,10 +259,3 @@ def test_site(page: Page, site: Path) -> None:
     page.open(site / "index.html")
     check_keyboard(page, 12)
     assert page.ask("document.querySelectorAll('a[href=\"#main-content\"]').length") == 1, "a way past the navigation"
-
-
-def test_every_link_of_the_site_leads_somewhere(site: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "docs" / "check_site.py"), str(site)], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stdout
