@@ -82,21 +82,22 @@ def predictions(folder: Path, muscle: str, steps: int) -> None:
     adapted = QAdapter(source("anchored", "A", 0, steps), **sizes(muscle), random_state=0).fit(
         few[COLUMNS], few["mdot"]
     )
-    fig, axes = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    for axis, name, run in ((axes[0], "D_tri", 18), (axes[1], "D_step", 4)):
+    fig, axes = plt.subplots(2, 2, figsize=(9, 4.6), layout="constrained", sharex="col", height_ratios=(3, 2))
+    for column, (name, run, window) in enumerate((("D_tri", 18, (0.0, np.inf)), ("D_step", 4, (0.45, 0.8)))):
         d = log(name, muscle, 0)
-        d = d[d["trajectory"] == d["trajectory"].unique()[run]]
-        axis.plot(d["time"], 1e3 * d["mdot"], color="0.6", label="measured")
-        axis.plot(d["time"], 1e3 * scratch.predict(d[COLUMNS[1:]]), lw=0.8, label="published network, from scratch")
-        axis.plot(d["time"], 1e3 * adapted.predict(d[COLUMNS]), "--", lw=0.8, label="adapted from A, 315 samples")
-        span = 1e3 * d["mdot"].abs().max()
-        axis.set(
-            title=f"{muscle}: {d['trajectory'].iloc[0]}",
-            xlabel="time / s",
-            ylabel="flow / g/s",
-            ylim=(-1.6 * span, 1.6 * span),
-        )
-    axes[0].legend(fontsize=7)
+        d = d[(d["trajectory"] == d["trajectory"].unique()[run]) & d["time"].between(*window)]
+        upper, lower = axes[:, column]
+        upper.plot(d["time"], 1e3 * d["mdot"], color="0.7", lw=2.5, label="measured")
+        for model, columns, style, label in (
+            (scratch, COLUMNS[1:], "-", "published network, from scratch"),
+            (adapted, COLUMNS, "--", "adapted from A, 315 samples"),
+        ):
+            flow = 1e3 * model.predict(d[columns])
+            upper.plot(d["time"], flow, style, lw=0.9, label=label)
+            lower.plot(d["time"], flow - 1e3 * d["mdot"], style, lw=0.7)
+        upper.set(title=f"{muscle}: {d['trajectory'].iloc[0]}", ylabel="flow / g/s")
+        lower.set(xlabel="time / s", ylabel="error / g/s")
+    fig.legend(*axes[0][0].get_legend_handles_labels(), fontsize=8, ncols=3, loc="outside lower center")
     fig.savefig(folder / f"adaptation-predictions-{muscle}.png", dpi=120)
 
 
