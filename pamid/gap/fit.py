@@ -17,7 +17,7 @@ ROUNDS = 3
 """Most times that the linear model of the tolerances is laid anew where a fit has come to."""
 NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
-LOST = 100.0
+LOST = 300.0
 """Log-likelihood below that without an effect at which a fit with it does not come back."""
 
 
@@ -135,6 +135,10 @@ class Fitter:
         """Fit the tolerances with effects held at their values."""
         return self._exact({k: dict(v) for k, v in spec.items()}, np.zeros(self.n))
 
+    def glance(self, spec: Spec, x: np.ndarray) -> float:
+        """Return the likelihood of effects at their values, the tolerances near deviations x."""
+        return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.tangent(spec, x), x).loglik
+
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, the linear model of them laid where the fit ends."""
         for _ in range(ROUNDS):
@@ -163,7 +167,7 @@ class Fitter:
         gain : float, default=0.3
             A step that adds less to the likelihood is the last.
         least : float, optional
-            Likelihood without what is tried: a fit that stays far below it after two steps is given up.
+            Likelihood without what is tried: a fit that stays far below it after three steps is given up.
         near : array, shape (n_free,), optional
             Deviations of the tolerances to begin from.
         """
@@ -184,7 +188,7 @@ class Fitter:
         best = self._fit(_spec(slots, phi), z, x)
         damping = 1.0
         for done in range(steps):
-            if done == 2 and best.loglik < least - LOST:
+            if done == 3 and best.loglik < least - LOST:
                 break
             D, lower, upper = self.jacobian(slots, phi, z, x)
             step = self.linear(

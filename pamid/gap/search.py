@@ -71,14 +71,14 @@ class Stage:
     ----------
     before : Rival
         What stood before, at the softness of this stage.
-    screened : dict of str to (float, dict)
-        For each effect of the library the gain in likelihood of its best template, and its values there.
+    screened : dict of str to (float, list of dict)
+        For each effect of the library the gain in likelihood of its best template, and values to refit it from.
     rivals : list of Rival
         The refitted ones, the best first.
     """
 
     before: Rival
-    screened: dict[str, tuple[float, dict[str, float]]]
+    screened: dict[str, tuple[float, list[dict[str, float]]]]
     rivals: list[Rival]
 
 
@@ -199,7 +199,7 @@ class Search:
         nuisance = self.loosened(fit)
         k = nuisance.shape[1]
         form, prior = np.full(k, 2 * FORM), np.full(k, FORM**-2)
-        screened: dict[str, tuple[float, dict[str, float]]] = {}
+        screened: dict[str, tuple[float, list[dict[str, float]]]] = {}
         for name, found in self.templates.items():
             if name in fit.spec:
                 continue
@@ -218,11 +218,13 @@ class Search:
                 )
                 gain = s.loglik - before.loose - least_penalty(m, self.evidence) + self.prior(name)
                 if name not in screened or gain > screened[name][0]:
-                    screened[name] = (gain, t.values(s.x[self.fitter.n : self.fitter.n + m]))
+                    screened[name] = (gain, t.starts(s.x[self.fitter.n : self.fitter.n + m]))
         rivals = []
         for name in _short_list({name: gain for name, (gain, _) in screened.items()}):
             self.say(f"refit with {name}")
-            refined = self.fitter.refine(joined(fit.spec, {name: screened[name][1]}), least=fit.loglik, near=fit.x)
+            starts = [joined(fit.spec, {name: values}) for values in screened[name][1]]
+            spec = max(starts, key=lambda s: self.fitter.glance(s, fit.x)) if len(starts) > 1 else starts[0]
+            refined = self.fitter.refine(spec, least=fit.loglik, near=fit.x)
             rivals.append(self.rival(name, refined, soft))
         rivals.sort(key=lambda r: self.gain(before, r), reverse=True)
         self.stages.append(Stage(before, screened, rivals))

@@ -42,15 +42,17 @@ class Template:
     lower: np.ndarray
     upper: np.ndarray
 
-    def values(self, x: np.ndarray) -> dict[str, float]:
-        """Return all parameters of the effect at fitted coefficients."""
-        if not self.linear and len(self.fixed) == 1:
+    def starts(self, x: np.ndarray) -> list[dict[str, float]]:
+        """Return all parameters of the effect at fitted coefficients, in one or two readings of what they say."""
+        if self.linear:
+            return [{**self.fixed, **{name: float(v) for name, v in zip(self.linear, x, strict=False)}}]
+        found = [dict(self.fixed)]
+        if len(self.fixed) == 1 and 0.0 < x[0] < 0.7:
             [p] = (p for p in all_effects()[self.effect].parameters if p.name in self.fixed)
             if 0.0 <= p.lower <= 0.02 * p.nominal:
                 # Part of an effect that vanishes with its only parameter is the effect with part of it.
-                return {p.name: max(p.lower, self.fixed[p.name] * float(np.clip(x[0], 0.02, 1.0)))}
-        found = {name: float(v) for name, v in zip(self.linear, x, strict=False)}
-        return {**self.fixed, **found}
+                found.append({p.name: max(p.lower, self.fixed[p.name] * float(max(x[0], 0.02)))})
+        return found
 
 
 def templates(evidence: AnyEvidence, effect: type[Effect]) -> list[Template]:
