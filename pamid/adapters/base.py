@@ -16,6 +16,16 @@ class Adapter(Protocol):
 
     With :math:`E = \partial\theta/\partial\psi`: `pullback` is :math:`E^T g`, `pushforward` is :math:`E s`, and `gram`
     is :math:`(J E)(J E)^T` for the Jacobian J of predictions by theta.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.low_rank import LowRank
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]
+    >>> adapter = LowRank((1,))
+    >>> theta = adapter.expand(source, adapter.initial(source, np.random.default_rng(0)))
+    >>> bool((theta[0] == source[0]).all())  # an adaptation starts at the source
+    True
     """
 
     name: ClassVar[str]
@@ -56,6 +66,17 @@ class Bound:
         The adapter.
     source : list of arrays
         Parameters of the source network, of the kind and on the device of the training.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import Bound
+    >>> from pamid.adapters.scalar import Scalar
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]
+    >>> bound = Bound(Scalar(4.0), source)
+    >>> psi = bound.adapter.initial(source, np.random.default_rng(0))
+    >>> float(bound.expand(psi)[-2][0, 0])
+    4.0
     """
 
     adapter: Adapter
@@ -83,5 +104,13 @@ class Bound:
 
 
 def n_parameters(psi: Arrays) -> int:
-    """Return the number of trained values in psi."""
+    """Return the number of trained values in psi.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import n_parameters
+    >>> n_parameters([np.zeros((3, 4)), np.zeros(3)])
+    15
+    """
     return sum(int(np.prod(tuple(p.shape))) for p in psi)

@@ -13,7 +13,18 @@ from .base import Arrays
 
 @dataclass(frozen=True)
 class FineTuning:
-    """Train the named layers, counted from 0 at the input; ``None`` trains all of them."""
+    """Train the named layers, counted from 0 at the input; ``None`` trains all of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import n_parameters
+    >>> from pamid.adapters.fine_tuning import FineTuning
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]  # a network 4-3-1
+    >>> psi = FineTuning((0,)).initial(source, np.random.default_rng(0))
+    >>> n_parameters(psi)
+    15
+    """
 
     layers: tuple[int, ...] | None = None
 

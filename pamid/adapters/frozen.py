@@ -12,7 +12,18 @@ from .base import Arrays
 
 @dataclass(frozen=True)
 class Frozen:
-    """Leave the network as it is."""
+    """Leave the network as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import n_parameters
+    >>> from pamid.adapters.frozen import Frozen
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]  # a network 4-3-1
+    >>> psi = Frozen().initial(source, np.random.default_rng(0))
+    >>> n_parameters(psi)
+    0
+    """
 
     name: ClassVar[str] = "frozen"
 

@@ -10,7 +10,15 @@ from ..errors import ParameterError
 
 
 class Scale(NamedTuple):
-    """A factor on the volume and its standard uncertainty."""
+    """A factor on the volume and its standard uncertainty.
+
+    Examples
+    --------
+    >>> from pamid.adapters.geometry import volume_ratio
+    >>> q = volume_ratio((0.2, 0.01), (0.45, 0.02), relative=(0.02, 0.05))
+    >>> print(f"Q = {q.value:.1f} ± {q.uncertainty:.1f}")
+    Q = 9.0 ± 1.3
+    """
 
     value: float
     uncertainty: float
@@ -37,6 +45,12 @@ def volume_ratio(
     ------
     ParameterError
         If a size is not above 0, or an uncertainty is below 0.
+
+    Examples
+    --------
+    >>> from pamid.adapters.geometry import volume_ratio
+    >>> volume_ratio((0.2, 0.01), (0.2, 0.02)).value  # from lengths and diameters, m
+    4.0
     """
     sizes = np.array([source, target], dtype=float)
     spread = np.array(relative, dtype=float)

@@ -22,6 +22,16 @@ class LowRank:
 
     A is drawn at random and B starts at zero, so the adaptation starts at the source. The default ranks count the
     1,288 parameters of the published table on the published network.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import n_parameters
+    >>> from pamid.adapters.low_rank import LowRank
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]  # a network 4-3-1
+    >>> psi = LowRank((1,)).initial(source, np.random.default_rng(0))
+    >>> n_parameters(psi)
+    7
     """
 
     ranks: tuple[int, ...] = (2, 4)

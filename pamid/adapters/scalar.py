@@ -14,7 +14,18 @@ from .fine_tuning import FineTuning
 
 @dataclass(frozen=True)
 class Scalar:
-    """Multiply the last layer's weights and bias, hence the volume, by Q; Q learns at `rate` of the learning rate."""
+    """Multiply the last layer's weights and bias, hence the volume, by Q; Q learns at `rate` of the learning rate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.adapters.base import n_parameters
+    >>> from pamid.adapters.scalar import Scalar
+    >>> source = [np.ones((3, 4)), np.zeros(3), np.ones((1, 3)), np.zeros(1)]  # a network 4-3-1
+    >>> psi = Scalar(4.0).initial(source, np.random.default_rng(0))
+    >>> n_parameters(psi)
+    20
+    """
 
     q0: float = 1.0
     base: Adapter = field(default_factory=FineTuning)

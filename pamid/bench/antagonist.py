@@ -29,6 +29,14 @@ class Antagonist:
         Number of runs.
     effects : sequence of Effect
         The other effects.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.bench.antagonist import Antagonist
+    >>> bench = Antagonist(BenchParameters.for_muscle("B"), n_runs=3)
+    >>> bench.remembers
+    False
     """
 
     def __init__(self, params: BenchParameters, n_runs: int, effects: Sequence[Effect] = ()) -> None:

@@ -43,6 +43,13 @@ def balances(params: BenchParameters, runs: Sequence[Trajectory], substeps: int 
     dict of str to float
         ``"gas"``, ``"gas_energy"`` (only for γ > 1) and ``"joint_energy"``: the largest residual over runs and muscles
         at the end of the run, relative to what has been exchanged in absolute value on the way.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, sine
+    >>> from pamid.bench.balance import balances
+    >>> all(abs(v) < 1e-3 for v in balances(BenchParameters.for_muscle("B"), [sine(4, 15, 200)]).values())
+    True
     """
     params = params.replace(effects=())
     n, g = len(runs), params.gas.heat_capacity_ratio

@@ -42,6 +42,14 @@ class Controller:
         Least wanted pressure, Pa gauge: the muscles stay taut.
     margin : float, default=5e4
         Least distance of the wanted pressure from supply, Pa.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, Controller, simulate, sine
+    >>> stiff = Controller(bandwidth=60.0)  # rad/s
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 200)], controller=stiff)
+    >>> len(log)
+    200
     """
 
     pressure: float = 2e5

@@ -40,6 +40,13 @@ def training_trajectories(rows: int = ROWS["D_B"]) -> list[Trajectory]:
     -------
     list of Trajectory
         Frequency by frequency, amplitudes rising.
+
+    Examples
+    --------
+    >>> from pamid.bench import training_trajectories
+    >>> runs = training_trajectories(2000)
+    >>> len(runs), runs[0].name
+    (20, 'sine-1-5')
     """
     runs = []
     n = len(TRAINING_FREQUENCIES) * len(AMPLITUDES)
@@ -63,6 +70,13 @@ def triangle_trajectories(samples: int = TRIANGLE_SAMPLES) -> list[Trajectory]:
     -------
     list of Trajectory
         Frequency by frequency, amplitudes rising.
+
+    Examples
+    --------
+    >>> from pamid.bench import triangle_trajectories
+    >>> runs = triangle_trajectories(100)
+    >>> len(runs), runs[0].name
+    (25, 'triangle-0.5-5')
     """
     return [
         triangle(frequency, amplitude, samples, phase=2.0 * math.pi * k / len(AMPLITUDES))
@@ -83,6 +97,13 @@ def step_trajectories(samples: int = STEP_SAMPLES) -> list[Trajectory]:
     -------
     list of Trajectory
         Amplitudes rising, the positive step first.
+
+    Examples
+    --------
+    >>> from pamid.bench import step_trajectories
+    >>> runs = step_trajectories(100)
+    >>> len(runs), runs[0].name
+    (10, 'step-0-5')
     """
     return [step(0.0, sign * amplitude, samples, lead=0.2) for amplitude in AMPLITUDES for sign in (1.0, -1.0)]
 

@@ -19,6 +19,19 @@ class RungeKutta4:
         ``rates(y, out, ahead)`` writes the rate of ``y`` into ``out``.
     shape : tuple of int
         Shape of the state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.bench.integrate import RungeKutta4
+    >>> def decay(y, out, ahead):
+    ...     out[:] = -y
+    >>> step, y = RungeKutta4(decay, (1,)), np.ones(1)
+    >>> for _ in range(10):
+    ...     _ = step.first(y)
+    ...     _ = step.advance(y, 0.1)
+    >>> bool(abs(y[0] - np.exp(-1)) < 1e-6)
+    True
     """
 
     def __init__(self, rates: Rates, shape: tuple[int, ...]) -> None:

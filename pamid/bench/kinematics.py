@@ -33,6 +33,13 @@ def contraction(q: np.ndarray, muscle: int, params: BenchParameters) -> np.ndarr
     -------
     array
         ε, dimensionless.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.bench import BenchParameters, contraction
+    >>> contraction(np.array([-0.2, 0.0, 0.2]), 1, BenchParameters.for_muscle("B")).round(3)  # angles in rad
+    array([0.08, 0.12, 0.16])
     """
     gain = SIGNS[muscle] * params.joint.pulley_radius / params.muscle.rest_length
     return params.muscle.initial_contraction + gain * q
@@ -62,6 +69,14 @@ def unfold(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
         The log lacks ``time``, ``q``, or the pressure of both muscles.
     MissingTrajectoryError
         The log does not name its trajectories.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> table = unfold(simulate(bench, [sine(4, 15, 100)]), bench)
+    >>> len(table), [c for c in ("eps", "P", "F", "mdot") if c in table]
+    (200, ['eps', 'P', 'F', 'mdot'])
     """
     import pandas as pd
 

@@ -80,6 +80,10 @@ class MuscleParameters:
         θ₀ at rest, between thread and axis, rad.
     initial_contraction : float
         ε₀ at joint angle 0, dimensionless.
+
+    Examples
+    --------
+    >>> muscle = MuscleParameters("B", rest_length=0.2, rest_diameter=0.02, braid_angle=0.436, initial_contraction=0.12)
     """
 
     name: str
@@ -137,6 +141,11 @@ class GasParameters:
         T, K.
     atmospheric_pressure, supply_pressure : float
         Pa, absolute.
+
+    Examples
+    --------
+    >>> GasParameters().temperature  # K
+    293.0
     """
 
     heat_capacity_ratio: float = _quantity(
@@ -179,6 +188,11 @@ class ValveParameters:
         b_c, dimensionless.
     reference_density : float
         ρ₀, kg/m³.
+
+    Examples
+    --------
+    >>> ValveParameters(sonic_conductance=6e-9).critical_pressure_ratio
+    0.35
     """
 
     sonic_conductance: float = _quantity(
@@ -203,6 +217,10 @@ class JointParameters:
         J, kg m².
     viscous_damping : float
         b_q, N m s/rad.
+
+    Examples
+    --------
+    >>> joint = JointParameters(pulley_radius=0.04, inertia=0.02, viscous_damping=0.08)  # m, kg m², N m s/rad
     """
 
     pulley_radius: float = _quantity("m", 0.001, 1.0, "Radii are in m: 40 mm are 0.04.")

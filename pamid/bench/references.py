@@ -34,6 +34,14 @@ class Trajectory:
         How much of the differential pressure each muscle takes; (2, 0) leaves muscle 2 at constant pressure.
     sealed : array of bool, shape (n_samples,), optional
         Where both valves are shut.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.bench import Trajectory
+    >>> q_ref = np.radians(10 * np.tanh(np.linspace(-3, 3, 400)))
+    >>> Trajectory("swing", q_ref).n_samples
+    400
     """
 
     name: str
@@ -97,6 +105,13 @@ def sine(frequency: float, amplitude: float, samples: int, phase: float = 0.0, l
     -------
     Trajectory
         Named ``sine-<frequency>-<amplitude>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import sine
+    >>> run = sine(4, 15, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('sine-4-15', 0.262)
     """
     t, n_lead = _times(samples, lead)
     q = math.radians(amplitude) * np.sin(frequency * t + phase)
@@ -123,6 +138,13 @@ def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.
     -------
     Trajectory
         Named ``triangle-<frequency>-<amplitude>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import triangle
+    >>> run = triangle(4, 15, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('triangle-4-15', 0.262)
     """
     t, n_lead = _times(samples, lead)
     q = math.radians(amplitude) * 2.0 / math.pi * np.arcsin(np.sin(frequency * t + phase))
@@ -147,6 +169,13 @@ def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = 
     -------
     Trajectory
         Named ``step-<start>-<end>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import step
+    >>> run = step(0, 12, 1000)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('step-0-12', 0.209)
     """
     t, n_lead = _times(samples, lead)
     q = np.where(t < at - 0.5 * PERIOD, math.radians(start), math.radians(end))
@@ -177,6 +206,13 @@ def multisine(
     -------
     Trajectory
         Named ``multisine-<frequency>-<amplitude>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import multisine
+    >>> run = multisine(10, 15, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('multisine-10-15', 0.262)
     """
     t, n_lead = _times(samples, lead)
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, tones)
@@ -202,6 +238,13 @@ def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
     -------
     Trajectory
         Named ``hold-<angle>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import hold
+    >>> run = hold(10, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('hold-10', 0.175)
     """
     t, n_lead = _times(samples, lead)
     q = np.where(t < -0.5 * lead, 0.0, math.radians(angle))
@@ -226,6 +269,13 @@ def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LE
     -------
     Trajectory
         Named ``sealed-<angle>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import sealed_hold
+    >>> run = sealed_hold(10, 1000)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('sealed-10', 0.175)
     """
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)
@@ -252,6 +302,13 @@ def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, 
     -------
     Trajectory
         Named ``isobaric<muscle>-<frequency>-<amplitude>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import isobaric
+    >>> run = isobaric(4, 15, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('isobaric1-4-15', 0.262)
     """
     if muscle not in (1, 2):
         raise ParameterError(f"There is no muscle {muscle!r}.", "1 or 2", "Name one of the two muscles.")
@@ -280,6 +337,13 @@ def isometric(angle: float, rise: float, samples: int, frequency: float = 1.0, l
     -------
     Trajectory
         Named ``isometric-<angle>-<rise in kPa>``.
+
+    Examples
+    --------
+    >>> from pamid.bench import isometric
+    >>> run = isometric(10, 5e4, 500)
+    >>> run.name, round(float(abs(run.q_ref).max()), 3)  # rad
+    ('isometric-10-50', 0.175)
     """
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)

@@ -19,6 +19,13 @@ class Sensor:
         Standard deviation of white Gaussian noise, unit of the channel.
     resolution : float, default=0
         Step of the converter, unit of the channel; 0 for none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.bench import Sensor
+    >>> Sensor(noise=0.3, resolution=0.5).read(np.array([10.0, 10.1]), np.random.default_rng(0))  # N
+    array([10., 10.])
     """
 
     noise: float = 0.0

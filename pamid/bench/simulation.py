@@ -27,7 +27,14 @@ EffectLike = Effect | str | tuple[str, Mapping[str, float]]
 
 
 def as_effects(effects: Sequence[EffectLike]) -> list[Effect]:
-    """Return effects given as objects, names or pairs (name, parameters) as objects."""
+    """Return effects given as objects, names or pairs (name, parameters) as objects.
+
+    Examples
+    --------
+    >>> from pamid.bench.simulation import as_effects
+    >>> as_effects(["leakage", ("coulomb_friction", {"amplitude": 6.0})])
+    [leakage(conductance=1e-10 m^3/(s Pa)), coulomb_friction(amplitude=6 N, per_pressure=0 N/Pa, presliding=0.0002)]
+    """
     if isinstance(effects, (str, Effect)):
         raise ParameterError(f"effects is {effects!r}.", "a sequence of effects", "Put it in a list.")
     out = []
@@ -118,6 +125,14 @@ def run_batch(
     -------
     Record
         The signals.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, sine
+    >>> from pamid.bench.simulation import run_batch
+    >>> record = run_batch(BenchParameters.for_muscle("B"), [sine(4, 15, 100, lead=0.0)])
+    >>> record.F.shape  # N
+    (100, 2, 1)
     """
     length, n = len(runs[0].q_ref), len(runs)
     everything = [*params.make_effects(), *effects]

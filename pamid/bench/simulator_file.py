@@ -127,7 +127,15 @@ def _line(name: str, value: str, comment: str) -> str:
 
 
 def simulator_text(params: BenchParameters) -> str:
-    """Return the simulator file of ``params`` as text."""
+    """Return the simulator file of ``params`` as text.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.bench.simulator_file import simulator_text
+    >>> simulator_text(BenchParameters.for_muscle("B")).count("[muscle]")
+    1
+    """
     from .parameters import TABLES
 
     lines = ["# Simulator of the bench: SI units, absolute pressures."]

@@ -45,6 +45,12 @@ class LiftSettings:
         Of the stand on which the load rests until it is lifted, N/m.
     damping : float, default=60
         Of the guide of the load, N s/m.
+
+    Examples
+    --------
+    >>> from pamid.bench.single import LiftSettings
+    >>> LiftSettings(frequency=0.25).peak  # Pa gauge
+    700000.0
     """
 
     frequency: float = 0.05
@@ -60,6 +66,12 @@ def festo_like() -> BenchParameters:
     """Return a muscle of 20 mm like those on the market: about 1.5 kN at 6 bar, shortening by 25 % at most.
 
     The conical ends (effect ``end_cap``) limit the contraction, hysteresis of the braid parts up from down.
+
+    Examples
+    --------
+    >>> from pamid.bench.single import festo_like
+    >>> festo_like().muscle.rest_length  # m
+    0.2
     """
     return BenchParameters(
         MuscleParameters("20mm", 0.2, 0.02, math.radians(25.0), 0.0),

@@ -19,6 +19,12 @@ class AngleDelay(Delay):
     References
     ----------
     R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("angle_delay", delay=0.005)
+    angle_delay(delay=0.005 s)
     """
 
     name = "angle_delay"

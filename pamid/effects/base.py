@@ -68,6 +68,13 @@ class Parameter:
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
         parameters vanishes; a fit that ends there speaks for that other one.
+
+    Examples
+    --------
+    >>> from pamid.effects import Parameter
+    >>> p = Parameter("stiffness", "N", 0.0, 1e5, 150.0, "force per contraction", linear=True)
+    >>> f"{p.name} = {p.nominal:g} {p.unit}, {p.lower:g} to {p.upper:g}"
+    'stiffness = 150 N, 0 to 100000'
     """
 
     name: str
@@ -98,6 +105,14 @@ class Signals:
         Mass flow into the muscle, kg/s.
     force : array, optional
         Tension, N.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.effects import Signals
+    >>> s = Signals(position=np.array([0.10, 0.12]), pressure=np.array([3.0e5, 3.2e5]))
+    >>> float(s.at(0).pressure)  # Pa
+    300000.0
     """
 
     time: Array = None
@@ -127,6 +142,13 @@ class Step(NamedTuple):
         Part without the pressure rate, kg/s.
     b : array
         Factor of the pressure rate, kg/Pa.
+
+    Examples
+    --------
+    >>> from pamid.effects import Step
+    >>> leak = Step(a=-2e-6, b=0.0)
+    >>> leak.a + leak.b * 1e5  # kg/s at a pressure rate of 1 bar/s
+    -2e-06
     """
 
     a: Array
@@ -148,6 +170,19 @@ class Effect(ABC):
     ----------
     values : dict of str to float
         The parameters' values; each is also an attribute of its own name.
+
+    Examples
+    --------
+    >>> from pamid.effects import Effect, Parameter
+    >>> class Preload(Effect):
+    ...     'A constant tension.'
+    ...     name, family, equations, source = "preload", "elasticity", ("force",), "own measurement"
+    ...     parameters = (Parameter("tension", "N", 0.0, 50.0, 5.0, "tension of the springs", linear=True),)
+    ...     def force(self, s, x, plant):
+    ...         return self.tension
+    >>> Preload(tension=8)
+    preload(tension=8 N)
+    >>> del Effect.registry["preload"]  # forgets it; not needed in real life
     """
 
     name: ClassVar[str]

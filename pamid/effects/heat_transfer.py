@@ -28,6 +28,12 @@ class HeatTransfer(Effect):
     ----------
     E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
     model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("heat_transfer", time_constant=0.2)
+    heat_transfer(time_constant=0.2 s)
     """
 
     name = "heat_transfer"

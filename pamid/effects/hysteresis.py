@@ -27,6 +27,12 @@ class Hysteresis(Effect):
     ----------
     M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of Computational Methods
     in Engineering 16, 2009. https://doi.org/10.1007/s11831-009-9031-8
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("hysteresis", amplitude=8)
+    hysteresis(amplitude=8 N, displacement=0.01, shape=0.5)
     """
 
     name = "hysteresis"

@@ -41,6 +41,13 @@ class Plant:
         ρ₀, kg/m³.
     pulley_radius : float
         r, m.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> plant = BenchParameters.for_muscle("B").plant()
+    >>> print(f"{1e6 * plant.volume(0.1):.1f} cm³ at 10 % contraction, {plant.turns:.2f} turns of a thread")
+    106.0 cm³ at 10 % contraction, 1.48 turns of a thread
     """
 
     rest_length: float

@@ -19,6 +19,12 @@ class PressureLag(Lag):
     References
     ----------
     R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("pressure_lag", time_constant=0.01)
+    pressure_lag(time_constant=0.01 s)
     """
 
     name = "pressure_lag"

@@ -24,6 +24,12 @@ class SupplyDroop(Effect):
     ----------
     ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
     compressible fluids".
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("supply_droop", resistance=2e+07)
+    supply_droop(resistance=2e+07 Pa s/kg)
     """
 
     name = "supply_droop"

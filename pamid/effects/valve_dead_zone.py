@@ -25,6 +25,12 @@ class ValveDeadZone(Effect):
     ----------
     E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
     model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("valve_dead_zone", width=0.04)
+    valve_dead_zone(width=0.04, stretch=0)
     """
 
     name = "valve_dead_zone"

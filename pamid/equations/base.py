@@ -27,6 +27,15 @@ class Residual(NamedTuple):
         The measured side.
     noise : array, shape (n_windows, n_sides)
         Standard deviation that the noise of the channels leaves in `value`.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import residuals
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> trajectory, equation, r = next(residuals(simulate(bench, [sine(4, 15, 400)]), bench, ["force"]))
+    >>> equation, r.value.shape == r.noise.shape
+    ('force', True)
     """
 
     time: np.ndarray
@@ -36,7 +45,15 @@ class Residual(NamedTuple):
 
 
 class Equation(ABC):
-    """One equation of the bench. A subclass in a module of this package is found by itself."""
+    """One equation of the bench. A subclass in a module of this package is found by itself.
+
+    Examples
+    --------
+    >>> from pamid.equations import all_equations
+    >>> flow = all_equations()["flow"]
+    >>> flow.unit, flow.channels
+    ('kg/s', ('q', 'P', 'mdot'))
+    """
 
     name: ClassVar[str]
     """Its name."""
@@ -81,6 +98,12 @@ def all_equations() -> dict[str, Equation]:
     -------
     dict of str to Equation
         ``force``, ``flow``, ``valve``, ``joint``, and any further one that a module of this package defines.
+
+    Examples
+    --------
+    >>> from pamid.equations import all_equations
+    >>> sorted(all_equations())
+    ['flow', 'force', 'joint', 'valve']
     """
     package = importlib.import_module(__package__ or "pamid.equations")
     for module in pkgutil.iter_modules(package.__path__):

@@ -22,6 +22,15 @@ class ChannelNoise(NamedTuple):
     fixed : float
         Standard deviation of what does not average out: the quantisation error of a signal that rests between two
         steps with too little noise to dither them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations import channel_noise
+    >>> F = 40 + np.random.default_rng(0).normal(0, 0.3, 2000)  # N
+    >>> noise = channel_noise(F, 20)
+    >>> print(f"{noise.white:.1f} N a sample, {noise.variance(np.full(20, 1 / 20)) ** 0.5:.2f} N in a mean of 20")
+    0.3 N a sample, 0.07 N in a mean of 20
     """
 
     white: float
@@ -81,6 +90,15 @@ def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
     ----------
     B. Widrow, I. Kollár, "Quantization Noise", Cambridge University Press, 2008.
     https://doi.org/10.1017/CBO9780511754661
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations import channel_noise
+    >>> t = np.arange(0, 2, 1e-3)
+    >>> P = 3e5 + 1e5 * np.sin(4 * t) + np.random.default_rng(0).normal(0, 60, t.size)  # Pa
+    >>> bool(55 < channel_noise(P, 20).white < 65)
+    True
     """
     x = np.asarray(x, dtype=float)
     if len(x) < 5:

@@ -27,6 +27,15 @@ class Refit(NamedTuple):
         Relative change of each parameter that has a tolerance.
     at_bound : tuple of str
         Parameters that ended at a bound of their tolerance.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import refit_within_tolerance
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> refit = refit_within_tolerance(simulate(bench.replace(rest_diameter=0.02006), [sine(4, 15, 800)]), bench)
+    >>> print(f"{1e3 * refit.params.muscle.rest_diameter:.2f} mm")
+    20.06 mm
     """
 
     params: BenchParameters

@@ -21,13 +21,27 @@ WINDOW = 0.02
 
 
 def samples_per_window(dt: float, window: float = WINDOW) -> int:
-    """Return the number of samples in a window, at least one."""
+    """Return the number of samples in a window, at least one.
+
+    Examples
+    --------
+    >>> from pamid.equations.windows import samples_per_window
+    >>> samples_per_window(1e-3)  # windows of 20 ms at 1 kHz
+    20
+    """
     return max(1, round(window / dt))
 
 
 @cache
 def kernel(n: int, order: int) -> np.ndarray:
-    """Return the weights of the B-spline of an order on samples; they add to one."""
+    """Return the weights of the B-spline of an order on samples; they add to one.
+
+    Examples
+    --------
+    >>> from pamid.equations.windows import kernel
+    >>> kernel(2, 2)
+    array([0.25, 0.5 , 0.25])
+    """
     box = np.full(n, 1.0 / n)
     weights = box
     for _ in range(order - 1):
@@ -37,7 +51,14 @@ def kernel(n: int, order: int) -> np.ndarray:
 
 
 def span(n: int, order: int) -> int:
-    """Return the number of samples under the B-spline of an order."""
+    """Return the number of samples under the B-spline of an order.
+
+    Examples
+    --------
+    >>> from pamid.equations.windows import span
+    >>> span(20, 1), span(20, 2)
+    (20, 39)
+    """
     return order * (n - 1) + 1
 
 
@@ -54,6 +75,12 @@ def starts(n_rows: int, n: int, order: int, shift: int = 0) -> np.ndarray:
         Order of the B-spline, centred on its window.
     shift : int, default=0
         Row of the series that sample 0 would have.
+
+    Examples
+    --------
+    >>> from pamid.equations.windows import starts
+    >>> starts(100, 20, 1)
+    array([ 0, 20, 40, 60, 80])
     """
     first = np.arange(0, max(n_rows, 0) + n, n) - ((order - 1) * (n - 1)) // 2 + shift
     return first[(first >= 0) & (first + span(n, order) <= n_rows)]
@@ -75,6 +102,13 @@ def average(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
     -------
     array, shape (len(first), ...)
         The means.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations.windows import average
+    >>> average(np.arange(8.0), 4, 1, np.array([0, 4]))
+    array([1.5, 5.5])
     """
     if not len(first):
         return np.zeros((0, *x.shape[1:]))
@@ -96,5 +130,13 @@ def average(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
 
 
 def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
-    """Return the values of a series at the centres of the test functions that begin at ``first``."""
+    """Return the values of a series at the centres of the test functions that begin at ``first``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations.windows import centre
+    >>> centre(np.arange(8.0), 4, 1, np.array([0, 4]))
+    array([1., 5.])
+    """
     return x[first + (span(n, order) - 1) // 2]

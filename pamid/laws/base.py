@@ -19,7 +19,15 @@ from ..signals.state import Array, State
 
 
 class Coefficients(NamedTuple):
-    """The factors of V, ∂V/∂ε and ∂V/∂P in a law, one entry a sample."""
+    """The factors of V, ∂V/∂ε and ∂V/∂P in a law, one entry a sample.
+
+    Examples
+    --------
+    >>> from pamid.laws.quasi_static import QuasiStaticForce
+    >>> from pamid.signals import State
+    >>> QuasiStaticForce(rest_length=0.2).coefficients(State(0.1, 0.0, 301325.0, 0.0))
+    Coefficients(V=0.0, V_eps=1000000.0, V_P=0.0)
+    """
 
     V: Array
     V_eps: Array
@@ -27,7 +35,16 @@ class Coefficients(NamedTuple):
 
 
 class Law(ABC):
-    """A law that turns the gas volume and its derivatives into something measured."""
+    """A law that turns the gas volume and its derivatives into something measured.
+
+    Examples
+    --------
+    >>> from pamid.laws.base import Law
+    >>> from pamid.laws.thermodynamic import ThermodynamicFlow
+    >>> law = ThermodynamicFlow()
+    >>> isinstance(law, Law), law.equation, law.target, law.unit
+    (True, 'flow', 'mdot', 'kg/s')
+    """
 
     equation: ClassVar[str]
     """Name of the equation of the bench that the law states: ``"force"`` or ``"flow"``."""

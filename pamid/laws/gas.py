@@ -30,6 +30,12 @@ def gas_mass(P: Array, V: Array, *, gas_constant: Array = GAS_CONSTANT, temperat
     -------
     array, shape (n_samples,)
         Mass, kg.
+
+    Examples
+    --------
+    >>> from pamid.laws.gas import gas_mass
+    >>> print(f"{gas_mass(3e5, 7e-5):.3g} kg in 70 cm³ at 3 bar")
+    0.00025 kg in 70 cm³ at 3 bar
     """
     return P * V / (gas_constant * temperature)
 
@@ -68,6 +74,12 @@ def mass_flow(
     ----------
     E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
     model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.laws.gas import mass_flow
+    >>> print(f"{mass_flow(3e5, 1e5, 7e-5, 0.0):.3g} kg/s for 1 bar/s at a constant volume")
+    5.95e-05 kg/s for 1 bar/s at a constant volume
     """
     return (dP * V / heat_capacity_ratio + P * dV) / (gas_constant * temperature)
 
@@ -101,6 +113,13 @@ def pressure_rate(
     -------
     array, shape (n_samples,)
         Ṗ, Pa/s.
+
+    Examples
+    --------
+    >>> from pamid.laws.gas import mass_flow, pressure_rate
+    >>> mdot = mass_flow(3e5, 1e5, 7e-5, 2e-5)
+    >>> round(pressure_rate(3e5, mdot, 7e-5, 2e-5))  # Pa/s
+    100000
     """
     return heat_capacity_ratio * (gas_constant * temperature * mdot - P * dV) / V
 
@@ -128,6 +147,14 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
     -------
     array, shape (n_samples,)
         P^{1/γ} V, Pa^{1/γ} m³.
+
+    Examples
+    --------
+    >>> from pamid.laws.gas import entropic_content
+    >>> P, V = 3e5, 7e-5
+    >>> compressed = V / 2
+    >>> round(entropic_content(P * 2**1.4, compressed) / entropic_content(P, V), 6)  # an adiabatic compression keeps it
+    1.0
     """
     return P ** (1.0 / heat_capacity_ratio) * V
 
@@ -155,5 +182,11 @@ def entropic_supply(
     -------
     array, shape (n_samples,)
         d(P^{1/γ} V)/dt, Pa^{1/γ} m³/s.
+
+    Examples
+    --------
+    >>> from pamid.laws.gas import entropic_supply
+    >>> print(f"{entropic_supply(3e5, 1e-4):.4f}")
+    0.2290
     """
     return P ** (1.0 / heat_capacity_ratio - 1.0) * gas_constant * temperature * mdot

@@ -30,6 +30,14 @@ class AntagonisticJoint:
         J of the joint, kg m².
     viscous_damping : float, default=0
         b_q, N m s/rad.
+
+    Examples
+    --------
+    >>> from pamid.laws.joint import AntagonisticJoint
+    >>> joint = AntagonisticJoint(pulley_radius=0.04, rest_length=0.2, initial_contraction=0.12, inertia=0.02)
+    >>> eps1, eps2 = joint.contractions(0.2)  # rad
+    >>> print(f"{eps1:.2f} and {eps2:.2f}")
+    0.16 and 0.08
     """
 
     pulley_radius: float

@@ -30,6 +30,14 @@ class QuasiStaticForce(Law):
     ----------
     C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
     on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+
+    Examples
+    --------
+    >>> from pamid.laws.quasi_static import QuasiStaticForce
+    >>> from pamid.signals import State
+    >>> a = QuasiStaticForce(rest_length=0.2).coefficients(State(0.1, 0.0, 301325.0, 0.0))
+    >>> a.V_eps * 3e-4  # tension in N of a muscle with a slope of the volume of 3e-4 m³
+    300.0
     """
 
     rest_length: float

@@ -30,6 +30,14 @@ class ThermodynamicFlow(Law):
     ----------
     E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
     model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.laws.thermodynamic import ThermodynamicFlow
+    >>> from pamid.signals import State
+    >>> a = ThermodynamicFlow().coefficients(State(eps=0.1, deps=0.0, P=3e5, dP=1e5))
+    >>> print(f"{a.V * 7e-5:.3g} kg/s into a muscle of 70 cm³ whose pressure rises by 1 bar/s")
+    5.95e-05 kg/s into a muscle of 70 cm³ whose pressure rises by 1 bar/s
     """
 
     heat_capacity_ratio: float = HEAT_CAPACITY_RATIO

@@ -39,6 +39,13 @@ def flow_function(pressure_ratio: Array, critical_pressure_ratio: Array, linear_
     ----------
     ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
     compressible fluids".
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.laws.valve import flow_function
+    >>> flow_function(np.array([0.2, 0.35, 0.8, 1.0]), 0.35).round(3)
+    array([1.   , 1.   , 0.722, 0.   ])
     """
     xp = namespace(pressure_ratio, critical_pressure_ratio)
     x = xp.clip(pressure_ratio, 0.0, 1.0)
@@ -95,6 +102,15 @@ def valve_flow(
     -------
     array, shape (n_samples,)
         ṁ into the muscle, kg/s; never against the pressure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.laws.valve import valve_flow
+    >>> u, P = np.array([1.0, -1.0]), np.array([3e5, 3e5])
+    >>> mdot = valve_flow(u, P, 7e5, sonic_conductance=6e-9, critical_pressure_ratio=0.35)
+    >>> (1e3 * mdot).round(2)  # g/s, filling and venting at 3 bar
+    array([ 4.94, -2.13])
     """
     xp = namespace(u, P, supply_pressure, atmospheric_pressure, sonic_conductance, critical_pressure_ratio)
     filling = supply_pressure * flow_function(P / supply_pressure, critical_pressure_ratio, linear_from)
@@ -121,6 +137,13 @@ class Valve:
         ρ₀, kg/m³.
     linear_from : float, optional
         Pressure ratio above which the flow falls linearly to zero; see `flow_function`.
+
+    Examples
+    --------
+    >>> from pamid.laws.valve import Valve
+    >>> valve = Valve(sonic_conductance=6e-9, critical_pressure_ratio=0.35, supply_pressure=7e5)
+    >>> print(f"{1e3 * valve.flow(u=0.5, P=3e5):.2f} g/s")
+    2.47 g/s
     """
 
     sonic_conductance: float

@@ -21,6 +21,14 @@ class State(NamedTuple):
         Gas pressure in the muscle, Pa, absolute.
     dP : array, shape (n_samples,)
         Its rate Ṗ, Pa/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import State
+    >>> state = State(eps=np.array([0.1]), deps=np.array([0.2]), P=np.array([3e5]), dP=np.array([0.0]))
+    >>> state.P  # Pa, absolute
+    array([300000.])
     """
 
     eps: Array

@@ -29,6 +29,12 @@ def trainer_named(trainer: str | Trainer) -> Trainer:
     ------
     UnknownOptionError
         If there is no trainer of that name.
+
+    Examples
+    --------
+    >>> from pamid.training import trainer_named
+    >>> type(trainer_named("adam")).__name__
+    'Adam'
     """
     if isinstance(trainer, Trainer):
         return trainer

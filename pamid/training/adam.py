@@ -44,6 +44,13 @@ class Adam(Trainer):
     References
     ----------
     D. P. Kingma, J. Ba, "Adam: a method for stochastic optimization", 2014. https://doi.org/10.48550/arXiv.1412.6980
+
+    Examples
+    --------
+    >>> from pamid.training import Adam
+    >>> trainer = Adam()
+    >>> trainer.learning_rate, trainer.weight_decay, trainer.batch_size
+    (0.0001, 1e-05, 2048)
     """
 
     def __init__(

@@ -50,6 +50,12 @@ class LevenbergMarquardt(Trainer):
     ----------
     D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", SIAM Journal on Applied
     Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
+
+    Examples
+    --------
+    >>> from pamid.estimators import StaticPIHM
+    >>> from pamid.training import LevenbergMarquardt
+    >>> model = StaticPIHM(trainer=LevenbergMarquardt(max_iter=10))
     """
 
     def __init__(

@@ -62,6 +62,12 @@ def activation_named(name: str) -> Activation:
     ------
     UnknownOptionError
         If there is no activation of that name.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from pamid.training.network import activation_named
+    >>> slope, _ = activation_named("tanh")(z := torch.zeros(1), False)
     """
     if name not in ACTIVATIONS:
         raise UnknownOptionError(
@@ -89,6 +95,15 @@ def initial_parameters(
         Floating type.
     device : torch.device or str
         Where the tensors live.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import torch
+    >>> from pamid.training.network import initial_parameters
+    >>> weights = initial_parameters((4, 3, 1), np.random.RandomState(0), torch.float64)
+    >>> [tuple(w.shape) for w in weights]
+    [(3, 4), (3,), (1, 3), (1,)]
     """
     parameters: Parameters = []
     for n_in, n_out in pairwise(widths):

@@ -14,7 +14,14 @@ Callback = Callable[[float, Parameters], bool]
 
 
 class Status(Enum):
-    """Why a training ended. The value says what happened, why, and what can be changed."""
+    """Why a training ended. The value says what happened, why, and what can be changed.
+
+    Examples
+    --------
+    >>> from pamid.training import Status
+    >>> [s.name for s in Status][:2]
+    ['FINISHED', 'CONVERGED']
+    """
 
     FINISHED = "All iterations were carried out."
     CONVERGED = "No step lowers the loss by more than the tolerance any more."

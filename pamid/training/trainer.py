@@ -35,6 +35,12 @@ class Trainer(BaseEstimator):
 
     It derives from scikit-learn's `BaseEstimator` for its parameters alone, so that ``trainer__max_iter`` and the
     like can be searched over.
+
+    Examples
+    --------
+    >>> from pamid.training import Adam, LevenbergMarquardt, Trainer
+    >>> issubclass(Adam, Trainer), issubclass(LevenbergMarquardt, Trainer)
+    (True, True)
     """
 
     max_iter: int

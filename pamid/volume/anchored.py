@@ -20,6 +20,17 @@ class AnchoredVolume:
         The geometry.
     correction : VolumeModel
         The network, with its inputs clamped to the range of the data.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.anchored import AnchoredVolume
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> from pamid.volume.cylinder import CylinderVolume
+    >>> geometry = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363)
+    >>> tube = CylinderVolume(rest_length=0.2, rest_diameter=0.002)  # stands for a correction
+    >>> print(f"{1e6 * AnchoredVolume(geometry, tube).jet(State(0.0, 0.0, 3e5, 0.0)).V:.2f} cm³")
+    63.46 cm³
     """
 
     anchor: VolumeModel

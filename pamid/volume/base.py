@@ -18,6 +18,14 @@ class VolumeJet(NamedTuple):
         ∂V/∂ε, m³.
     V_P : array, shape (n_samples,)
         ∂V/∂P, m³/Pa; zero for a volume that is a function of the contraction alone.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> jet = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
     V: Array
@@ -26,7 +34,19 @@ class VolumeJet(NamedTuple):
 
 
 class VolumeModel(Protocol):
-    """Anything that gives the gas volume of a muscle with its derivatives."""
+    """Anything that gives the gas volume of a muscle with its derivatives.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume import VolumeJet
+    >>> class Balloon:
+    ...     'A volume that grows with the pressure alone.'
+    ...     def jet(self, state):
+    ...         return VolumeJet(1e-10 * state.P, 0.0 * state.P, 1e-10 + 0.0 * state.P)
+    >>> Balloon().jet(State(0.1, 0.0, 3e5, 0.0)).V  # m³
+    3e-05
+    """
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample of ``state``."""

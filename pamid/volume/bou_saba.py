@@ -57,6 +57,14 @@ class BouSabaVolume(ClassicalVolume):
 
     D. Bou Saba, P. Massioni, E. Bideaux, X. Brun, "Flatness-based control of a two-degree-of-freedom platform with
     pneumatic artificial muscles", 2017. https://doi.org/10.48550/arXiv.1703.05503
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.bou_saba import BouSabaVolume
+    >>> jet = BouSabaVolume.from_geometry(0.2, 0.02, 0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
     rest_diameter: float
@@ -123,6 +131,12 @@ def bou_saba(
     References
     ----------
     See `BouSabaVolume`.
+
+    Examples
+    --------
+    >>> from pamid.volume.bou_saba import bou_saba
+    >>> print(f"{bou_saba(3e5, 0.1, rest_diameter=0.02, braid_angle=0.4363, exponent=2.2):.1f} N")
+    333.6 N
     """
     muscle = BouSabaVolume(1.0, rest_diameter, braid_angle, exponent)
     return (P - atmospheric_pressure) * muscle.jet(State(eps, 0.0 * eps, P, 0.0 * eps)).V_eps

@@ -105,6 +105,12 @@ def chou_hannaford(
     ----------
     C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
     on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+
+    Examples
+    --------
+    >>> from pamid.volume.braided import chou_hannaford
+    >>> print(f"{chou_hannaford(3e5, 0.1, rest_diameter=0.02, braid_angle=0.4363):.1f} N")
+    348.1 N
     """
     muscle = BraidedVolume(1.0, rest_diameter, braid_angle)
     return (P - atmospheric_pressure) * muscle.jet(State(eps, 0.0 * eps, P, 0.0 * eps)).V_eps

@@ -25,6 +25,16 @@ class VolumeReport(NamedTuple):
         Median of V over the volume of the cylinder at rest; NaN if that is not known.
     messages : tuple of str
         One sentence for each thing that makes no sense; empty if all is well.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import State
+    >>> from pamid.volume import VolumeJet, check_volume
+    >>> state = State(np.array([0.1]), np.array([0.0]), np.array([3e5]), np.array([0.0]))
+    >>> jet = VolumeJet(np.array([-7e-5]), np.array([4e-4]), np.array([0.0]))
+    >>> check_volume(jet, state, warn=False).sensible
+    False
     """
 
     positive: float
@@ -66,6 +76,18 @@ def check_volume(
     -------
     VolumeReport
         Shares, size and messages.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import State
+    >>> from pamid.volume import check_volume
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> eps = np.linspace(0, 0.2, 5)
+    >>> state = State(eps, 0 * eps, 3e5 + 0 * eps, 0 * eps)
+    >>> jet = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363).jet(state)
+    >>> check_volume(jet, state, rest_volume=6.28e-5).sensible
+    True
     """
     V, V_eps, P, eps = (_numpy(a) for a in (jet.V, jet.V_eps, state.P, state.eps))
     positive = float(np.mean(V > 0)) if level_known else float("nan")

@@ -29,6 +29,13 @@ class Parameter(NamedTuple):
         Whether a fit frees it unless told otherwise.
     meaning : str
         What it is, in one line.
+
+    Examples
+    --------
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> p = BraidedVolume.parameter("braid_angle")
+    >>> p.name, p.unit
+    ('braid_angle', 'rad')
     """
 
     name: str
@@ -52,6 +59,12 @@ class ClassicalVolume(ABC):
     ----------
     rest_length : float
         Rest length L₀, m.
+
+    Examples
+    --------
+    >>> from pamid.volume import all_volumes
+    >>> all_volumes()["tondu_lopez"].parameter_names()
+    ('rest_length', 'rest_diameter', 'braid_angle', 'end_cap', 'end_cap_rise')
     """
 
     rest_length: float
@@ -88,11 +101,27 @@ class ClassicalVolume(ABC):
 
 
 def braid_factors(braid_angle: Array) -> tuple[Array, Array]:
-    """Return 3/tan²θ₀ and 1/sin²θ₀, the two numbers by which a braid turns gauge pressure into tension."""
+    """Return 3/tan²θ₀ and 1/sin²θ₀, the two numbers by which a braid turns gauge pressure into tension.
+
+    Examples
+    --------
+    >>> from pamid.volume.classical import braid_factors
+    >>> import numpy as np
+    >>> a, b = braid_factors(np.radians(25.0))
+    >>> round(float(a), 2), round(float(b), 2)
+    (13.8, 5.6)
+    """
     xp = namespace(braid_angle)
     return 3.0 / xp.tan(braid_angle) ** 2, 1.0 / xp.sin(braid_angle) ** 2
 
 
 def cylinder_volume(rest_length: Array, rest_diameter: Array) -> Array:
-    """Return the volume π D₀² L₀/4 (m³) of a cylinder of these measures (m)."""
+    """Return the volume π D₀² L₀/4 (m³) of a cylinder of these measures (m).
+
+    Examples
+    --------
+    >>> from pamid.volume.classical import cylinder_volume
+    >>> print(f"{1e6 * cylinder_volume(0.2, 0.02):.1f} cm³")
+    62.8 cm³
+    """
     return 0.7853981633974483 * rest_diameter * rest_diameter * rest_length

@@ -64,6 +64,17 @@ class ContactVolume:
     https://doi.org/10.1109/70.481753. Pressure taken up by the bladder: G. K. Klute, B. Hannaford, "Accounting for
     elastic energy storage in McKibben artificial muscle actuators", Journal of Dynamic Systems, Measurement, and
     Control 122(2), 2000. https://doi.org/10.1115/1.482478
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import State
+    >>> from pamid.volume.contact import ContactVolume
+    >>> size = {"rest_length": 0.2, "area": 2.7e-3, "max_contraction": 0.36, "curvature": -0.2, "rest_volume": 6.3e-5}
+    >>> touch = {"contact_pressure": 2e4, "contact_contraction": 0.02, "contact_width": 5e3}
+    >>> jet = ContactVolume(**size, **touch).jet(State(*np.array([[0.1], [0.0], [3e5], [0.0]])))
+    >>> (1e6 * jet.V_eps).round(1)  # slope of the volume, cm³
+    array([331.3])
     """
 
     rest_length: float

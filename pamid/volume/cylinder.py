@@ -29,6 +29,14 @@ class CylinderVolume(ClassicalVolume):
     ----------
     E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
     model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.cylinder import CylinderVolume
+    >>> jet = CylinderVolume.from_geometry(0.2, 0.02, 0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 56.5 cm³, its slope over the contraction -62.8 cm³
     """
 
     rest_diameter: float

@@ -52,6 +52,12 @@ def volume_class(name: str) -> type[ClassicalVolume]:
     ------
     UnknownOptionError
         If there is no such model.
+
+    Examples
+    --------
+    >>> from pamid.volume import volume_class
+    >>> volume_class("chou_hannaford").__name__
+    'BraidedVolume'
     """
     found = all_volumes()
     if name not in found:

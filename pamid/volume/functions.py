@@ -29,6 +29,14 @@ def force(
     -------
     array, shape (n_samples,)
         F, N.
+
+    Examples
+    --------
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> from pamid.volume.functions import force
+    >>> muscle = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363)
+    >>> print(f"{force(muscle, P=3e5, eps=0.1):.1f} N")
+    348.1 N
     """
     state = State(eps, 0.0 * eps, P, 0.0 * P)
     return QuasiStaticForce(volume.rest_length, atmospheric_pressure).predict(*volume.jet(state), state)
@@ -62,6 +70,14 @@ def flow(
     -------
     array, shape (n_samples,)
         ṁ, kg/s.
+
+    Examples
+    --------
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> from pamid.volume.functions import flow
+    >>> muscle = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363)
+    >>> print(f"{1e3 * flow(muscle, P=3e5, dP=1e5, eps=0.1, deps=0.2):.3f} g/s")
+    0.340 g/s
     """
     state = State(eps, deps, P, dP)
     return ThermodynamicFlow(heat_capacity_ratio, gas_constant, temperature).predict(*volume.jet(state), state)

@@ -12,7 +12,14 @@ from .classical import ClassicalVolume, braid_factors, cylinder_volume
 
 
 def horner(coefficients: tuple[Array, ...], x: Array) -> Array:
-    """Return Σ c_k x^k for the coefficients c_0, c_1, ... of one polynomial."""
+    """Return Σ c_k x^k for the coefficients c_0, c_1, ... of one polynomial.
+
+    Examples
+    --------
+    >>> from pamid.volume.hildebrandt import horner
+    >>> horner((1.0, 2.0, 3.0), 2.0)
+    17.0
+    """
     total = 0.0 * x
     for c in reversed(coefficients):
         total = total * x + c
@@ -39,6 +46,14 @@ class HildebrandtVolume(ClassicalVolume):
     ----------
     A. Hildebrandt, O. Sawodny, R. Neumann, A. Hartmann, "Cascaded tracking control concept for pneumatic muscle
     actuators", European Control Conference, 2003.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.hildebrandt import HildebrandtVolume
+    >>> jet = HildebrandtVolume.from_geometry(0.2, 0.02, 0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
     areas: tuple[float, ...]
@@ -88,5 +103,11 @@ def hildebrandt(
     References
     ----------
     See `HildebrandtVolume`.
+
+    Examples
+    --------
+    >>> from pamid.volume.hildebrandt import hildebrandt
+    >>> print(f"{hildebrandt(3e5, 0.1, areas=(2.4e-3, -8e-3)):.1f} N")
+    317.9 N
     """
     return (P - atmospheric_pressure) * horner(areas, eps)

@@ -37,6 +37,16 @@ class InputScale:
         Which inputs pass through z/√(1 + z²).
     fade : float
         Width, in standard deviations, over which the clamp's slope falls outside the range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.volume.neural import InputScale
+    >>> x = np.array([[0.05, -0.1, 2e5, -1e6], [0.15, 0.1, 4e5, 1e6]])  # ε, ε̇ (1/s), P (Pa), Ṗ (Pa/s)
+    >>> xi, slope = InputScale.of(x).apply(x)
+    >>> xi
+    array([[-1., -1., -1., -1.],
+           [ 1.,  1.,  1.,  1.]])
     """
 
     mean: np.ndarray
@@ -91,6 +101,17 @@ class NeuralVolume:
         Volume V_s that one unit of the network's output stands for, m³.
     activation : str, default="softplus"
         ``"softplus"``, ``"tanh"`` or ``"silu"``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals import State
+    >>> from pamid.volume.neural import InputScale, NeuralVolume
+    >>> scale = InputScale.of(np.array([[0.05, -0.1, 2e5, -1e6], [0.15, 0.1, 4e5, 1e6]]))
+    >>> weights = [np.ones((2, 4)), np.zeros(2), np.ones((1, 2)), np.zeros(1)]
+    >>> volume = NeuralVolume(weights, scale, volume_scale=1e-5)
+    >>> float(volume.jet(State(0.1, 0.0, 3e5, 0.0)).V[0].round(8))  # m³
+    1.386e-05
     """
 
     weights: list[np.ndarray]
@@ -132,6 +153,15 @@ def network_jet(
         The network's output, dimensionless.
     derivatives : list of ndarray, shape (n_samples,)
         Its derivative with respect to each of `inputs`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.volume.neural import network_jet
+    >>> weights = [np.ones((2, 4)), np.zeros(2), np.ones((1, 2)), np.zeros(1)]
+    >>> value, (d_first, d_third) = network_jet(weights, np.zeros((1, 4)), (0, 2), "softplus")
+    >>> value.round(3), d_first
+    (array([1.386]), array([1.]))
     """
     h, slopes = x, []
     for layer in range(0, len(weights) - 2, 2):

@@ -33,6 +33,14 @@ class PolynomialVolume(ClassicalVolume):
 
     A. Hošovský, J. Piteľ, K. Židek, "Enhanced dynamic model of pneumatic muscle actuator with Elman neural network",
     Abstract and Applied Analysis, 2015. https://doi.org/10.1155/2015/906126
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.polynomial import PolynomialVolume
+    >>> jet = PolynomialVolume.from_geometry(0.2, 0.02, 0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
     coefficients: tuple[float, ...]

@@ -20,6 +20,17 @@ class ScaledVolume:
         Q, dimensionless; for muscles of one shape the ratio of D² L.
     dead_volume : float, default=0
         V_d, volume of tubes and fittings, m³.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> from pamid.volume.scaled import ScaledVolume
+    >>> small = BraidedVolume(rest_length=0.2, rest_diameter=0.01, braid_angle=0.4363)
+    >>> wide = ScaledVolume(small, factor=4.0, dead_volume=2e-6)
+    >>> state = State(0.1, 0.0, 3e5, 0.0)
+    >>> print(f"{1e6 * small.jet(state).V:.1f} cm³ becomes {1e6 * wide.jet(state).V:.1f} cm³")
+    26.5 cm³ becomes 108.0 cm³
     """
 
     source: VolumeModel

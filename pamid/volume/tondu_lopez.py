@@ -63,6 +63,14 @@ class TonduLopezVolume(ClassicalVolume):
     ----------
     B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
     Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.tondu_lopez import TonduLopezVolume
+    >>> jet = TonduLopezVolume.from_geometry(0.2, 0.02, 0.4363).jet(State(0.1, 0.0, 3e5, 0.0))
+    >>> print(f"V = {1e6 * jet.V:.1f} cm³, its slope over the contraction {1e6 * jet.V_eps:.1f} cm³")
+    V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
     rest_diameter: float
@@ -142,6 +150,12 @@ def tondu_lopez(
     ----------
     B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
     Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+    Examples
+    --------
+    >>> from pamid.volume.tondu_lopez import tondu_lopez
+    >>> print(f"{tondu_lopez(3e5, 0.1, rest_diameter=0.02, braid_angle=0.4363, end_cap=1.1):.1f} N")
+    332.7 N
     """
     muscle = TonduLopezVolume(1.0, rest_diameter, braid_angle, end_cap, end_cap_rise, atmospheric_pressure)
     return (P - atmospheric_pressure) * muscle.jet(State(eps, 0.0 * eps, P, 0.0 * eps)).V_eps
@@ -198,6 +212,12 @@ def braid_friction(
     ----------
     B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
     Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+    Examples
+    --------
+    >>> from pamid.volume.tondu_lopez import braid_friction
+    >>> print(f"{braid_friction(0.2, 2e5, static_friction_area=4e-5, kinetic_friction_area=2e-5):.2f} N")
+    4.54 N
     """
     xp = namespace(deps, p_gauge, static_friction_area, kinetic_friction_area, stribeck_rate)
     fall = xp.exp(-abs(deps) / stribeck_rate)
