@@ -18,9 +18,11 @@ from pamid.gap import diagnose, state_table
 from pamid.gap.evidence import Evidence
 from pamid.gap.fit import Fitter
 from pamid.gap.likelihood import bounded, form_cost, loglik, scale, solve
+from pamid.gap.occam import occam
 from pamid.gap.search import Search, degenerate
 from pamid.gap.significance import library_test
 from pamid.gap.templates import templates
+from pamid.gap.where import regions
 from pamid.signals.paths import play, reversals
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
@@ -111,6 +113,56 @@ def test_residuals_under_effects_are_those_of_the_equations(clean, evidence):
 def test_the_refit_within_tolerances_reaches_the_noise(evidence):
     base = Fitter(evidence).base()
     assert np.all(base.scales < 1.15) and np.all(np.abs(base.x) <= 1.1)
+
+
+def test_a_tangent_is_exact_where_it_touches(evidence):
+    x = np.array([0.9, -0.8, 0.5, 0.7])
+    for spec in ({}, {"leakage": {"conductance": 1e-10}}):
+        exact = evidence.z(spec, dict(zip(evidence.free, x, strict=True)), equations=None)
+        np.testing.assert_allclose(evidence.tangent(spec, x) + evidence.J @ x, exact, atol=1e-9)
+    assert np.abs(evidence.z0 + evidence.J @ x - exact).max() > 1.0  # the model is not linear in its tolerances
+
+
+def test_what_a_diagnosis_leaves_is_what_its_correction_leaves():
+    d = diagnose(log_with(("coulomb_friction", {"amplitude": 3.0})), NOMINAL, effects=LIBRARY)
+    left = d.windows[d.windows["equation"] == "force"]["after"]
+    log = log_with(("coulomb_friction", {"amplitude": 3.0}))
+    rmse = evaluate_log(log, d.corrected, ["force"])["force"].rmse
+    assert rmse == pytest.approx(float(np.sqrt(np.mean(np.square(left)))), rel=0.05)
+
+
+def test_the_price_of_an_effect_is_what_its_parameters_bend():
+    rng = np.random.default_rng(0)
+    amplitude, time = all_effects()["creep"].parameters[:2]
+    assert amplitude.linear and not time.linear
+    D, J, w = rng.normal(size=(2000, 2)), np.zeros((2000, 0)), np.ones(2000)
+    one = 0.5 * np.log(2000)
+    assert occam(D[:, :1], J, w, [amplitude], [1.0], 100.0) == pytest.approx(one)
+    idle = occam(D * [1.0, 1e-6], J, w, [amplitude, time], [1.0, 1.0], 100.0)
+    busy = occam(D, J, w, [amplitude, time], [1.0, 1.0], 100.0)
+    assert idle == pytest.approx(one, abs=0.1) and one + 1.0 < busy <= 2 * one
+    # What a tolerance takes up is not bent by the effect.
+    assert occam(D, D[:, 1:], w, [amplitude, time], [1.0, 1.0], 100.0) < busy - 1.0
+
+
+def test_regions_agree_with_where_the_gap_is(evidence):
+    part = evidence.parts[evidence.equations.index("force")]
+    power = np.zeros(len(evidence.z0))
+    inside = (evidence.state["eps"][part] > 0.13) & (evidence.state["deps"][part] > 0)
+    power[part] = np.where(inside, 1.0, 0.01)
+    found = regions(evidence, "force", power)
+    side = evidence.side[part]
+    named = np.zeros(len(inside), dtype=bool)
+    for muscle in (0, 1):
+        own = side == muscle
+        table = pd.DataFrame(
+            {f"{c}{muscle + 1}": evidence.state[c][part][own] for c in ("eps", "deps", "P", "dP", "u")}
+        )
+        rows = np.flatnonzero(own)
+        for query in (r.query for r in found if f"{muscle + 1} " in r.query):
+            named[rows[table.query(query).index.to_numpy()]] = True
+    assert 2 * np.sum(named & inside) / (named.sum() + inside.sum()) > 0.9
+    assert sum(r.share for r in found) > 0.75
 
 
 @pytest.mark.parametrize("name", ["leakage", "coulomb_friction", "diameter", "gravity"])
