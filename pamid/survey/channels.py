@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ _FROZEN = 20  # samples: the least that a reading must repeat to count as frozen
 _TIMES = 10.0  # times as long as it usually repeats
 _EDGE = 3.0  # times as many readings at an edge as steps of the same width have elsewhere
 _LEAST_EDGE = 0.005
+_MOST_RUNS = 60
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,11 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     if not good.any():
         return Channel(name, unit, np.nan, np.nan, 1.0, float("nan"), 0.0, "", np.nan, 0.0, False)
     low, high = float(y[good].min()), float(y[good].max())
-    noises, steps, longest = [], [], 0.0
-    for run in runs:
+    noises, steps = [], []
+    longest = 0.0 if good.all() else max(_longest(run, name) for run in runs)
+    for run in runs[:: -(-len(runs) // _MOST_RUNS) or 1]:
         values = run[name].to_numpy(dtype=float)
         bad = ~np.isfinite(values)
-        if bad.any():
-            longest = max(longest, _longest(bad, run["time"].to_numpy(dtype=float)))
         values = values[~bad]
         if len(values) > 20:
             noises.append(noise_level(values))
@@ -111,10 +110,12 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     )
 
 
-def _longest(bad: np.ndarray, time: np.ndarray) -> float:
+def _longest(run: pd.DataFrame, name: str) -> float:
+    bad = ~np.isfinite(run[name].to_numpy(dtype=float))
+    time = run["time"].to_numpy(dtype=float)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
     last = len(time) - 1
-    return max(float(time[min(b, last)] - time[a]) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    return max([float(time[min(b, last)] - time[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)] or [0.0])
 
 
 def _activity(y: np.ndarray) -> np.ndarray:
@@ -132,12 +133,9 @@ def _frozen(y: np.ndarray, others: dict[str, np.ndarray]) -> float:
     lengths = np.diff(edges)
     usual = float(np.median(lengths))
     count = 0
-    for a, b in pairwise(edges.tolist()):
-        if (
-            b - a > max(_FROZEN, _TIMES * usual)
-            and np.isfinite(y[a])
-            and any(o[b - 1] - o[a] > 0.2 for o in others.values())
-        ):
+    for k in np.flatnonzero(lengths > max(_FROZEN, _TIMES * usual)).tolist():
+        a, b = int(edges[k]), int(edges[k + 1])
+        if np.isfinite(y[a]) and any(o[b - 1] - o[a] > 0.2 for o in others.values()):
             count += b - a
     return count / len(y)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..signals import differentiate, noise_level
+from ..signals import differentiate, noise_level, tune_cutoff
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _STILL = 0.02  # of the largest rate: slower is standing still
 _SHUT = 1e-3
 _POWER = 0.99
+_MOST_RUNS = 60
+_MOST_TUNED = 3
+_TUNED = 5000  # rows of a run by which the cut-off is chosen
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,41 @@ def forward(run: pd.DataFrame, name: str) -> pd.DataFrame:
     return run[np.diff(np.maximum.accumulate(time), prepend=-np.inf) > 0]
 
 
+class Smoothed(NamedTuple):
+    """A signal of one run, smoothed, with its rate.
+
+    Parameters
+    ----------
+    run : DataFrame
+        Its rows.
+    time, raw, value, rate : array, shape (n_samples,)
+        Time (s), the signal, the smoothed signal, its rate.
+    """
+
+    run: pd.DataFrame
+    time: np.ndarray
+    raw: np.ndarray
+    value: np.ndarray
+    rate: np.ndarray
+
+
+def smoothed(log: pd.DataFrame, name: str) -> list[Smoothed]:
+    """Return a signal with its rate, run by run; of many runs some, evenly spread, at the cut-off of a few."""
+    runs = [part for _, run in log.groupby("trajectory", sort=False) if len(part := forward(run, name)) > 20]
+    runs = runs[:: -(-len(runs) // _MOST_RUNS) or 1]
+    arrays = [(run["time"].to_numpy(dtype=float), run[name].to_numpy(dtype=float)) for run in runs]
+    moving = [(t[:_TUNED], x[:_TUNED]) for t, x in arrays if np.ptp(x) > 0]
+    moving = moving[:: -(-len(moving) // _MOST_TUNED) or 1]
+    if not moving:
+        return [Smoothed(run, t, x, x, np.zeros(len(x))) for run, (t, x) in zip(runs, arrays, strict=True)]
+    cutoff = tune_cutoff([x for _, x in moving], [t for t, _ in moving])
+    found = []
+    for run, (t, x) in zip(runs, arrays, strict=True):
+        value, rate = differentiate(x, t, tuning=cutoff, warn=False)[:2]
+        found.append(Smoothed(run, t, x, value, rate))
+    return found
+
+
 def _swing(y: np.ndarray) -> float:
     y = y[np.isfinite(y)]
     return float(np.subtract(*np.quantile(y, [0.995, 0.005]))) if len(y) else float("nan")
@@ -131,28 +169,21 @@ def _valves(log: pd.DataFrame, commands: list[str], pressure: str, period: float
 
 def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling) -> dict[str, object]:
     rates, turns, amplitudes, holds, held, powers = [], 0, [], [0.0], [0.0], []
-    runs = [run for _, run in log.groupby("trajectory", sort=False)]
     whole = _swing(log[position].to_numpy(dtype=float))
-    smooth = []
-    for run in runs:
-        run = forward(run, position)
-        t, x = run["time"].to_numpy(dtype=float), run[position].to_numpy(dtype=float)
-        if len(run) < 20:
-            continue
-        y, rate = differentiate(x, t, warn=False)[:2]
-        rates.append(rate)
-        smooth.append((run, t, y, rate))
-        sizes = _turns(y, max(0.02 * whole, 4.0 * noise_level(x)))
+    smooth = smoothed(log, position)
+    for one in smooth:
+        rates.append(one.rate)
+        sizes = _turns(one.value, max(0.02 * whole, 4.0 * noise_level(one.raw)))
         turns += len(sizes)
         amplitudes += sizes
-        if _swing(y) > 0.1 * whole:  # the rest of the runs stand still but for their noise
-            powers.append(_spectrum(y, sampling.period))
+        if _swing(one.value) > 0.1 * whole:  # the rest of the runs stand still but for their noise
+            powers.append(_spectrum(one.value, sampling.period))
     if not rates:
         return {"position_range": whole}
     every = np.concatenate(rates)
     top = float(np.quantile(np.abs(every), 0.995))
     limit = _STILL * top
-    for run, t, _, rate in smooth:
+    for run, t, _, _, rate in smooth:
         still = np.abs(rate) < limit
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
 from ..report.quantities import signal
-from .coverage import Coverage, forward
+from .coverage import Coverage, smoothed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,14 +52,7 @@ def speed_picture(log: pd.DataFrame, c: Coverage) -> Figure | None:
     """Draw how often which speed occurs, both ways; None where nothing moves."""
     if not c.position or not c.fast > 0:
         return None
-    from ..signals import differentiate
-
-    rates = []
-    for _, run in log.groupby("trajectory", sort=False):
-        part = forward(run, c.position)
-        if len(part) > 20:
-            x, t = part[c.position].to_numpy(dtype=float), part["time"].to_numpy(dtype=float)
-            rates.append(differentiate(x, t, warn=False)[1])
+    rates = [one.rate for one in smoothed(log, c.position)]
     if not rates:
         return None
     q = signal(c.position)
