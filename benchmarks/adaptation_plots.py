@@ -54,6 +54,12 @@ def counts(found: list[dict[str, Any]], folder: Path) -> None:
                 axis.loglog(v.median().index, 1e6 * v.median(), "o-", ms=3, label=method)
                 axis.fill_between(v.min().index, 1e6 * v.min(), 1e6 * v.max(), alpha=0.15)
             axis.set(title=f"{muscle}, {name}", xlabel="adaptation samples", ylabel="RMSE / 1e-6 kg/s")
+            axis.set_xticks(sorted(d["count"].unique()), minor=False)
+            axis.minorticks_off()
+            low, high = axis.get_ylim()
+            axis.set_yticks([v for k in (1, 10, 100) for v in (1 * k, 2 * k, 3 * k, 5 * k, 7 * k) if low <= v <= high])
+            for scale in (axis.xaxis, axis.yaxis):
+                scale.set_major_formatter("{x:g}")
     axes[0][0].legend(fontsize=7)
     fig.savefig(folder / "adaptation-samples.png", dpi=120)
 
