@@ -146,7 +146,8 @@ def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Pa
         raise MissingColumnError(
             f"{path.name} has {raw.shape[1]} columns without names.",
             "names such as time, P, F, q",
-            "Pass a mapping that says which column is which, by position: {'time': 0, 'P': {'column': 1, ...}}.",
+            "Pass a mapping that says which column is which, by position: {'time': 0, 'P': {'column': 1, ...}}; "
+            "'pamid init' writes one.",
         )
     signals: dict[str, SignalMapping] = {}
     for position, column in enumerate(raw.columns):
