@@ -170,14 +170,39 @@ def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
 
 def score_by_trajectory(table: pd.DataFrame, predicted: np.ndarray, target: Target) -> dict[str, Any]:
     """Return rmse and nrmse over all rows and for each trajectory."""
-    import numpy as np
+    scores = Scores(target)
+    scores.add(table, predicted)
+    return scores.result()
 
-    measured = table[target.column].to_numpy(dtype=float)
 
-    def score(rows: Any) -> dict[str, Any]:
-        y, error = measured[rows], (predicted - measured)[rows]
-        rmse, spread = float(np.sqrt(np.mean(error**2))), float(np.std(y))
-        return {"rmse": rmse, "nrmse": rmse / spread if spread > 0 else float("nan"), "n_samples": len(y)}
+class Scores:
+    """Errors of predictions, over all rows and for each trajectory, of a table that may come in pieces."""
 
-    by_trajectory = {str(name): score(rows) for name, rows in table.groupby("trajectory", sort=False).indices.items()}
-    return {**score(slice(None)), "unit": target.unit, "trajectories": by_trajectory}
+    def __init__(self, target: Target) -> None:
+        self.target = target
+        self._origin: float | None = None
+        self._sums: dict[str, np.ndarray] = {}
+
+    def add(self, table: pd.DataFrame, predicted: np.ndarray) -> None:
+        """Take a piece with its predictions."""
+        import numpy as np
+
+        measured = table[self.target.column].to_numpy(dtype=float)
+        if self._origin is None:
+            self._origin = float(measured[0]) if len(measured) else None
+        for name, rows in table.groupby("trajectory", sort=False).indices.items():
+            y, error = measured[rows] - self._origin, (predicted - measured)[rows]
+            news = np.array([len(y), np.sum(error**2), np.sum(y), np.sum(y**2)])
+            self._sums[str(name)] = self._sums.get(str(name), np.zeros(4)) + news
+
+    def result(self) -> dict[str, Any]:
+        """Return rmse, nrmse and rows of all, and the same by trajectory."""
+        by_trajectory = {name: _score(sums) for name, sums in self._sums.items()}
+        return {**_score(sum(self._sums.values())), "unit": self.target.unit, "trajectories": by_trajectory}
+
+
+def _score(sums: Any) -> dict[str, Any]:
+    """Return the figures that follow from numbers of rows, squares of errors, and sums and squares of the measured."""
+    n, square, total, squares = (float(v) for v in sums)
+    rmse, spread = (square / n) ** 0.5, max(squares / n - (total / n) ** 2, 0.0) ** 0.5
+    return {"rmse": rmse, "nrmse": rmse / spread if spread > 0 else float("nan"), "n_samples": int(n)}

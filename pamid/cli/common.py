@@ -91,6 +91,14 @@ def load_log(args: argparse.Namespace, nan: str | None = None) -> pd.DataFrame:
     return read_log(paths, args.columns, nan=nan or args.nan)
 
 
+def load_pieces(args: argparse.Namespace, rows: int, nan: str | None = None) -> Iterator[pd.DataFrame]:
+    """Read the log that the arguments name piece by piece, each of whole trajectories."""
+    from ..signals import read_log_pieces
+
+    paths = args.log if isinstance(args.log, list) else [args.log]
+    return read_log_pieces(paths, args.columns, rows=rows, nan=nan or args.nan)
+
+
 def load_simulator(path: str) -> BenchParameters:
     """Read a simulator file of the bench."""
     from ..bench.parameters import BenchParameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,15 @@ class TrajectoryEvaluation:
         Root mean square of what the channels' noise leaves in the residual, in the equation's unit.
     n_windows : int
         Number of windows, those of both muscles counted.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import evaluate_log
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> found = evaluate_log(simulate(bench, [sine(4, 15, 400)]), bench, ["force"])
+    >>> found["force"].trajectories["sine-4-15"].rmse < 0.1  # N
+    True
     """
 
     rmse: float
@@ -55,6 +64,15 @@ class Evaluation(TrajectoryEvaluation):
         Unit of `rmse` and `noise_floor`.
     trajectories : dict of str to TrajectoryEvaluation
         The same for each trajectory.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import evaluate_log
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> force = evaluate_log(simulate(bench, [sine(4, 15, 400)]), bench, ["force"])["force"]
+    >>> force.unit, force.rmse < 2 * force.noise_floor
+    ('N', True)
     """
 
     unit: str = ""
@@ -89,6 +107,15 @@ class LogEvaluation(Mapping[str, Evaluation]):
     ----------
     skipped : dict of str to str
         As given.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import evaluate_log
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> found = evaluate_log(simulate(bench, [sine(4, 15, 400)]).drop(columns=["mdot1", "mdot2"]), bench)
+    >>> list(found), list(found.skipped)
+    (['force', 'joint'], ['flow', 'valve'])
     """
 
     def __init__(self, equations: Mapping[str, Evaluation], skipped: Mapping[str, str]) -> None:
@@ -209,6 +236,16 @@ def residuals(
         Name of the equation.
     residual : Residual
         Its windows; a stretch too short for one window gives none.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import residuals
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> for trajectory, equation, r in residuals(simulate(bench, [sine(4, 15, 400)]), bench, ["force", "flow"]):
+    ...     print(trajectory, equation, len(r.value))
+    sine-4-15 force 20
+    sine-4-15 flow 18
     """
     allowed, _ = allowed_equations(log, equations)
     if not allowed:
@@ -240,7 +277,7 @@ def window_residual(equation: Equation, run: Any) -> Residual | None:
 
 
 def evaluate_log(
-    log: pd.DataFrame,
+    log: pd.DataFrame | Iterable[pd.DataFrame],
     params: BenchParameters,
     equations: Sequence[str] | None = None,
     *,
@@ -250,8 +287,9 @@ def evaluate_log(
 
     Parameters
     ----------
-    log : DataFrame
-        Log of the bench, see `residuals`.
+    log : DataFrame or iterable of DataFrame
+        Log of the bench, see `residuals`; or pieces of one, each of whole trajectories, as
+        `pamid.signals.read_log_pieces` reads them from a log that is larger than memory.
     params : BenchParameters
         The simulator, its effects included.
     equations : sequence of str, optional
@@ -287,16 +325,25 @@ def evaluate_log(
     >>> result.skipped["joint"]
     'joint needs q, F1, F2; the log lacks F1, F2'
     """
-    allowed, skipped = allowed_equations(log, equations)
-    sums: dict[str, dict[str, _Sums]] = {name: {} for name in allowed}
-    trajectory_rows(log)
-    begun = ""
-    for trajectory, name, residual in residuals(log, params, list(allowed)):
-        if progress is not None and trajectory != begun:
-            progress(begun := trajectory)
-        sums[name].setdefault(trajectory, _Sums()).add(residual)
+    import pandas as pd
+
+    allowed: dict[str, Equation] = {}
+    skipped: dict[str, str] = {}
+    sums: dict[str, dict[str, _Sums]] = {}
+    for piece in [log] if isinstance(log, pd.DataFrame) else log:
+        here, lacking = allowed_equations(piece, equations)
+        allowed |= here
+        skipped |= lacking
+        trajectory_rows(piece)
+        begun = ""
+        for trajectory, name, residual in residuals(piece, params, list(here)):
+            if progress is not None and trajectory != begun:
+                progress(begun := trajectory)
+            sums.setdefault(name, {}).setdefault(trajectory, _Sums()).add(residual)
+    skipped = {name: why for name, why in skipped.items() if name not in allowed}
     evaluations: dict[str, Evaluation] = {}
-    for name, by_trajectory in sums.items():
+    for name in allowed:
+        by_trajectory = sums.get(name, {})
         total = _Sums()
         for part in by_trajectory.values():
             total.merge(part)

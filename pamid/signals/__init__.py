@@ -11,6 +11,7 @@ from typing import Any
 
 _HOME = {
     "read_log": "log",
+    "read_log_pieces": "pieces",
     "write_log": "log",
     "find_logs": "log",
     "LogMapping": "mapping",

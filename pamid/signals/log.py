@@ -28,6 +28,8 @@ from .plausibility import require_plausible
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .formats import RawTable
+
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
 
@@ -106,6 +108,32 @@ def read_log(
     """
     import pandas as pd
 
+    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    files = find_logs(paths)
+    notes = Notes()
+    frames = []
+    for path in files:
+        if path.stat().st_size == 0:
+            raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
+        tables, zero_run = format_of(path).read(path, settings, max_bytes)
+        frames.append((path, tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)))
+    log = pd.concat(_with_unique_names(frames), ignore_index=True)
+    order = ["trajectory", "time"]
+    log = log[[*order, *[c for c in log.columns if c not in order]]]
+    note_sampling(log, notes)
+    say_notes(notes, sampling, stacklevel=3)
+    return log
+
+
+def log_settings(
+    mapping: LogMapping | Mapping[str, Any] | PathLike | None,
+    nan: str,
+    sampling: str,
+    time_order: str | None,
+    duplicates: str | None,
+    ambient_pressure: float | None,
+) -> LogMapping:
+    """Return a mapping with what the arguments of `read_log` overrule, checked."""
     _require(nan, "nan", ("raise", "drop", "keep"))
     _require(sampling, "sampling", ("warn", "raise", "ignore"))
     settings = LogMapping.load(mapping)
@@ -116,39 +144,44 @@ def read_log(
         ambient_pressure=settings.ambient_pressure if ambient_pressure is None else float(ambient_pressure),
     )
     settings._validate()
-    files = find_logs(paths)
-    notes = Notes()
-    frames = []
-    for path in files:
-        if path.stat().st_size == 0:
-            raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
-        tables, zero_run = format_of(path).read(path, settings, max_bytes)
-        if not tables:
-            raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
-        parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
-        for part in parts:
-            part.frame = handle_missing(part.frame, nan, path.name)
-            if part.frame.empty:
-                raise EmptyLogError(
-                    f"{path.name} holds no usable rows{f' in {part.variable}' if part.variable else ''}.",
-                    "at least two rows",
-                    "Check skip_rows, allowed and range in the mapping, and what nan='drop' left.",
-                )
-            part.frame = handle_time(part.frame, settings.time_order, settings.duplicates, path.name, notes)
-            if check_units:
-                checked = {c: part.frame[c] for c in part.frame.columns if c not in part.unchecked}
-                require_plausible(checked, ambient_pressure=settings.ambient_pressure, where=path.name)
-        frames.append((path, [part.frame for part in parts]))
-    log = pd.concat(_with_unique_names(frames), ignore_index=True)
-    order = ["trajectory", "time"]
-    log = log[[*order, *[c for c in log.columns if c not in order]]]
-    note_sampling(log, notes)
+    return settings
+
+
+def tidy_tables(
+    tables: list[RawTable],
+    zero_run: pd.DataFrame | None,
+    settings: LogMapping,
+    path: Path,
+    nan: str,
+    check_units: bool,
+    notes: Notes,
+) -> list[pd.DataFrame]:
+    """Bring the tables of a file into tidy frames, with missing values, time and units looked after."""
+    if not tables:
+        raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
+    parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
+    for part in parts:
+        part.frame = handle_missing(part.frame, nan, path.name)
+        if part.frame.empty:
+            raise EmptyLogError(
+                f"{path.name} holds no usable rows{f' in {part.variable}' if part.variable else ''}.",
+                "at least two rows",
+                "Check skip_rows, allowed and range in the mapping, and what nan='drop' left.",
+            )
+        part.frame = handle_time(part.frame, settings.time_order, settings.duplicates, path.name, notes)
+        if check_units:
+            checked = {c: part.frame[c] for c in part.frame.columns if c not in part.unchecked}
+            require_plausible(checked, ambient_pressure=settings.ambient_pressure, where=path.name)
+    return [part.frame for part in parts]
+
+
+def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
+    """Warn or raise about what was bridged while reading, as asked."""
     said = notes.sentences()
     if said and sampling == "raise":
         raise sampling_error(said)
     if said and sampling == "warn":
-        warnings.warn("; ".join(said) + ".", SamplingWarning, stacklevel=2)
-    return log
+        warnings.warn("; ".join(said) + ".", SamplingWarning, stacklevel=stacklevel)
 
 
 def _require(value: str, name: str, offered: tuple[str, ...]) -> None:

@@ -10,6 +10,7 @@ from ..common import (
     add_command,
     add_log_options,
     load_log,
+    load_pieces,
     load_simulator,
     note,
     number,
@@ -44,6 +45,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--equation", choices=("force", "flow"), help="what the model predicts, if its file does not say"
     )
+    parser.add_argument(
+        "--piece-rows",
+        type=int,
+        metavar="N",
+        help="read the log in pieces of N rows, each of whole trajectories, where it is larger than memory",
+    )
     parser.add_argument("--refit", action="store_true", help="refit the parameters under [tolerance] within it first")
 
 
@@ -51,6 +58,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     if args.model is not None:
         return _evaluate_model(args)
+    if args.refit and args.piece_rows is not None:
+        raise ParameterError(
+            "--refit goes through the log several times, and --piece-rows once.", "one of the two", "Leave one out."
+        )
     if args.sim is None:
         raise ParameterError(
             "Neither --sim nor --model is given.", "a simulator or a model", "Add --sim SIM.toml or --model MODEL."
@@ -62,8 +73,8 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     from ...equations import evaluate_log, refit_within_tolerance
 
     params = load_simulator(args.sim)
-    log = load_log(args)
     extra: dict[str, Any] = {}
+    log: Any = load_log(args) if args.piece_rows is None else load_pieces(args, args.piece_rows)
     if args.refit:
         with progress(args, "Refitting within tolerances"):
             refit = refit_within_tolerance(log, params)
@@ -73,7 +84,8 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
             "relative_change": refit.changes,
             "at_bound": list(refit.at_bound),
         }
-    with progress(args, "Evaluating", log["trajectory"].nunique() if "trajectory" in log else None) as step:
+    count = log["trajectory"].nunique() if args.piece_rows is None else None
+    with progress(args, "Evaluating", count) as step:
         result = evaluate_log(log, params, progress=step)
     if args.json:
         print_json({**result.as_dict(), **extra})
@@ -98,17 +110,20 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
 
 def _evaluate_model(args: argparse.Namespace) -> int:
     from ...persistence import inspect, load
-    from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
+    from .._tables import Scores, equation_of, predict_table, signal_table
 
     head = inspect(args.model)
     model = load(args.model)
     equation = equation_of(model, args.equation or head["metadata"].get("equation"))
     params = load_simulator(args.sim) if args.sim else None
-    log = load_log(args, nan="drop")
-    signals = signal_table(log, params, equation)
-    with progress(args, "Predicting"):
-        predicted = predict_table(model, signals)
-    scores = score_by_trajectory(signals, predicted, equation)
+    scores_ = Scores(equation)
+    pieces = [load_log(args, nan="drop")] if args.piece_rows is None else load_pieces(args, args.piece_rows, nan="drop")
+    with progress(args, "Predicting") as step:
+        for piece in pieces:
+            signals = signal_table(piece, params, equation)
+            scores_.add(signals, predict_table(model, signals))
+            step("")
+    scores = scores_.result()
     if args.json:
         print_json({"model": {"class": head["class"], "steps": head["steps"]}, "equation": equation.name, **scores})
         return 0

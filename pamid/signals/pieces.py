@@ -1,0 +1,290 @@
+"""Logs larger than memory: whole trajectories at a time, from parquet and HDF5 files read in slices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
+
+from ._tidy import TRAJECTORY
+from .formats import RawTable, format_of
+from .log import MAX_BYTES, PathLike, _labels, find_logs, log_settings, say_notes, tidy_tables
+from .mapping import LogMapping
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROWS = 1_000_000
+"""Rows of a piece, by default."""
+
+_BATCH = 65_536
+
+
+def read_log_pieces(
+    paths: PathLike | Iterable[PathLike],
+    mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
+    *,
+    rows: int = ROWS,
+    nan: str = "raise",
+    time_order: str | None = None,
+    duplicates: str | None = None,
+    sampling: str = "warn",
+    check_units: bool = True,
+    ambient_pressure: float | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> Iterator[pd.DataFrame]:
+    """Read logs as `read_log` does, but piece by piece, each of whole trajectories.
+
+    Parquet files, and HDF5 files that hold one table of vectors (what `write_log` writes), are read in slices; other
+    files as a whole, one after the other. A piece has at most `rows` rows, or one trajectory that is longer. Reading
+    and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log.
+
+    Parameters
+    ----------
+    paths : str, Path or iterable of them
+        Files, folders or patterns.
+    mapping : LogMapping, dict, path of a TOML file, optional
+        Names, units, references and constants of the log.
+    rows : int, default=1000000
+        Most rows of a piece of several trajectories.
+    nan, time_order, duplicates, sampling, check_units, ambient_pressure : optional
+        As for `read_log`; the warning on sampling comes after the last piece.
+    max_bytes : int, default=16 GiB
+        Largest size of a piece, unfolded.
+
+    Yields
+    ------
+    DataFrame
+        Tidy frames. A name that an earlier file has used is followed by ``@file``.
+
+    Raises
+    ------
+    LogError
+        As `read_log`; an error in a later piece comes when it is reached.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import pandas as pd
+    >>> from pamid.signals import read_log_pieces, write_log
+    >>> log = pd.DataFrame({"trajectory": list("aabbcc"), "time": [0.0, 0.001] * 3, "P": [2e5, 2.1e5] * 3})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = write_log(log, pathlib.Path(folder) / "log.parquet")
+    ...     [piece["trajectory"].tolist() for piece in read_log_pieces(file, rows=4)]
+    [['a', 'a', 'b', 'b'], ['c', 'c']]
+    """
+    if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
+        raise ParameterError(f"rows is {rows!r}.", "a whole number of at least 1", "Correct it.")
+    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
+
+
+def _pieces(
+    files: list[Path], settings: LogMapping, rows: int, nan: str, sampling: str, check_units: bool, max_bytes: int
+) -> Iterator[pd.DataFrame]:
+    import pandas as pd
+
+    from ._rows import Notes, note_sampling
+
+    notes, taken = Notes(), dict[str, Path]()
+    for path, label in zip(files, _labels(files), strict=True):
+        for tables, zero_run in _raw(path, settings, rows, max_bytes):
+            parts = tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)
+            frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+            names = frame[TRAJECTORY].unique()
+            if again := [n for n in names if taken.get(str(n)) == path]:
+                raise InterleavedTrajectoryError(
+                    f"The rows of trajectory '{again[0]}' of {path.name} are not together.",
+                    "each trajectory in one stretch of the file",
+                    "Sort the log by trajectory and time, or read it as a whole with read_log.",
+                )
+            new = {n: f"{n}@{label}" if str(n) in taken else str(n) for n in names}
+            taken |= {str(n): path for n in names} | dict.fromkeys(new.values(), path)
+            if any(str(k) != v for k, v in new.items()):
+                frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
+            order = [TRAJECTORY, "time"]
+            frame = frame[[*order, *[c for c in frame.columns if c not in order]]]
+            note_sampling(frame, notes)
+            yield frame
+    say_notes(notes, sampling, stacklevel=3)
+
+
+def _raw(
+    path: Path, settings: LogMapping, rows: int, max_bytes: int
+) -> Iterator[tuple[list[RawTable], pd.DataFrame | None]]:
+    """Yield the tables of a file, cut between trajectories where its format allows it."""
+    from pamid.errors import EmptyLogError
+
+    if path.stat().st_size == 0:
+        raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
+    kind = format_of(path)
+    reader = {"parquet": _parquet, "HDF5": _hdf5}.get(kind.name)
+    sliced = reader(path, settings, rows, max_bytes) if reader is not None else None
+    if sliced is None:
+        yield kind.read(path, settings, max_bytes)
+        return
+    for frame in sliced:
+        yield [RawTable(frame)], None
+
+
+def cuts(names: Iterable[np.ndarray], rows: int) -> list[int]:
+    """Return where pieces end: after whole trajectories, before there are too many rows.
+
+    Parameters
+    ----------
+    names : iterable of ndarray
+        Name of each row's trajectory, in slices.
+    rows : int
+        Most rows of a piece of several trajectories.
+
+    Returns
+    -------
+    list of int
+        Row behind the last one of each piece.
+    """
+    ends: list[int] = []
+    begun, edge, n, last = 0, 0, 0, None
+    for part in names:
+        changes = np.flatnonzero(part[1:] != part[:-1]) + 1
+        if len(part) and n and part[0] != last:
+            changes = np.concatenate([[0], changes])
+        for at in (n + changes).tolist():  # a trajectory ends here
+            if at - begun > rows and edge > begun:
+                ends.append(edge)
+                begun = edge
+            edge = at
+        if len(part):
+            last = part[-1]
+        n += len(part)
+    if n - begun > rows and edge > begun:
+        ends.append(edge)
+    return [*ends, n]
+
+
+def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> None:
+    longest = int(np.max(np.diff([0, *ends])))
+    if longest * columns * 8 > max_bytes:
+        raise HostileLogError(
+            f"{path.name} holds a stretch of {longest} rows of {columns} columns that cannot be cut between "
+            f"trajectories ({longest * columns * 8 / 2**30:.3g} GiB).",
+            f"at most {max_bytes / 2**30:.3g} GiB",
+            "Give its runs names of their own in a column trajectory, or raise max_bytes.",
+        )
+
+
+def _own_column(columns: list[str], settings: LogMapping) -> str | None:
+    """Return the column that names trajectories, if there is one that can be found."""
+    wanted = settings.trajectory if settings.trajectory is not None else TRAJECTORY
+    if isinstance(wanted, int):
+        return columns[wanted] if 0 <= wanted < len(columns) else None
+    return wanted if wanted in columns else None
+
+
+def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, pre_buffer=False) as file:
+            schema, total = file.schema_arrow, file.metadata.num_rows
+            flat = [f.name for f in schema if not pa.types.is_nested(f.type) and not pa.types.is_binary(f.type)]
+            flat = list(dict.fromkeys(flat))
+            named = _own_column(flat, settings)
+            ends = [total]
+            if named is not None:
+                batches = file.iter_batches(batch_size=_BATCH, columns=[named], use_threads=False)
+                ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _damaged(path, error) from None
+    if total == 0:
+        return None
+    _require_size(path, ends, len(flat), max_bytes)
+    return _parquet_slices(path, flat, ends)
+
+
+def _parquet_slices(path: Path, columns: list[str], ends: list[int]) -> Iterator[pd.DataFrame]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        # Buffered ahead, all row groups that were read would be kept until the file is closed.
+        with pq.ParquetFile(path, pre_buffer=False) as file:
+            waiting: list[Any] = []
+            held, left = 0, [b - a for a, b in zip([0, *ends], ends, strict=False)]
+            for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
+                waiting.append(batch)
+                held += len(batch)
+                while left and held >= left[0]:
+                    table = pa.Table.from_batches(waiting)
+                    rest = table.slice(left[0])
+                    # Zero-copy slices would keep what is behind them; the last batch alone is copied.
+                    waiting = rest.to_batches()[-1:] if rest.num_rows else []
+                    held = rest.num_rows
+                    yield table.slice(0, left.pop(0)).replace_schema_metadata(None).to_pandas()
+                    del table, rest
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> Exception:
+    if isinstance(error, HostileLogError):
+        return error
+    said = (str(error).splitlines() or ["no detail"])[0][:160]
+    return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a whole file", "Copy the log again.")
+
+
+def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
+    import h5py
+
+    from .formats.hdf5 import _collect, _is_matlab
+
+    if settings.trajectories is not None or settings.zero_run is not None:
+        return None
+    try:
+        with h5py.File(path, "r") as file:
+            found: dict[str, Any] = {}
+            _collect(file, "", found, [], depth=0)
+            tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
+            if _is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
+                return None
+            group, table = tables[0]
+            if any(item.ndim != 1 for item in table.values()):
+                return None
+            named = _own_column(list(table), settings)
+            total = len(next(iter(table.values())))
+            ends = [total] if named is None else cuts(_vector(table[named]), rows)
+            columns = list(table)
+    except OSError as error:
+        raise _damaged(path, error) from None
+    _require_size(path, ends, len(columns), max_bytes)
+    return _hdf5_slices(path, group, columns, ends)
+
+
+def _vector(item: Any) -> Iterator[np.ndarray]:
+    for at in range(0, len(item), _BATCH):
+        yield _values(item, at, at + _BATCH)
+
+
+def _values(item: Any, begin: int, end: int) -> np.ndarray:
+    import h5py
+
+    return np.asarray(item.asstr()[begin:end] if h5py.check_string_dtype(item.dtype) else item[begin:end])
+
+
+def _hdf5_slices(path: Path, group: str, columns: list[str], ends: list[int]) -> Iterator[pd.DataFrame]:
+    import h5py
+    import pandas as pd
+
+    try:
+        with h5py.File(path, "r") as file:
+            for begin, end in zip([0, *ends], ends, strict=False):
+                yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
+    except OSError as error:
+        raise _damaged(path, error) from None
+
+
+__all__ = ["ROWS", "read_log_pieces"]
