@@ -6,8 +6,6 @@ so ``except ValueError`` keeps working and the command line can turn any `PamidE
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 
 class PamidError(Exception):
     """Base of all errors of the package.
@@ -27,7 +25,7 @@ class PamidError(Exception):
         Page of the docs, with its section, that helps.
     """
 
-    page: ClassVar[str] = "docs/command-line.md"
+    page: str = "docs/command-line.md"
 
     def __init__(self, found: str, expected: str = "", remedy: str = "") -> None:
         self.found = found

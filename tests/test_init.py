@@ -250,7 +250,9 @@ def test_nothing_is_overwritten_unless_forced(muscle, tmp_path, capsys):
 )
 def test_what_cannot_be_is_explained(argv, words, muscle, tmp_path, capsys):
     assert main(["init", str(muscle), *argv, "--yes", "--out", str(tmp_path / "a")]) == 2
-    assert words in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.endswith("See docs/first_hour.md#describe-it.\n")
     assert not (tmp_path / "a").exists()
 
 

@@ -78,6 +78,14 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    try:
+        return _run(args)
+    except PamidError as error:
+        error.page = "docs/first_hour.md#describe-it"
+        raise
+
+
+def _run(args: argparse.Namespace) -> int:
     from ...systems.draft import draft_for, given_numbers, kinds
 
     folder = _checked_folder(args)
