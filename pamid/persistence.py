@@ -129,6 +129,20 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
         The file is of a format newer than this version of pamid, or of none.
     HostileModelError
         The file names a type that is not on the allow-list, or is built to harm. Nothing of it was constructed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pamid import inspect, load, save
+    >>> from pamid.estimators import GeometricForce
+    >>> import pandas as pd
+    >>> X = pd.DataFrame({"eps": [0.05, 0.10, 0.15, 0.2], "P": [3e5, 4e5, 5e5, 3e5]})
+    >>> model = GeometricForce().fit(X, [300.0, 350.0, 330.0, 90.0])  # N
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     again = load(save(model, Path(folder) / "force.pamid"))
+    >>> bool((again.predict(X) == model.predict(X)).all())
+    True
     """
     name = Path(path).name
     entries = read_archive(Path(path), max_bytes)
@@ -164,6 +178,20 @@ def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     ------
     ModelFileError
         As for `load`, except that no type is judged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pamid import inspect, load, save
+    >>> from pamid.estimators import GeometricForce
+    >>> import pandas as pd
+    >>> X = pd.DataFrame({"eps": [0.05, 0.10, 0.15, 0.2], "P": [3e5, 4e5, 5e5, 3e5]})
+    >>> model = GeometricForce().fit(X, [300.0, 350.0, 330.0, 90.0])  # N
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     what = inspect(save(model, Path(folder) / "force.pamid"))
+    >>> type(what).__name__
+    'dict'
     """
     name = Path(path).name
     return _read_head(read_archive(Path(path), max_bytes), name)[0]

@@ -20,6 +20,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted.
+
+    Examples
+    --------
+    >>> from pamid.cli import main
+    >>> main(["--version"])
+    pamid 0.1.0
+    0
     """
     from .app import run
 

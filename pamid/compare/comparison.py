@@ -92,6 +92,16 @@ class Comparison:
         How many.
     notes : list of str
         What was done to the data.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare import compare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> table = unfold(simulate(bench, [sine(w, 10.0, 400) for w in (2.0, 4.0, 8.0)]), bench)
+    >>> result = compare(table, "force", ["PolynomialForce", "GeometricForce(chou_hannaford)"], cv=3)
+    >>> result.best.rmse < result["PolynomialForce(area)"].rmse, result.unit
+    (True, 'N')
     """
 
     equation: str

@@ -45,6 +45,13 @@ class Candidate:
         Columns of its target.
     sequential : bool
         Whether it learns from the sequence of samples, and must see them evenly spaced.
+
+    Examples
+    --------
+    >>> from pamid.compare.entries import Candidate
+    >>> from pamid.estimators import GeometricForce
+    >>> Candidate("Chou", GeometricForce(), columns=("eps", "P"), targets=("F",)).label
+    'Chou'
     """
 
     label: str

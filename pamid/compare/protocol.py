@@ -66,6 +66,15 @@ class Prepared:
         Length of the windows, s; 0 if there are none.
     notes : list of str
         What a reader of the result should know.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare.protocol import prepare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> ready = prepare(unfold(simulate(bench, [sine(4, 10.0, 400)]), bench), "force")
+    >>> ready.target, int(ready.usable.sum())
+    ('F', 800)
     """
 
     table: pd.DataFrame
@@ -140,6 +149,13 @@ def prepare(
     -----
     A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
     share would hide what tells them apart.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare import prepare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> ready = prepare(unfold(simulate(bench, [sine(4, 10.0, 400)]), bench), "force")
     """
     import pandas as pd
 

@@ -35,6 +35,12 @@ class EquationFinding:
         Probability of as much as this without a gap.
     excess : float
         Root mean square of the residual beyond its noise, in units of the noise.
+
+    Examples
+    --------
+    >>> from pamid.gap import EquationFinding
+    >>> EquationFinding("flow", share=0.99, p_value=1e-6, excess=12.0).equation
+    'flow'
     """
 
     equation: str
@@ -57,6 +63,13 @@ class Region:
         Share of the equation's gap that lies in it.
     samples : float
         Share of the samples that lie in it.
+
+    Examples
+    --------
+    >>> from pamid.gap import Region
+    >>> region = Region("force", "deps1 > 0 and P1 > 3e5", share=0.8, samples=0.3)
+    >>> f"{region.share:.0%} of the gap in {region.samples:.0%} of the samples"
+    '80% of the gap in 30% of the samples'
     """
 
     equation: str
@@ -77,6 +90,12 @@ class Band:
         The band, Hz.
     share : float
         Share of the equation's gap.
+
+    Examples
+    --------
+    >>> from pamid.gap import Band
+    >>> Band("force", from_hz=0.0, to_hz=1.0, share=0.9).to_hz  # Hz
+    1.0
     """
 
     equation: str
@@ -95,6 +114,12 @@ class TrajectoryShare:
         Its name.
     share : float
         Share of the whole gap.
+
+    Examples
+    --------
+    >>> from pamid.gap import TrajectoryShare
+    >>> TrajectoryShare("sine-4-15", share=0.6).trajectory
+    'sine-4-15'
     """
 
     trajectory: str
@@ -113,6 +138,13 @@ class ParameterEstimate:
         Its unit.
     ci90 : (float, float)
         90 % interval over trajectories; infinite where the data do not bound it.
+
+    Examples
+    --------
+    >>> from pamid.gap import ParameterEstimate
+    >>> amplitude = ParameterEstimate(6.0, "N", (5.7, 6.3))
+    >>> f"{amplitude.value:g} {amplitude.unit}"
+    '6 N'
     """
 
     value: float
@@ -136,6 +168,12 @@ class Candidate:
         Share of the explainable gap that it closes on this log, by itself.
     ruled_out : str
         Why it is not the answer; empty for what is.
+
+    Examples
+    --------
+    >>> from pamid.gap import Candidate
+    >>> Candidate("leakage", confidence=0.98, score=812.0, closed_share=0.99, ruled_out="").effect
+    'leakage'
     """
 
     effect: str
@@ -165,6 +203,13 @@ class Cause:
         Parameters of the first effect.
     told_apart_by : str or None
         What would split the class.
+
+    Examples
+    --------
+    >>> from pamid.gap import Cause
+    >>> either = Cause(("gas_temperature", "dead_volume"), "flow", 0.97, 1.0, share_ci90=(0.9, 1.0), parameters={})
+    >>> len(either.effects)  # a class: the log cannot tell which
+    2
     """
 
     effects: tuple[str, ...]
@@ -194,6 +239,14 @@ class Closure:
         90 % interval over trajectories.
     unit : str
         The equation's unit.
+
+    Examples
+    --------
+    >>> from pamid.gap import Closure
+    >>> share = {"closed_share": 0.999, "ci90": (0.998, 1.0)}
+    >>> force = Closure("force", rmse_before=5.6, rmse_after=0.1, noise_floor=0.03, unit="N", **share)
+    >>> f"{force.rmse_before:g} {force.unit} becomes {force.rmse_after:g} {force.unit}"
+    '5.6 N becomes 0.1 N'
     """
 
     equation: str
@@ -219,6 +272,13 @@ class NextExperiment:
         Expected logarithm of their likelihood ratio after one such run, each refitted.
     reason : str
         One sentence.
+
+    Examples
+    --------
+    >>> from pamid.gap import NextExperiment
+    >>> run = {"kind": "isobaric", "frequency": 4.0, "amplitude": 10.0}  # rad/s, degrees
+    >>> NextExperiment(run, ("dead_volume", "gas_temperature"), expected=730.0, reason="they differ there").separates
+    ('dead_volume', 'gas_temperature')
     """
 
     trajectory: dict[str, Any]
@@ -258,6 +318,16 @@ class Diagnosis:
         its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
     leftover : dict
         For an unknown cause: what the leftover depends on, and its closest symbolic form.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> log = simulate(nominal, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
+    >>> found = diagnose(log, nominal, ["leakage"])
+    >>> found.verdict, found.causes[0].effects
+    ('cause', ('leakage',))
     """
 
     verdict: str

@@ -38,6 +38,15 @@ def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     -------
     DataFrame
         The log with ``dq`` (rad/s) and, for each muscle k, ``epsk``, ``depsk`` (1/s) and ``dPk`` (Pa/s).
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import state_table
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> table = state_table(simulate(bench, [sine(4, 15, 400)]), bench)
+    >>> len(table.query("deps1 > 0 and P1 < 3e5")) > 0  # 1/s, Pa
+    True
     """
     import pandas as pd
 

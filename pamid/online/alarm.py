@@ -71,6 +71,13 @@ class DriftAlarm:
         u of `threshold`.
     groups : array of int, shape (n_parameters,), optional
         Parameters that explain together, such as those of one effect; each by itself by default.
+
+    Examples
+    --------
+    >>> from pamid.online import DriftAlarm
+    >>> alarm = DriftAlarm(one_sided=[False], memory=25.0, hold=60, limit=5.0)  # memory and hold in blocks
+    >>> alarm.scale
+    array([1.])
     """
 
     def __init__(self, one_sided: Any, memory: float, hold: int, limit: float, groups: Any = None) -> None:

@@ -37,6 +37,15 @@ class StreamedEffect:
     ----------
     names : list of str
         Parameters that are followed: the linear ones, or all of an effect that has none.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.effects import make_effect
+    >>> from pamid.online import StreamedEffect
+    >>> leak = StreamedEffect(make_effect("leakage"), "flow", BenchParameters.for_muscle("B").plant(), dt=1e-3)
+    >>> leak.linear
+    ['conductance']
     """
 
     def __init__(self, effect: Effect, equation: str, plant: Plant, dt: float, play: float = 0.0) -> None:

@@ -38,6 +38,13 @@ class Finding:
         Estimate of the effect's parameter, in its own unit; NaN if unknown.
     unit : str
         Its unit.
+
+    Examples
+    --------
+    >>> from pamid.online import Finding
+    >>> found = Finding("leakage", "flow", time=22.4, strength=1.3, value=5e-11, unit="m^3/(s Pa)")
+    >>> f"{found.effect} after {found.time} s: {found.value:g} {found.unit}"
+    'leakage after 22.4 s: 5e-11 m^3/(s Pa)'
     """
 
     effect: str
@@ -111,6 +118,16 @@ class GapMonitor:
     See Also
     --------
     pamid.estimators.OnlineAdapter : The same filter for a model that follows a muscle.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.laws.thermodynamic import ThermodynamicFlow
+    >>> from pamid.online import GapMonitor
+    >>> from pamid.volume.braided import BraidedVolume
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> geometry = BraidedVolume(rest_length=0.2, rest_diameter=0.02, braid_angle=0.4363)
+    >>> monitor = GapMonitor(geometry, [ThermodynamicFlow()], bench.plant())  # then calibrate(table), update(table)
     """
 
     def __init__(

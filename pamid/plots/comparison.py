@@ -28,6 +28,16 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
     -------
     Figure
         The figure.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare import compare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> table = unfold(simulate(bench, [sine(w, 10.0, 400) for w in (2.0, 4.0, 8.0)]), bench)
+    >>> result = compare(table, "force", ["PolynomialForce", "GeometricForce(chou_hannaford)"], cv=3)
+    >>> from pamid.plots import comparison_plot
+    >>> figure = comparison_plot(result)
     """
     if path is not None:
         path = checked_ending(path)

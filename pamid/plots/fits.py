@@ -44,6 +44,16 @@ def fit_plot(
     ------
     UnknownOptionError
         If no such estimator was compared.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine, unfold
+    >>> from pamid.compare import compare
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> table = unfold(simulate(bench, [sine(w, 10.0, 400) for w in (2.0, 4.0, 8.0)]), bench)
+    >>> result = compare(table, "force", ["PolynomialForce", "GeometricForce(chou_hannaford)"], cv=3)
+    >>> from pamid.plots import fit_plot
+    >>> figure = fit_plot(result)
     """
     if path is not None:
         path = checked_ending(path)

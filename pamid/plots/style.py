@@ -113,6 +113,16 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         If the name ends otherwise.
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from matplotlib.figure import Figure
+    >>> from pamid.plots import save_figure
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     print(save_figure(Figure(), Path(folder) / "empty.svg").name)
+    empty.svg
     """
     target = checked_ending(path)
     kind = target.suffix.lower()[1:]

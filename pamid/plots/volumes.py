@@ -196,6 +196,17 @@ def volume_plot(
     -------
     Figure
         The figure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from pamid.estimators import GeometricForce
+    >>> from pamid.plots import volume_plot
+    >>> rng = np.random.default_rng(0)
+    >>> X = pd.DataFrame({"eps": rng.uniform(0, 0.2, 99), "P": rng.uniform(2e5, 6e5, 99)})
+    >>> fit = GeometricForce().fit(X, 1e-3 * (X["P"] - 101325) * (1 - 3 * X["eps"]))
+    >>> figure = volume_plot(fit, X)
     """
     if path is not None:
         path = checked_ending(path)

@@ -36,6 +36,17 @@ class GapDisplay:
         Its axes.
     kind_ : str
         What it shows.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> log = simulate(nominal, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
+    >>> from pamid.report import GapDisplay
+    >>> display = GapDisplay.from_diagnosis(diagnose(log, nominal, ["leakage"]))
+    >>> display.plot("ranking").axes_[0].get_xlabel()
+    'confidence / %'
     """
 
     def __init__(self, diagnosis: Diagnosis) -> None:

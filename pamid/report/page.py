@@ -38,6 +38,16 @@ def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
     -------
     str
         HTML that holds its pictures and its style and asks for nothing else. All text is escaped.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> log = simulate(nominal, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
+    >>> from pamid.report import report_html
+    >>> report_html(diagnose(log, nominal, ["leakage"])).startswith("<!")
+    True
     """
     from markupsafe import Markup
 
@@ -78,6 +88,21 @@ def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None =
     ------
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> log = simulate(nominal, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pamid.report import write_report
+    >>> found = diagnose(log, nominal, ["leakage"])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = write_report(found, Path(folder) / "report.html")
+    ...     print(page.name, page.stat().st_size > 10_000)
+    report.html True
     """
     text = report_html(diagnosis, source)
     target = Path(path)

@@ -32,6 +32,12 @@ class Answers(NamedTuple):
         The answer in a few words.
     where, which, how_far : str
         One sentence each.
+
+    Examples
+    --------
+    >>> from pamid.report import Answers
+    >>> Answers("No gap beyond the noise", "Nowhere.", "None.", "There is nothing to close.").verdict
+    'No gap beyond the noise'
     """
 
     verdict: str
@@ -52,6 +58,16 @@ def answers(diagnosis: Diagnosis) -> Answers:
     -------
     Answers
         The verdict, where the gap lies, which effect causes it, how far it shrinks.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> log = simulate(nominal, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
+    >>> from pamid.report import answers
+    >>> answers(diagnose(log, nominal, ["leakage"])).verdict
+    'One cause: leakage'
     """
     return Answers(verdict(diagnosis), where(diagnosis), which(diagnosis), how_far(diagnosis))
 

@@ -29,6 +29,16 @@ class Problem:
         What the law should give, in units of its spread.
     weight : Tensor, shape (n_samples,)
         Sample weights, positive.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from pamid.training import Problem
+    >>> n = 5
+    >>> x, along = torch.zeros(n, 4), torch.ones(n, 4)
+    >>> problem = Problem(x, along, a=None, y=torch.ones(n), weight=torch.ones(n))
+    >>> len(problem)
+    5
     """
 
     x: Tensor

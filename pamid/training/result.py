@@ -50,6 +50,13 @@ class TrainingResult:
         Mean squared residual after each iteration, in units of the target's variance.
     validation_curve : list of float
         The same on held-out trajectories; empty without any.
+
+    Examples
+    --------
+    >>> from pamid.training import Status, TrainingResult
+    >>> done = TrainingResult([], Status.CONVERGED, 12, [0.5, 0.01], [])
+    >>> done.loss_curve[-1]
+    0.01
     """
 
     parameters: Parameters

@@ -17,6 +17,12 @@ def all_sections() -> list[type[Section]]:
     -------
     list of class
         Every `Section` that a module of this package defines.
+
+    Examples
+    --------
+    >>> from pamid.report.sections import all_sections
+    >>> [cls.name for cls in all_sections()][:2]
+    ['answer', 'where']
     """
     for module in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{module.name}")

@@ -26,6 +26,12 @@ class Source(NamedTuple):
         Its runs.
     command : str, default=""
         The command that made it.
+
+    Examples
+    --------
+    >>> from pamid.report.sections.base import Source
+    >>> Source(log="bench.parquet", simulator="sim.toml", rows=20_000, runs=10).rows
+    20000
     """
 
     log: str = ""
@@ -44,6 +50,12 @@ class Picture(NamedTuple):
         The ``svg`` element.
     caption : str
         What to see in it; plain text.
+
+    Examples
+    --------
+    >>> from pamid.report.sections.base import Picture
+    >>> Picture("<svg></svg>", "Residual over contraction and its rate").caption
+    'Residual over contraction and its rate'
     """
 
     svg: Any
@@ -59,6 +71,13 @@ class Section(ABC):
         What is told.
     source : Source
         Where it comes from.
+
+    Examples
+    --------
+    >>> from pamid.report.sections import all_sections
+    >>> first = all_sections()[0]
+    >>> first.name, first.title
+    ('answer', '')
     """
 
     name: ClassVar[str]
