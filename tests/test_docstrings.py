@@ -23,7 +23,7 @@ import pamid
 #   SS06, ES01  a summary may run over two lines and need no second paragraph
 #   PR08, RT04  a description may begin with the symbol of its quantity (γ, r, ε₀), which is no capital letter
 #   SA01, SA04  links are given where they help
-#   EX01        examples are asked of estimators below, and run
+#   EX01        examples are asked of what a user meets, below, and run
 CODES = {
     "GL03", "GL05", "GL06", "GL07", "GL08", "GL10",
     "SS01", "SS02", "SS03", "SS04",
@@ -130,6 +130,18 @@ def test_docstrings_of_estimators(name, estimator_class):
     assert UNIT.search(doc), f"{name} names no unit"
     assert sections["Attributes"], f"{name} lists no fitted attributes"
     assert sections["Examples"], f"{name} has no example"
+
+
+def with_examples() -> list[str]:
+    """What a user meets: the names that rooms export, and every effect, law, volume and adapter."""
+    rooms = re.compile(r"pamid\.(effects|laws|volume|adapters)\.")
+    paths = {path for path in public_objects() if path in exported() or rooms.match(path)}
+    return sorted(p for p in paths if not (inspect.isclass(load(p)) and issubclass(load(p), Exception)))
+
+
+@pytest.mark.parametrize("path", with_examples())
+def test_what_a_user_meets_has_an_example(path):
+    assert re.search(r"^Examples\n-+$", inspect.getdoc(load(path)) or "", re.M), f"{path} has no example"
 
 
 @pytest.mark.parametrize("path", ["pamid.estimators", *public_objects()])

@@ -35,6 +35,15 @@ class Answerable:
         What speaks for it, with numbers.
     record : str
         What would help; empty for a yes.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> first = survey(log).answers[0]
+    >>> first.question != "", first.answer != ""
+    (True, True)
     """
 
     question: str

@@ -48,6 +48,15 @@ class Channel:
         Step of quantisation, 0 where none is seen.
     moves : bool
         Whether the range is well above the noise.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> P1 = next(c for c in survey(log).channels if c.name == "P1")
+    >>> f"{P1.unit}, moves: {P1.moves}"
+    'Pa, moves: True'
     """
 
     name: str

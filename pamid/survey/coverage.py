@@ -56,6 +56,14 @@ class Coverage:
         Lowest frequency that the longest run resolves, Hz.
     command : tuple of float
         Smallest and largest absolute command while a valve is open; NaN without.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> survey(log).coverage.reversals > 0
+    True
     """
 
     position: str = ""

@@ -34,6 +34,15 @@ def survey_html(found: Survey, log: pd.DataFrame, name: str = "") -> str:
     -------
     str
         HTML that holds its pictures and its style and asks for nothing else. All text is escaped.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> from pamid.survey import survey_html
+    >>> survey_html(survey(log), log, "bench.parquet").startswith("<!")
+    True
     """
     from markupsafe import Markup
 

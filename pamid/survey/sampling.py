@@ -46,6 +46,15 @@ class Sampling:
         Runs that repeat an earlier one.
     repeat_error : dict of str to float
         For each signal the standard deviation between repeats, in its unit.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> sampling = survey(log).sampling
+    >>> f"{sampling.rate:.0f} Hz, {sampling.gaps} gaps"
+    '1000 Hz, 0 gaps'
     """
 
     rows: int

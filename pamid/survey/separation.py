@@ -39,6 +39,12 @@ class Separation:
         Effects that would explain it as well.
     seen : bool
         Whether it would be seen at all.
+
+    Examples
+    --------
+    >>> from pamid.survey import Separation
+    >>> Separation("leakage", "gas", signal=12.0, alike=("flow_bias",), seen=True).alike
+    ('flow_bias',)
     """
 
     effect: str

@@ -50,6 +50,15 @@ class Survey:
         What to record next, the most useful first.
     notes : list of str
         What a reader should know besides.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.survey.survey import survey
+    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
+    >>> found = survey(log)
+    >>> found.sampling.runs, [c.name for c in found.channels][:2]
+    (2, ['q_ref', 'q'])
     """
 
     sampling: Sampling

@@ -30,6 +30,12 @@ class Input(NamedTuple):
         What it is, for somebody who sees the word for the first time.
     needed : bool, default=True
         Whether the system cannot do without.
+
+    Examples
+    --------
+    >>> from pamid.systems import Input
+    >>> Input("P", "Pa", "pressure in the chamber, absolute").needed
+    True
     """
 
     name: str
@@ -57,6 +63,13 @@ class Quantity(NamedTuple):
         Whether ``"fit"`` may stand instead of a number.
     hint : str, default=""
         What a value out of range probably is.
+
+    Examples
+    --------
+    >>> from pamid.systems import Quantity
+    >>> bore = Quantity("bore", "m", 0.002, 0.5, "inner diameter of the cylinder")
+    >>> f"{bore.name}: {bore.lower:g} to {bore.upper:g} {bore.unit}"
+    'bore: 0.002 to 0.5 m'
     """
 
     name: str
@@ -117,6 +130,12 @@ class System(ABC):
     ------
     MissingParameterError, UnknownParameterError, ImplausibleParameterError
         A number is missing, unknown, or out of its range.
+
+    Examples
+    --------
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> Cylinder.kind, [i.name for i in Cylinder.inputs][:2]
+    ('cylinder', ['x', 'P'])
     """
 
     kind: ClassVar[str]

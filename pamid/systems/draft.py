@@ -211,6 +211,18 @@ def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "") -> Draft
     ------
     LogError
         The log cannot be read at all.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pandas as pd
+    >>> from pamid.systems import draft_for
+    >>> log = pd.DataFrame({"t [s]": [0.0, 0.1, 0.2], "p [bar]": [3.0, 3.1, 3.2], "x [mm]": [180, 179, 178]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log.to_csv(Path(folder) / "log.csv", index=False)
+    ...     len(draft_for(Path(folder) / "log.csv").guesses)
+    3
     """
     if kind and kind not in kinds():
         raise UnknownOptionError(f"There is no kind {kind!r}.", f"one of {', '.join(kinds())}", "Correct it.")

@@ -32,6 +32,17 @@ def kind_of_file(path: str | Path) -> str:
     -------
     str
         Its ``kind``; ``"bench"`` where it names none or cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.systems import kind_of_file
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     BenchParameters.for_muscle("B").to_toml(Path(folder) / "sim.toml")
+    ...     print(kind_of_file(Path(folder) / "sim.toml"))
+    bench
     """
     try:
         if Path(path).stat().st_size > MAX_BYTES:
@@ -121,6 +132,13 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
     -------
     str
         TOML.
+
+    Examples
+    --------
+    >>> from pamid.systems import system_text
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> system_text(Cylinder, {"bore": 0.025}).count("bore") > 0  # m
+    True
     """
     lines = [
         f"# Simulator: {kind.title}.",
