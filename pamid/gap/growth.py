@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects import all_effects
 from .fit import Fit
-from .search import CROSS, MAX_CAUSES, Rival, Search, Stage, has_form
+from .search import MAX_CAUSES, Rival, Search, Stage, cross, has_form
 
 LEAST_GAIN = 10.0
 """Gain in log-likelihood that a further effect must bring at least."""
@@ -23,6 +23,8 @@ SHOUTS = 4.0
 OTHERS, OTHER_SHARE = 2, 0.3
 """Other beginnings that are followed to their end where several causes are found, and the share of the best single gain
 that they must bring."""
+CLEAN = 1.06
+"""Scale of what is left, in noise, up to which two causes need no other beginning."""
 BETTER, BETTER_SHARE = 8.0, 0.01
 """How much more an account from another beginning must explain: nats, and share of the gain."""
 ALIKE, ALIKE_SHARE = 30.0, 0.03
@@ -44,15 +46,21 @@ def grow(search: Search, best: Rival) -> tuple[Fit, Alternatives]:
     """
     first = search.stages[-1]
     fit, rivals = _from(search, first, best)
-    if len(fit.spec) > 1:
+    if len(fit.spec) > 1 and not _settled(search, fit):
         # The effect that explains most alone may stand between two true ones.
         seeds = [r for r, gain in _gains(search, first)[1:] if gain > OTHER_SHARE * search.gain(first.before, best)]
         for seed in [r for r in seeds if r.added not in fit.spec][:OTHERS]:
             other, alternatives = _from(search, first, seed)
             if _preferred(other, fit, search.base.fit.loglik):
                 fit, rivals = other, alternatives
+    if len(fit.spec) > 1:
         fit = _shortened(search, rivals, fit)
     return fit, {name: rivals[name] for name in fit.spec if name in rivals}
+
+
+def _settled(search: Search, fit: Fit) -> bool:
+    """Tell whether two causes leave nothing but noise, which a wrong beginning rarely comes to."""
+    return len(fit.spec) == 2 and bool(np.all(search.rival("", fit).left < CLEAN))
 
 
 def _from(search: Search, first: Stage, seed: Rival) -> tuple[Fit, Alternatives]:
@@ -124,7 +132,7 @@ def _closes(
             loudest = max(_level(d[p], np.ones(len(d[p]))) for p in search.evidence.parts)
             remembers = library[name].n_states > 0 and library[name].family != "friction"
             share = search.evidence.audible * (REMEMBERED if remembers else 1.0)
-            least = max(least, share * _level(d[part], weight), CROSS * loudest)
+            least = max(least, share * _level(d[part], weight), cross(name) * loudest)
     closed = (left**2 - still**2) / max(left**2 - min(1.0, still**2), 1e-9)
     voice = np.sqrt(max(left**2 - max(still, 1.0) ** 2, 0.0))
     return bool(closed >= CLOSES and voice >= least)

@@ -47,7 +47,7 @@ class Solution(NamedTuple):
     scales: np.ndarray
 
 
-def scale(z: np.ndarray, least: float = 1.0) -> float:
+def scale(z: np.ndarray, least: float = 1.0, start: float | None = None) -> float:
     """Return the maximum-likelihood scale of t-distributed residuals, such that Gaussian noise of width 1 has 1.
 
     Parameters
@@ -56,14 +56,17 @@ def scale(z: np.ndarray, least: float = 1.0) -> float:
         Residuals.
     least : float, default=1.0
         The scale is at least this.
+    start : float, optional
+        A guess to begin from.
     """
     if not len(z):
         return least
     z2 = z * z / _GAUSSIAN**2
     floor = max(least * least, 1e-300)
-    s2 = max(floor, float(np.median(z2)) * 1.6)
+    s2 = max(floor, float(np.median(z2)) * 1.6 if start is None else start * start)
     for _ in range(50):
-        new = max(floor, float(np.mean((NU + 1.0) * z2 / (NU + z2 / s2))))
+        # z² / (ν + z²/s²) = s² (1 − ν / (ν + z²/s²))
+        new = max(floor, (NU + 1.0) * s2 * (1.0 - float(np.mean(NU / (NU + z2 / s2)))))
         if abs(new - s2) < 1e-5 * s2:
             s2 = new
             break
@@ -71,7 +74,9 @@ def scale(z: np.ndarray, least: float = 1.0) -> float:
     return float(np.sqrt(s2))
 
 
-def loglik(z: np.ndarray, parts: Sequence[slice], weights: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+def loglik(
+    z: np.ndarray, parts: Sequence[slice], weights: np.ndarray | None = None, start: np.ndarray | None = None
+) -> tuple[float, np.ndarray]:
     """Return the log-likelihood of residuals in units of their noise, and the scale of each equation.
 
     Parameters
@@ -82,10 +87,12 @@ def loglik(z: np.ndarray, parts: Sequence[slice], weights: np.ndarray | None = N
         The windows of each equation.
     weights : array, shape (n_equations,), optional
         What a window of each equation counts for, less than one where neighbours repeat each other.
+    start : array, shape (n_equations,), optional
+        Guesses of the scales.
     """
     total, scales = 0.0, np.ones(len(parts))
     for k, part in enumerate(parts):
-        s = scales[k] = scale(z[part])
+        s = scales[k] = scale(z[part], start=None if start is None else float(start[k]))
         terms = -len(z[part]) * np.log(s) - 0.5 * (NU + 1.0) * np.sum(
             np.log1p(np.square(z[part] / (_GAUSSIAN * s)) / NU)
         )
@@ -169,7 +176,7 @@ def _reweighted(
         Aw = A * w[:, None]
         x = bounded(A.T @ Aw + np.diag(prior), -(z0 @ Aw), lower, upper)
         z = z0 + A @ x
-        value, scales = loglik(z, parts, weights)
+        value, scales = loglik(z, parts, weights, scales if n else None)
         value -= 0.5 * float(prior @ (x * x))
         gain = np.inf if best is None else value - best.loglik
         if best is None or gain > 0.0:

@@ -31,6 +31,7 @@ EXACT = 0.003
 """The same for faults of sensors and wrong parameters, whose forms are known."""
 CROSS = 0.01
 """What an effect may add, as a share, to windows and equations that the library's form does not know of."""
+_SHAPES = {"elasticity", "viscoelasticity", "geometry", "gas"}
 _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
 
 
@@ -145,7 +146,7 @@ class Search:
                 variance += np.square(EXACT * d)
                 continue
             loudest = max(float(np.sqrt(np.mean(np.square(d[part])))) for part in self.evidence.parts)
-            variance += np.square(INEXACT * d) + (CROSS * loudest) ** 2
+            variance += np.square(INEXACT * d) + (cross(name) * loudest) ** 2
         return np.sqrt(1.0 + variance) if np.any(variance) else None
 
     def loosened(self, fit: Fit) -> np.ndarray:
@@ -262,6 +263,14 @@ def has_form(name: str) -> bool:
     """Tell whether an effect has a form that may be bent; a sensor's offset or gain or a wrong length has none."""
     effect = all_effects()[name]
     return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
+
+
+def cross(name: str) -> float:
+    """Return what an effect may add, as a share, to equations that the library's form does not know of.
+
+    What changes a muscle's shape or its gas is felt in force and volume alike; friction or a valve is not.
+    """
+    return CROSS if all_effects()[name].family in _SHAPES else 0.0
 
 
 def degenerate(fit: Fit, name: str) -> str | None:
