@@ -187,6 +187,24 @@ def test_bad_samples_raise_no_alarm(monitor_of):
     assert monitor.update(table[5000:]) == []
 
 
+@pytest.mark.parametrize("channel", ["F", "mdot", "P", "eps"])
+def test_a_stuck_sensor_is_told_and_is_no_finding(monitor_of, channel):
+    table = stream(8.0, seed=6, start=20.0)
+    if channel in ("eps", "P"):  # a reading has noise, and a rate that belongs to it
+        table[channel] += np.random.default_rng(0).normal(0, 1e-9, len(table)) * table[channel].abs().max()
+    late = table["time"].between(22.0, 25.0)
+    table.loc[late, channel] = table[channel][2000]
+    if rate := {"eps": "deps", "P": "dP"}.get(channel):
+        table.loc[late, rate] = 0.0
+    monitor, stuck = monitor_of(), {}
+    for i in range(0, len(table), 100):
+        assert monitor.update(table[i : i + 100]) == []
+        stuck |= monitor.stuck
+    assert list(stuck) == [channel]
+    assert stuck[channel] == pytest.approx(22.0, abs=0.021)
+    assert monitor.stuck == {}, "it moves again"
+
+
 def test_what_no_effect_explains_is_unknown(monitor_of):
     table = stream(8.0, seed=5, start=20.0)
     late = table["time"] > 22.0
@@ -364,6 +382,16 @@ def test_watch_names_the_leak(recorded, capsys):
     assert found[0]["effect"] == "leakage"
     assert 12.0 < found[0]["time"] < 14.0
     assert events[-1]["problems"] == {"malformed": 1, "gap": 1}
+
+
+def test_watch_tells_a_stuck_sensor(recorded, tmp_path, capsys):
+    table = stream(6.0)
+    table.loc[table["time"] > 4.0, "F"] = table["F"][4000]
+    (tmp_path / "samples.jsonl").write_bytes(b"\n".join(as_lines(table)) + b"\n")
+    assert main(["watch", str(tmp_path / "samples.jsonl"), "--sim", str(recorded[1]), "--learn", "3"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert next(line for line in said if "sensor of F stands still" in line).split()[0] in ("4.00", "4.01", "4.02")
+    assert said[-1].startswith("end: 5980 samples, findings: 0")
 
 
 def test_watch_reads_a_pipe_and_says_what_is_wrong(recorded, capsys):

@@ -15,6 +15,7 @@ from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
 from .alarm import DriftAlarm, threshold
 from .memory import StreamedEffect, effect_of
+from .still import StillSensors
 
 HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")
 """Effects that may appear, by default."""
@@ -165,7 +166,13 @@ class GapMonitor:
             _Watch(law, [StreamedEffect(e, law.equation, plant, dt, play) for e in found], self.settings)
             for law, found in pairs
         ]
+        self.sensors = StillSensors(self.block)
         self.calibrated = False
+
+    @property
+    def stuck(self) -> dict[str, float]:
+        """Channels whose sensor stands still now, with the time since which it does, s; they are left out."""
+        return self.sensors.stuck
 
     def calibrate(self, table: Any) -> GapMonitor:
         """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence.
@@ -188,6 +195,7 @@ class GapMonitor:
                 f"at least {50 * self.block}, better a minute of signal",
                 "Record longer before something is expected to appear.",
             )
+        self.sensors.learn(self._channels(state, measured))
         for watch, y in zip(self.watches, measured, strict=True):
             watch.factor, watch.offset = 1.0, 0.0
             modelled = np.asarray(watch.law.predict(*self.volume.jet(state), state))
@@ -250,9 +258,11 @@ class GapMonitor:
         state, measured = self._columns(table)
         time = np.asarray(table["time"], dtype=float) if "time" in table else np.arange(len(state.eps)) * self.dt
         found = []
+        still = self.sensors.update(self._channels(state, measured), time)
         for watch, y in zip(self.watches, measured, strict=True):
             raw, H = watch.residual(self.volume, state, y)
             residual = raw - H @ watch.start
+            residual[still["eps"] | still["P"] | still[watch.law.target]] = np.nan
             for i in range(0, len(y), self.block):
                 b = slice(i, i + self.block)
                 finding = self._block(watch, H[b], residual[b], float(time[b][-1]))
@@ -293,6 +303,13 @@ class GapMonitor:
             watch.restart()
             watch.alarm.restart()
             watch.power, watch.beyond = 0.0, 0
+
+    def _channels(self, state: State, measured: list[np.ndarray]) -> dict[str, np.ndarray]:
+        return {
+            "eps": state.eps,
+            "P": state.P,
+            **{w.law.target: y for w, y in zip(self.watches, measured, strict=True)},
+        }
 
     def _columns(self, table: Any) -> tuple[State, list[np.ndarray]]:
         needed = [*STATE_SIGNALS, *(w.law.target for w in self.watches)]

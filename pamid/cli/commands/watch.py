@@ -133,7 +133,12 @@ class _Watcher:
         if begins:
             self.monitor.restart()
             yield {"event": "run", "time": float(table["time"][0])}
-        for finding in self.monitor.update(table):
+        before = set(self.monitor.stuck)
+        findings = self.monitor.update(table)
+        for channel, since in self.monitor.stuck.items():
+            if channel not in before:
+                yield {"event": "stuck", "channel": channel, "time": since}
+        for finding in findings:
             name, since = self.last
             if finding.effect == name and finding.time - since < 10.0:
                 self.last = (name, finding.time)
@@ -208,6 +213,8 @@ def _said(event: dict[str, Any]) -> str:
         return f"{event['time']:9.2f} s  learnt from {event['samples']} samples; noise of {noise} (N, kg/s)"
     if kind == "run":
         return f"{event['time']:9.2f} s  the stream begins anew here; the calibration stays"
+    if kind == "stuck":
+        return f"{event['time']:9.2f} s  the sensor of {event['channel']} stands still; it is left out until it moves"
     if kind == "finding":
         value = f", about {event['value']:.3g} {event['unit']}" if event["value"] == event["value"] else ""
         return (

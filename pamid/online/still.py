@@ -1,0 +1,72 @@
+"""Sensors that stand still: a channel that was never quite at rest while all was well, and now is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+LEAST = 5
+"""Samples that must be equal before a channel counts as still."""
+
+
+class StillSensors:
+    """Tell which samples of which channels come from a sensor that is stuck.
+
+    A channel that did rest on the healthy stretch, such as one in coarse steps, is never called stuck.
+
+    Parameters
+    ----------
+    block : int
+        Samples that are looked at together.
+
+    Attributes
+    ----------
+    stuck : dict of str to float
+        Channels that are stuck now, with the time since which they are, s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.online.still import StillSensors
+    >>> noise = np.random.default_rng(0).normal(size=200)
+    >>> sensors = StillSensors(20).learn({"F": noise})
+    >>> time = np.arange(200) * 1e-3
+    >>> left_out = sensors.update({"F": np.where(time < 0.1, noise, 4.2)}, time)
+    >>> int(left_out["F"].sum()), sensors.stuck
+    (100, {'F': 0.1})
+    """
+
+    def __init__(self, block: int) -> None:
+        self.block = block
+        self.rests: set[str] = set()
+        self.stuck: dict[str, float] = {}
+
+    def learn(self, channels: Mapping[str, np.ndarray]) -> StillSensors:
+        """Note which channels rest while all is well, each of shape (n_samples,)."""
+        self.rests = {name for name, x in channels.items() if any(_still(x[b]) for b in self._blocks(len(x)))}
+        self.stuck = {}
+        return self
+
+    def update(self, channels: Mapping[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
+        """Take the next samples; return which of them to leave out, each of shape (n_samples,)."""
+        left_out = {}
+        for name, x in channels.items():
+            left_out[name] = mask = np.zeros(len(x), dtype=bool)
+            if name in self.rests:
+                continue
+            for b in self._blocks(len(x)):
+                if _still(x[b]):
+                    mask[b] = True
+                    self.stuck.setdefault(name, float(time[b][0]))
+                elif np.isfinite(x[b]).any():
+                    self.stuck.pop(name, None)
+        return left_out
+
+    def _blocks(self, n: int) -> list[slice]:
+        return [slice(i, i + self.block) for i in range(0, n, self.block)]
+
+
+def _still(x: np.ndarray) -> bool:
+    known = x[np.isfinite(x)]
+    return len(known) >= LEAST and bool(np.ptp(known) == 0.0)
