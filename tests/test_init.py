@@ -210,12 +210,15 @@ def test_a_number_beside_the_samples_of_a_json_log(tmp_path):
     assert re.search("gain = 0 .*ASSUMED", (tmp_path / "b" / "sim.toml").read_text())
 
 
-def test_hostile_names_stay_text(tmp_path):
+def test_hostile_names_stay_text(tmp_path, capsys):
     evil = 'pressure"] }\n[constants] \x1b[31m'
     pd.DataFrame({"time": TIME, evil: BAR, "stroke": 9 * BAR, "F": BAR, "#\n[x]": BAR}).to_parquet(
         tmp_path / "log.parquet"
     )
     made(tmp_path / "a", tmp_path / "log.parquet", "--kind", "cylinder", "--yes")
+    assert main(["check", str(tmp_path / "log.parquet"), "--columns", str(tmp_path / "a" / "columns.toml")]) == 0
+    assert main(["init", str(tmp_path / "log.parquet"), "--kind", "bench", "--yes", "--out", str(tmp_path / "b")]) == 2
+    assert "\x1b" not in "".join(capsys.readouterr())
     text = (tmp_path / "a" / "columns.toml").read_text()
     assert tomllib.loads(text)["signals"]["P"]["column"] == evil
     assert "\x1b" not in text.replace("\\u001b", "")

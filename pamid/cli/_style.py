@@ -39,6 +39,22 @@ def coloured(stream: TextIO | None = None) -> bool:
         return False
 
 
+def plain(text: str) -> str:
+    """Return a text without control characters: what a log says must not steer a terminal.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+
+    Returns
+    -------
+    str
+        The text with a blank for each; line ends stay.
+    """
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
+
 def marked(text: str, kind: str, stream: TextIO | None = None) -> str:
     """Return a text in the colour of its kind, where colours may be written.
 

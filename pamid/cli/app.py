@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PamidError, PamidWarning
-from ._style import marked
+from ._style import marked, plain
 
 DONE, OWN_ERROR, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
@@ -95,7 +95,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     except PamidError as error:
         if debug:
             raise
-        _say(f"{error} See {marked(error.page, 'page', sys.stderr)}.", "error")
+        _say(f"{plain(str(error))} See {marked(error.page, 'page', sys.stderr)}.", "error")
         return WRONG_USE
     except MemoryError:
         _say(
@@ -137,7 +137,7 @@ def _plain_warnings(quiet: bool) -> Iterator[None]:
             return
         said[category] = said.get(category, 0) + 1
         if said[category] <= _SAME_WARNINGS:
-            _say(" ".join(str(message).split()), "warning")
+            _say(plain(" ".join(str(message).split())), "warning")
 
     with warnings.catch_warnings():
         warnings.showwarning = show

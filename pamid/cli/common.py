@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, ParameterError, UnknownOptionError
+from ._style import plain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,6 +188,7 @@ def print_json(data: Any) -> None:
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an aligned table: text to the left, numbers to the right."""
+    header, rows = [plain(c) for c in header], [[plain(str(c)).replace("\n", " ") for c in row] for row in rows]
     widths = [max(len(str(row[k])) for row in [header, *rows]) for k in range(len(header))]
     right = [all(_is_number(row[k]) for row in rows) for k in range(len(header))]
 
