@@ -31,7 +31,7 @@ EXACT = 0.003
 """The same for faults of sensors and wrong parameters, whose forms are known."""
 CROSS = 0.01
 """What an effect may add, as a share, to windows and equations that the library's form does not know of."""
-_SHAPES = {"elasticity", "viscoelasticity", "geometry", "gas"}
+_CONFINED = {"friction", "hysteresis", "load"}
 _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
 
 
@@ -268,9 +268,10 @@ def has_form(name: str) -> bool:
 def cross(name: str) -> float:
     """Return what an effect may add, as a share, to equations that the library's form does not know of.
 
-    What changes a muscle's shape or its gas is felt in force and volume alike; friction or a valve is not.
+    What changes a muscle's shape is felt in force and volume alike, and the abrupt flow of a valve in the gas; friction
+    stays where it is.
     """
-    return CROSS if all_effects()[name].family in _SHAPES else 0.0
+    return 0.0 if all_effects()[name].family in _CONFINED else CROSS
 
 
 def degenerate(fit: Fit, name: str) -> str | None:
