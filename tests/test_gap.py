@@ -18,6 +18,7 @@ from pamid.gap import diagnose, state_table
 from pamid.gap.evidence import Evidence
 from pamid.gap.fit import Fitter
 from pamid.gap.likelihood import bounded, form_cost, loglik, scale, solve
+from pamid.gap.notes import notes_on
 from pamid.gap.occam import occam
 from pamid.gap.search import Search, degenerate
 from pamid.gap.significance import library_test
@@ -310,6 +311,16 @@ def test_what_cannot_be_diagnosed_is_refused(clean):
         diagnose(clean, NOMINAL, ["rust"])
     with pytest.raises(MissingColumnError, match="allows no equation"):
         diagnose(clean[["trajectory", "time", "q", "u1", "u2"]], NOMINAL)
+
+
+def test_runs_that_begin_in_motion_are_said(clean):
+    def said(log: pd.DataFrame) -> bool:
+        return any("begin in motion" in note for note in notes_on(Evidence(log, NOMINAL)))
+
+    rest = log_with()
+    rest = rest[rest["trajectory"].str.startswith("step")]
+    cut = clean.groupby("trajectory", sort=False).tail(900)
+    assert said(cut) and not said(rest)
 
 
 def test_no_tolerances_is_said(clean):

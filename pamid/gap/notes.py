@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _STUCK = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
 _MOVED = 0.02  # rad
+_RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 
 def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
@@ -119,5 +120,12 @@ def notes_on(evidence: Evidence) -> list[str]:
             "The log mixes sampling intervals: "
             + ", ".join(f"{1e3 * dt:g} ms" for dt in intervals)
             + ". Each trajectory is held against its own."
+        )
+    speeds = [np.abs(run.smooth("q", 1)[:, 0]) for run in evidence.runs]
+    moving = sum(bool(v[: max(1, len(v) // 100)].min() > _RESTING * v.max()) for v in speeds if len(v))
+    if moving:
+        notes.append(
+            f"{moving} of {len(speeds)} runs begin in motion. Creep, hysteresis and heat remember what came before, "
+            "which this log does not hold: such causes may come out as unknown. Record runs that begin at rest."
         )
     return notes
