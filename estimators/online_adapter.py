@@ -10,12 +10,16 @@ import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_array, check_consistent_length, check_is_fitted, column_or_1d
 
+from pamid.effects.base import Effect
 from pamid.effects.plant import Plant
 from pamid.errors import IncompatibleError, ParameterError
+from pamid.laws.base import Law
 from pamid.online.alarm import DriftAlarm, threshold
 from pamid.online.memory import StreamedEffect, effect_of
 from pamid.online.recursive import RecursiveEstimate
 from pamid.signals.state import STATE_SIGNALS, State
+from pamid.volume.base import VolumeModel
+from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator, Signals
 from ._source import hybrid_of
@@ -71,6 +75,10 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         Present estimates and their standard deviations, each in its own unit.
     reference_ : ndarray, shape (n_parameters,)
         Those of the healthy stretch.
+    volume_ : VolumeModel
+        The gas volume at present: that of the source, times Q.
+    effects_ : list of Effect
+        The effects with their present parameters, for instance to export them.
     noise_ : float
         Standard deviation of a sample, N or kg/s.
     alarms_ : list of dict
@@ -291,6 +299,23 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         check_is_fitted(self, "values_")
         return np.sqrt(np.diag(self.covariance_))
 
+    @property
+    def volume_(self) -> VolumeModel:
+        """The gas volume as the adapter has it at present: that of the source, times Q."""
+        check_is_fitted(self, "values_")
+        return ScaledVolume(hybrid_of(self.source, type(self).__name__).volume_, float(self.values_[0]))
+
+    @property
+    def effects_(self) -> list[Effect]:
+        """The effects with their present parameters, each within its bounds."""
+        check_is_fitted(self, "values_")
+        out, column = [], 1
+        for e in self._streamed():
+            values = np.clip(self.values_[column : column + len(e.names)], e.lower, e.upper)
+            out.append(e.effect.replace(**dict(zip(e.names, map(float, values), strict=True))))
+            column += len(e.names)
+        return out
+
     # --- parts --------------------------------------------------------------------------------------------------
     def _design(
         self, table: np.ndarray, values: np.ndarray, streamed: list[StreamedEffect], codes: Any
@@ -318,6 +343,9 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
                 total[a:b] += share
                 column += n
         return H, total
+
+    def _laws(self) -> tuple[Law, ...]:
+        return hybrid_of(self.source, type(self).__name__)._laws()
 
     def _streamed(self) -> list[StreamedEffect]:
         source = hybrid_of(self.source, type(self).__name__)

@@ -12,8 +12,9 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 import pytest
-from pamid.estimators import JointPIHM, PolynomialForce, RateTransformer, StaticPIHM, ThermodynamicPIHM
+from pamid.estimators import JointPIHM, OnlineAdapter, PolynomialForce, RateTransformer, StaticPIHM, ThermodynamicPIHM
 from sklearn.ensemble import RandomForestRegressor
+from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -222,6 +223,26 @@ def test_a_volume_scaled_to_another_muscle_comes_along(models, tmp_path):
     X = reference_of(plan_of(model)).inputs
     (V,) = runtime.InferenceSession(str(file), providers=["CPUExecutionProvider"]).run(["V"], {"X": X})
     assert np.allclose(V[:, 0], jet(State(*X.T))[0], rtol=1e-11)
+
+
+@needs_compiler
+def test_an_online_adapter_is_exported_as_it_stands(models, tmp_path):
+    plant = BenchParameters.for_muscle("B").plant()
+    X = signals(3000)
+    y = 1.1 * models["anchored force"].predict(X.to_numpy()) - 20.0 * X["deps"]
+    source = FrozenEstimator(models["anchored force"])
+    online = OnlineAdapter(source, ["viscous_friction"], plant=plant, signals=dict(zip(X, range(4), strict=True)))
+    online.fit(X.to_numpy(), y.to_numpy())
+    assert online.values_[0] == pytest.approx(1.1, rel=1e-3)
+    plan = plan_of(online)
+    states = reference_of(plan).inputs
+    assert np.allclose(plan.predict(states)[:, 0], online.predict(states), rtol=1e-9)
+    assert any("at the time of the export" in note for note in plan.notes)
+    export(online, tmp_path)
+    assert run_self_test(tmp_path).returncode == 0
+    remembers = OnlineAdapter(source, ["coulomb_friction"], plant=plant, signals=online.signals)
+    with pytest.raises(ExportError, match="effect coulomb_friction remembers"):
+        export(remembers.fit(X.to_numpy(), y.to_numpy()), tmp_path)
 
 
 # --- ONNX ---------------------------------------------------------------------------------------------------

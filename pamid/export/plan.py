@@ -120,6 +120,9 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
             f"The name {name[:60]!r} is no C identifier.", "letters, digits and _", "Pass another --name."
         )
     last, notes = _last_step(model)
+    if hasattr(last, "effects_") and hasattr(last, "plant"):  # a model that follows its muscle
+        effects, plant = [*last.effects_, *effects], plant or last.plant
+        notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
     laws, volume = getattr(last, "_laws", None), _fitted_volume(last)
     if laws is None or volume is None:
         raise ExportError(
