@@ -20,8 +20,10 @@ _FEATURES = ("eps", "deps", "P", "dP", "u")
 _JOINT_FEATURES = ("q", "dq")
 ENERGY = 0.8
 """Share of a gap's energy that its regions are to hold."""
-LEAVES = 24
-"""Most leaves of the tree that tells a muscle's regions; what comes after steps is a few windows in a corner."""
+LEAVES = (4, 8, 16, 24)
+"""Leaves of the tree that tells a muscle's regions; what comes after steps is a few windows in a corner."""
+FINER = 0.02
+"""By how much more leaves must agree better."""
 
 
 def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
@@ -94,17 +96,19 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
     """
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation == "joint" else _FEATURES
-    sides = np.unique(evidence.side[part])
+    sides, total = np.unique(evidence.side[part]), float(power[part].sum())
     found: list[Region] = []
     for side in sides:
         mine = evidence.side[part] == side
         state = {evidence.column(n, int(side)): evidence.state[n][part][mine] for n in names}
         state = {n: x for n, x in state.items() if np.all(np.isfinite(x))}
-        found += _of_one_side(equation, state, power[part][mine], float(power[part].sum()), most // len(sides))
+        found += _of_one_side(equation, state, power[part][mine], total, len(mine), most // len(sides))
     return sorted(found, key=lambda r: -r.share)
 
 
-def _of_one_side(equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: float, most: int) -> list[Region]:
+def _of_one_side(
+    equation: str, state: dict[str, np.ndarray], y: np.ndarray, total: float, windows: int, most: int
+) -> list[Region]:
     from sklearn.tree import DecisionTreeClassifier
 
     if not state or len(y) < 100 or not np.any(y > 0):
@@ -115,23 +119,32 @@ def _of_one_side(equation: str, state: dict[str, np.ndarray], y: np.ndarray, tot
     inside[order[: int(np.searchsorted(np.cumsum(y[order]), ENERGY * y.sum())) + 1]] = True
     if inside.mean() > 0.95:
         return []
-    fitted = DecisionTreeClassifier(max_leaf_nodes=LEAVES, min_samples_leaf=max(4, len(y) // 300), random_state=0)
-    leaf = fitted.fit(X, inside).apply(X)
+    best: tuple[float, Any, set[int], np.ndarray] | None = None
+    for leaves in LEAVES:
+        fitted = DecisionTreeClassifier(max_leaf_nodes=leaves, min_samples_leaf=max(4, len(y) // 300), random_state=0)
+        leaf = fitted.fit(X, inside).apply(X)
+        f1, chosen = _agreeing(leaf, inside)
+        if best is None or f1 > best[0] + FINER:
+            best = f1, fitted.tree_, chosen, leaf
+    assert best is not None
+    _, tree, chosen, leaf = best
     found = []
-    for node in _whole_branches(fitted.tree_, _agreeing(leaf, inside)):
-        mine = np.isin(leaf, _leaves_below(fitted.tree_, node))
-        query = _path(fitted.tree_, node, list(state))
-        found.append(Region(equation, query, float(y[mine].sum() / total), float(mine.mean())))
+    for node in _whole_branches(tree, chosen):
+        mine = np.isin(leaf, _leaves_below(tree, node))
+        found.append(
+            Region(equation, _path(tree, node, list(state)), float(y[mine].sum() / total), float(mine.sum() / windows))
+        )
     return sorted((r for r in found if r.query), key=lambda r: -r.share)[:most]
 
 
-def _agreeing(leaf: np.ndarray, inside: np.ndarray) -> set[int]:
-    """Return the leaves whose union agrees best with a set of windows, by the harmonic mean of precision and recall."""
+def _agreeing(leaf: np.ndarray, inside: np.ndarray) -> tuple[float, set[int]]:
+    """Return the leaves whose union agrees best with a set of windows, and how well: F1, of precision and recall."""
     nodes, at, size = np.unique(leaf, return_inverse=True, return_counts=True)
     hits = np.bincount(at, inside)
     order = np.argsort(-hits / size, kind="stable")
     f1 = 2.0 * np.cumsum(hits[order]) / (np.cumsum(size[order]) + inside.sum())
-    return {int(n) for n in nodes[order[: int(np.argmax(f1)) + 1]]}
+    k = int(np.argmax(f1))
+    return float(f1[k]), {int(n) for n in nodes[order[: k + 1]]}
 
 
 def _leaves_below(tree: Any, node: int) -> list[int]:

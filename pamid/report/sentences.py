@@ -116,13 +116,20 @@ def _region_text(regions: list[Region], equation: str, part: str) -> str:
     region = leading_region(regions, equation)
     if region is None:
         return f"{part} is spread over the whole state"
-    samples = f"in {percent(region.samples)} of the samples"
-    return f"{percent(region.share)} of {part} is found {samples}, {query_words(region.query)}"
+    own = [r for r in regions if r.equation == equation]
+    share, samples = sum(r.share for r in own), sum(r.samples for r in own)
+    if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
+        found = f"{percent(share)} of {part} is found in {percent(samples)} of the samples"
+        return f"{found}, most of all {query_words(region.query)}"
+    return (
+        f"{percent(region.share)} of {part} is found in {percent(region.samples)} of the samples, "
+        f"{query_words(region.query)}"
+    )
 
 
 def leading_region(regions: list[Region], equation: str) -> Region | None:
     """Return the region that holds most of an equation's gap beyond its share of the samples, if one does."""
-    own = [r for r in regions if r.equation == equation and r.share >= _CONCENTRATED * r.samples and r.share > 0.2]
+    own = [r for r in regions if r.equation == equation and r.share >= _CONCENTRATED * r.samples and r.share > 0.1]
     return max(own, key=lambda r: r.share - r.samples, default=None)
 
 

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 
     from ...gap.diagnosis import Diagnosis
 
-_ACROSS = {"force": ("eps", "P"), "flow": ("P", "eps"), "valve": ("u", "P"), "joint": ("q", "eps")}
+_ACROSS = {
+    "force": ("eps", "x", "P"),
+    "flow": ("P", "eps"),
+    "valve": ("u", "P"),
+    "joint": ("q", "eps"),
+    "torque": ("q",),
+}
 _MOST = 1500  # windows drawn of one run
 _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from ...gap.diagnosis import Diagnosis
 
 AXES = {
-    "force": (("eps", "deps"), ("eps", "P"), ("deps", "P")),
+    "force": (("eps", "deps"), ("eps", "P"), ("deps", "P"), ("x", "velocity"), ("x", "P"), ("velocity", "P")),
+    "torque": (("q", "dq"), ("q", "load"), ("dq", "load")),
     "flow": (("P", "dP"), ("eps", "dP"), ("eps", "deps")),
     "valve": (("u", "P"), ("P", "dP"), ("u", "dP")),
     "joint": (("q", "dq"), ("q", "P"), ("q", "deps")),

@@ -10,6 +10,8 @@ from ..sentences import query_words
 from .base import Section
 
 _RUNS = 6
+_REGIONS = 4  # of one equation
+_WORTH_A_LINE = 0.02
 
 
 class WhereSection(Section):
@@ -52,12 +54,16 @@ class WhereSection(Section):
             }
             for r in d.regions
         ]
+        names = [r.equation for r in d.regions]
+        few = [r.share >= _WORTH_A_LINE and names[:k].count(r.equation) < _REGIONS for k, r in enumerate(d.regions)]
+        shown = [row for row, wanted in zip(regions, few, strict=True) if wanted]
         runs = sorted(d.trajectories, key=lambda t: -t.share)
         rows = [{"name": t.trajectory, "share": t.share, "text": cell(t.share)} for t in runs]
         return {
             "gap": gap,
             "equations": equations,
-            "regions": regions if gap else [],
+            "regions": shown if gap else [],
+            "other_regions": len(regions) - len(shown) if gap else 0,
             "runs": rows[:_RUNS] if gap else [],
             "other_runs": len(rows) - _RUNS if gap else 0,
         }
