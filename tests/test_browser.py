@@ -227,6 +227,19 @@ def test_report(page: Page, report: Path) -> None:
 
 
 @needs_browser
+def test_what_is_in_a_log(page: Page, tmp_path: Path) -> None:
+    runs = ["--trajectory", "sine:frequency=4,amplitude=15,seconds=1"]
+    assert main(["simulate", "--muscle", "B", *runs, "--out", str(tmp_path / "log.parquet"), "--quiet"]) == 0
+    assert main(["check", str(tmp_path / "log.parquet"), "--html", str(tmp_path / "check.html"), "--quiet"]) == 0
+    page.open(tmp_path / "check.html")
+    check_quiet(page)
+    assert page.ask("document.querySelectorAll('h1').length") == 1
+    check_keyboard(page, 6)
+    page.open(tmp_path / "check.html", PHONE)
+    check_narrow(page)
+
+
+@needs_browser
 def test_the_checks_find_what_they_look_for(page: Page, tmp_path: Path) -> None:
     bad = tmp_path / "bad.html"
     bad.write_text("<body><p style='width:900px'>wide</p><img src='http://127.0.0.1:9/x.png'><script>none()</script>")

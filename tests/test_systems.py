@@ -18,6 +18,7 @@ from pamid.errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
+from pamid.report import GapDisplay
 from pamid.signals import read_log, write_log
 from pamid.systems import all_systems, diagnose_system, read_system, system_text
 from pamid.systems.cylinder import Cylinder
@@ -110,6 +111,12 @@ def test_the_friction_of_a_cylinder_is_named(stroke):
     assert found.verdict == "cause"
     assert found.causes[0].effects == ("coulomb_friction",)
     assert found.closure[0].unit == "N"
+    assert {"x", "velocity", "P"} <= set(found.windows.columns)
+    labels = [ax.get_xlabel() for ax in GapDisplay(found).plot("map").axes_] + [
+        ax.get_xlabel() for ax in GapDisplay(found).plot("loop").axes_
+    ]
+    assert "stroke / mm" in labels
+    assert not any("contraction" in label for label in labels)
 
 
 def test_a_servo_with_a_proportional_controller():

@@ -93,4 +93,7 @@ def diagnose_system(
     diagnoser.fit(problem.X, problem.y, groups=problem.groups)
     found = diagnoser.diagnosis_
     closure = [replace(c, unit=problem.unit) for c in found.closure]
-    return replace(found, closure=closure, notes=[*notes, *found.notes])
+    own = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate"}
+    names = {name: problem.roles.get(role, role) for name, role in own.items()}
+    windows = found.windows.rename(columns=names)  # a stroke is no contraction
+    return replace(found, closure=closure, windows=windows, notes=[*notes, *found.notes])
