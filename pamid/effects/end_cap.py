@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals
+from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
 
 
@@ -11,12 +11,15 @@ class EndCap(Effect):
     r"""Conical ends, which make the active part contract more than the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
-        \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)
+        \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
+        \Delta V = s \left(\frac{V(k\varepsilon) - V(0)}{k} - V(\varepsilon) + V(0)\right)
+
+    Force and volume follow from one another by virtual work if s = 1; what is filled or blocked at the ends lowers s.
 
     Parameters
     ----------
     **values : float
-        ``factor`` k (dimensionless).
+        ``factor`` k and ``swept`` s (dimensionless).
 
     References
     ----------
@@ -27,18 +30,31 @@ class EndCap(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("end_cap", factor=1.1)
-    end_cap(factor=1.1)
+    end_cap(factor=1.1, swept=1)
     """
 
     name = "end_cap"
     family = "elasticity"
-    equations = ("force",)
-    roles = ("position", "pressure")
+    equations = ("force", "flow")
+    roles = ("position", "velocity", "pressure")
     source = "10.1109/37.833638"
-    parameters = (Parameter("factor", "-", 1.0, 1.6, 1.1, "contraction of the active part over that of the whole"),)
+    parameters = (
+        Parameter("factor", "-", 1.0, 1.6, 1.1, "contraction of the active part over that of the whole"),
+        Parameter("swept", "-", 0.0, 1.0, 1.0, "share of the change of shape that the gas feels as volume"),
+    )
     factor: float
+    swept: float
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force at the contraction k ε less that at ε, N."""
         change = plant.volume_slope(self.factor * s.position) - plant.volume_slope(s.position)
         return (s.pressure - plant.atmospheric_pressure) * change / plant.rest_length
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return the flow that fills the change of volume."""
+        k = self.factor
+        slope = plant.volume_slope(k * s.position) - plant.volume_slope(s.position)
+        rest = plant.volume(0.0 * s.position)
+        change = (plant.volume(k * s.position) - rest) / k - plant.volume(s.position) + rest
+        a = self.swept * s.pressure * slope * s.velocity / plant.RT
+        return Step(a, self.swept * change / (plant.heat_capacity_ratio * plant.RT))

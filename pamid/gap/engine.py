@@ -294,7 +294,9 @@ def _candidates(search: Search, verdict: Verdict, part_of: dict[str, float]) -> 
         belief["none"] = _QUIET[0] + (_QUIET[1] - _QUIET[0]) * calm
         belief["unknown"] = 0.3 * (1.0 - belief["none"])
     else:
-        belief["unknown"] = verdict.unknown if named else _BEYOND * (0.6 + 0.4 * verdict.unknown)
+        clear = float(np.clip(np.log10(0.03 / max(verdict.p_value, 1e-9)) / 2.0, 0.0, 1.0))
+        beyond = _QUIET[0] + (_BEYOND - _QUIET[0]) * clear
+        belief["unknown"] = verdict.unknown if named else beyond * (0.6 + 0.4 * verdict.unknown)
         belief["none"] = min(0.5, verdict.p_value)
     rest = max(0.0, 1.0 - sum(belief.values()))
     others = {n: s for n, s in scores.items() if n not in belief}

@@ -23,11 +23,19 @@ import numpy as np
 
 from ..effects import Parameter
 
+SHARE = 0.05
+"""How far from either end a share between two forms is expected."""
+
 
 def width(p: Parameter, value: float) -> float:
-    """Return how far a nonlinear parameter may be from a guess: a factor of e, or what a uniform one spreads."""
-    if p.lower >= 0.0 and value > 0.0:
-        return value
+    """Return how far a nonlinear parameter may be from a guess: its distance from where it begins, or a uniform spread.
+
+    A share from 0 to 1 chooses between two forms of one effect and is expected near either end.
+    """
+    if p.unit == "-" and p.lower == 0.0 and p.upper == 1.0:
+        return SHARE
+    if p.lower >= 0.0 and value > p.lower:
+        return value - p.lower
     return (p.upper - p.lower) / np.sqrt(12.0)
 
 
