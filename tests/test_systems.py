@@ -18,7 +18,7 @@ from pamid.errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
-from pamid.report import GapDisplay
+from pamid.report import GapDisplay, report_html
 from pamid.signals import read_log, write_log
 from pamid.systems import all_systems, diagnose_system, read_system, system_text
 from pamid.systems.cylinder import Cylinder
@@ -136,6 +136,9 @@ def test_a_servo_with_a_proportional_controller():
     assert values["gravity"] == pytest.approx(3.0, abs=0.1)
     found = diagnose_system(log, system, ["coulomb_friction", "viscous_friction"])
     assert found.causes[0].effects == ("coulomb_friction",)
+    assert found.windows.columns.is_unique
+    assert "joint angle / deg" in [ax.get_xlabel() for ax in GapDisplay(found).plot("loop").axes_]
+    assert "joint angle" in report_html(found)
     limited = Joint(gain=0.5, limit=0.2).problem(log)
     assert len(limited.y) < len(log)
     assert any("left out" in note for note in limited.notes)

@@ -95,5 +95,6 @@ def diagnose_system(
     closure = [replace(c, unit=problem.unit) for c in found.closure]
     own = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate"}
     names = {name: problem.roles.get(role, role) for name, role in own.items()}
-    windows = found.windows.rename(columns=names)  # a stroke is no contraction
+    taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
+    windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
     return replace(found, closure=closure, windows=windows, notes=[*notes, *found.notes])
