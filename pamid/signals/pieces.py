@@ -56,9 +56,9 @@ def read_log_pieces(
     max_bytes : int, default=16 GiB
         Largest size of a piece, unfolded.
 
-    Yields
-    ------
-    DataFrame
+    Returns
+    -------
+    iterator of DataFrame
         Tidy frames. A name that an earlier file has used is followed by ``@file``.
 
     Raises
