@@ -24,6 +24,14 @@ class Interval(NamedTuple):
     ----------
     lower, upper : ndarray, shape (n_samples,)
         Its ends, in the target's unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.estimators.conformal_regressor import Interval
+    >>> held = Interval(np.array([9.0]), np.array([11.0]))  # N
+    >>> bool(held.lower[0] <= 10.0 <= held.upper[0])
+    True
     """
 
     lower: np.ndarray

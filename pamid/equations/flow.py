@@ -27,6 +27,12 @@ class FlowEquation(Equation):
     the pressure alone; that of a slow valve goes straight to the second. Which of the two, or what in between, is a
     timing within one sample that a log does not tell; the share that fits the run best is taken, so that it does not
     pose as a gap.
+
+    Examples
+    --------
+    >>> from pamid.equations.flow import FlowEquation
+    >>> FlowEquation.name, FlowEquation.unit
+    ('flow', 'kg/s')
     """
 
     name: ClassVar[str] = "flow"

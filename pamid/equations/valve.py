@@ -17,6 +17,12 @@ class ValveEquation(Equation):
 
     .. math:: \dot m - \begin{cases} C u \rho_0 P_s\,\psi(P/P_s) & u > 0 \\
         -C |u| \rho_0 P\,\psi(P_\mathrm{atm}/P) & u < 0 \end{cases}
+
+    Examples
+    --------
+    >>> from pamid.equations.valve import ValveEquation
+    >>> ValveEquation.name, ValveEquation.unit
+    ('valve', 'kg/s')
     """
 
     name: ClassVar[str] = "valve"

@@ -12,6 +12,13 @@ def reversals(x: np.ndarray) -> np.ndarray:
     ----------
     x : array, shape (n,)
         The signal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.paths import reversals
+    >>> reversals(np.array([0.0, 1.0, 2.0, 1.0, 0.0, 1.0]))
+    array([0, 2, 4, 5])
     """
     moved = np.flatnonzero(np.diff(x))
     sign = np.sign(x[moved + 1] - x[moved])
@@ -32,6 +39,13 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
         The signal, time along the first axis.
     width : float
         Half the play, not negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.paths import play
+    >>> play(np.array([0.0, 1.0, 0.5, -1.0]), 0.5)
+    array([ 0. ,  0.5,  0.5, -0.5])
     """
     low, high = x - width, x + width
     low[0] = high[0] = x[0]

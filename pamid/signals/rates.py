@@ -41,6 +41,13 @@ class Grid(NamedTuple):
         Sampling period, s: the median step, or the mean of equal steps.
     t : ndarray, shape (n_samples,), or None
         Times from the first sample in units of the period; None for equal steps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.rates import sampling_grid
+    >>> sampling_grid(np.arange(0, 1, 1e-3)).period  # s
+    0.001
     """
 
     period: float
@@ -127,6 +134,13 @@ def irregularity(t: np.ndarray) -> str | None:
     -------
     str or None
         One sentence on the longest gap or on the share of unequal steps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.rates import irregularity
+    >>> irregularity(np.array([0.0, 0.1, 0.2, 0.3])) is None  # nothing to say
+    True
     """
     steps = np.diff(t)
     if not steps.size:

@@ -26,6 +26,13 @@ class Unit(NamedTuple):
         SI value of zero in this unit (°C only).
     gauge : bool or None
         Pressure units only: True for gauge (``barg``), False for absolute (``bara``), None where the unit is silent.
+
+    Examples
+    --------
+    >>> from pamid.signals import UNITS
+    >>> bar = UNITS["bar"]
+    >>> bar.dimension
+    'pressure'
     """
 
     dimension: str

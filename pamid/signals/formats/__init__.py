@@ -95,6 +95,12 @@ def known_extensions() -> tuple[str, ...]:
     -------
     tuple of str
         Such as ``(".csv", ".parquet", ...)``.
+
+    Examples
+    --------
+    >>> from pamid.signals.formats import known_extensions
+    >>> ".csv" in known_extensions()
+    True
     """
     return tuple(sorted({e for f in all_formats() for e in f.extensions}))
 
