@@ -205,8 +205,8 @@ def named(bench: BenchParameters, n: int, hours: float, rate: float, kept: Check
             wrong = sum(f[1] not in (what, "nothing") for f in found)
             print(
                 f"{follower:13}  {what:16} {size:17} {len(found)} streams: named rightly within 2 s "
-                f"{right.mean():6.1%} (target: 95 %), delay median {np.median(delay):.2f} s, 95 % {np.quantile(delay, 0.95):.2f} s; "
-                f"named wrongly {wrong}, before it {sum(f[0] for f in found)}",
+                f"{right.mean():6.1%} (target: 95 %), delay median {np.median(delay):.2f} s, 95 % "
+                f"{np.quantile(delay, 0.95):.2f} s; named wrongly {wrong}, before it {sum(f[0] for f in found)}",
                 flush=True,
             )
     seconds = 240.0
