@@ -32,9 +32,11 @@ class JointDamping(Effect):
     equations = ("joint",)
     site = "joint"
     source = "10.1109/37.833638"
-    parameters = (Parameter("difference", "N m s/rad", 0.0, 100.0, 0.1, "damping above the nominal one", linear=True),)
+    parameters = (
+        Parameter("difference", "N m s/rad", -100.0, 100.0, 0.1, "damping above the nominal one", linear=True),
+    )
     difference: float
 
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the changed damping."""
-        return {"viscous_damping": values["viscous_damping"] + self.difference}
+        """Return the changed damping, which is never negative."""
+        return {"viscous_damping": max(0.0, values["viscous_damping"] + self.difference)}

@@ -72,6 +72,8 @@ class Evidence:
     """Share of an equation's scale that a cause may leave, for its form."""
     audible = 0.05
     """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
+    decisive = 30.0
+    """Gain in log-likelihood that needs no draws to be believed: few windows, such as those of steps, may hold it."""
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 

@@ -14,9 +14,9 @@ from .likelihood import form_cost, scale, window_weights
 from .occam import occam
 from .templates import Template, templates
 
-SHORT_LIST = 3, 8
+SHORT_LIST = 5, 8
 """Effects that are refitted at each stage: at least so many, and at most so many that come close to the best."""
-CLOSE = 8.0, 0.05
+CLOSE = 8.0, 0.2
 """Gain in likelihood below the best that still comes close, in nats and as a share."""
 SAME = 0.5
 """Difference in log-likelihood below which two fits of the same effects are one."""
@@ -296,9 +296,12 @@ def degenerate(fit: Fit, name: str) -> str | None:
 def _short_list(gains: dict[str, float]) -> list[str]:
     """Return the effects to refit, the best first."""
     names = sorted(gains, key=lambda n: -gains[n])
-    best = gains[names[0]] if names else 0.0
-    close = [n for n in names if gains[n] > max(best - CLOSE[0] - CLOSE[1] * max(best, 0.0), HOPELESS)]
-    return names[: int(np.clip(len(close), *SHORT_LIST))]
+    if not names:
+        return []
+    best = gains[names[0]]
+    hopeful = [n for n in names if gains[n] > HOPELESS] or names[:1]
+    close = [n for n in hopeful if gains[n] > best - CLOSE[0] - CLOSE[1] * max(best, 0.0)]
+    return hopeful[: int(np.clip(len(close), *SHORT_LIST))]
 
 
 def _raw_scale(z: np.ndarray) -> float:

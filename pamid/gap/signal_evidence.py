@@ -82,6 +82,8 @@ class SignalEvidence:
 
     form_left = 0.12
     """Share of the gap that a cause may leave: a real friction is never quite the library's."""
+    decisive = np.inf
+    """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
     audible = 0.1
     """A further cause that is fainter than this share of the loudest one may be an error of its form."""
 

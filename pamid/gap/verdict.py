@@ -77,15 +77,13 @@ def decide(
     over = [excess(evidence, base.fit.z, part, s) for part, s in zip(evidence.parts, base.left, strict=True)]
     equations = max(len(over), 1)
     omnibus = min([min(1.0, equations * e.p_value) for e in over if e.scale > 1.0 + HEARD] or [1.0])
-    p_value = min(1.0, 2.0 * min(test.p_value, omnibus))
-    verdict = Verdict("none", p_value, base.fit, base.fit, {}, over, 0.0)
-    if not found and p_value >= FALSE_ALARM:
-        return verdict, search
     stage = search.stage(base.fit) if found else None
-    verdict.first = stage
     best = stage.rivals[0] if stage and stage.rivals else None
     gain = search.gain(stage.before, best) if stage and best else 0.0
-    if test.p_value < FALSE_ALARM and best and gain > FIRST_GAIN:
+    chance = min(test.p_value, float(np.exp(-gain / 3.0))) if gain > evidence.decisive else test.p_value
+    p_value = min(1.0, 2.0 * min(chance, omnibus))
+    verdict = Verdict("none", p_value, base.fit, base.fit, {}, over, 0.0, stage)
+    if chance < FALSE_ALARM and best and gain > FIRST_GAIN:
         verdict.fit, verdict.rivals = grow(search, best)
         verdict.unknown = float(1.0 / (1.0 + max(_left(search, verdict), 1e-3) ** -SHARP))
         names = list(verdict.fit.spec)
