@@ -202,7 +202,9 @@ class SignalEvidence:
 
     def _turns(self) -> int:
         ends = [*self.borders.tolist(), len(self.y)]
-        return sum(len(reversals(self.path[a:b])) - 2 for a, b in pairwise(ends) if b - a > 1)
+        # What a sensor's noise turns is no turn.
+        slack = 0.01 * float(np.ptp(self.path)) if len(self.path) else 0.0
+        return sum(len(reversals(play(self.path[a:b], slack))) - 2 for a, b in pairwise(ends) if b - a > 1)
 
     # --- effects --------------------------------------------------------------------------------------------
     def added(self, spec: Spec) -> np.ndarray:
