@@ -9,7 +9,6 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import UnstableRunWarning
@@ -258,27 +257,6 @@ class NARXRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimato
         phi, previous = self._lags((self._columns(table) - self.input_mean_) / self.input_scale_, z, slices)
         ahead = previous + self.step_scale_ * self._function(self._theta(), phi)
         return np.asarray(ahead * self.output_scale_ + self.output_mean_)
-
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the free run.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, as in fit.
-        y : array_like, shape (n_samples,)
-            Measured output.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
-        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:

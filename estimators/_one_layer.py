@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.metrics import r2_score
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
@@ -207,27 +206,6 @@ class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEsti
             Prediction in the units of y.
         """
         return self._bounded(*self._answer(X, groups))
-
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the prediction.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
-        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
-            Measured target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `direction` is set.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
-        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
     def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:

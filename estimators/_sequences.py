@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,34 @@ from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_s
 
 
 class SequenceMixin:
-    """Numbers the trajectories of a table; needs the parameters `one_trajectory` and `trajectory_column`."""
+    """Numbers the trajectories of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
 
     one_trajectory: bool
     trajectory_column: int | None
+    predict: Callable[..., np.ndarray]
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """Coefficient of determination of the prediction, in free run where the estimator predicts so.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            As in `predict`.
+        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Measured target.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+
+        Returns
+        -------
+        float
+            R², dimensionless.
+        """
+        from sklearn.metrics import r2_score
+
+        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
     def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         """Trajectory number of each row, for rows in time order."""

@@ -294,29 +294,6 @@ class LiftedLoad(SequenceMixin, RegressorMixin, SignalEstimator):
         low, high = self.pressure_low_ - width, self.pressure_high_ + width
         return FreeRun(y, held, (low > P) | (high < P))
 
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the free run.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            As in `predict`.
-        y : array_like, shape (n_samples,)
-            Measured contraction ratio.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
-        from sklearn.metrics import r2_score
-
-        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
-
     def _advance(
         self, eps: np.ndarray, v: np.ndarray, P: np.ndarray, dP: np.ndarray, M: np.ndarray, h: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
