@@ -244,7 +244,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         return rebuilt(self.findings_, self.windows_)
 
     def _library(self) -> list[str]:
-        from pamid.effects import all_effects
+        from pamid.effects.registry import chosen_effects
 
         if self.equation not in EQUATIONS:
             raise UnknownOptionError(
@@ -252,17 +252,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             )
         if self.sense not in ("auto", 1, -1):
             raise UnknownOptionError(f"sense is {self.sense!r}.", "'auto', 1 or -1", "Say which way effects act on y.")
-        known = all_effects()
-        if isinstance(self.effects, str):
-            library = list(known) if self.effects == "all" else [self.effects]
-        else:
-            library = list(self.effects)
-        if strange := [name for name in library if name not in known]:
-            raise UnknownOptionError(
-                f"The library has no effect {', '.join(map(repr, strange))}.",
-                "names of pamid.effects.all_effects()",
-                "Correct the names.",
-            )
+        library = chosen_effects(self.effects)
         # On one equation, damping of a joint is viscous friction by another name.
         return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
 

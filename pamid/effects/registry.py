@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+from collections.abc import Sequence
 from functools import cache
 
 from ..errors import UnknownOptionError
@@ -39,6 +40,42 @@ def _load_library() -> None:
     for module in pkgutil.iter_modules(package.__path__):
         if not module.name.startswith("_") and module.name not in _NOT_EFFECTS:
             importlib.import_module(f"{package.__name__}.{module.name}")
+
+
+def chosen_effects(effects: str | Sequence[str]) -> list[str]:
+    """Return the names that a choice among the library stands for.
+
+    Parameters
+    ----------
+    effects : "all", str or sequence of str
+        The whole library, or some of its names.
+
+    Returns
+    -------
+    list of str
+        Names, in the order of the library or of the choice.
+
+    Raises
+    ------
+    UnknownOptionError
+        The library has no effect of a name.
+
+    Examples
+    --------
+    >>> from pamid.effects.registry import chosen_effects
+    >>> chosen_effects("leakage")
+    ['leakage']
+    """
+    known = all_effects()
+    some = [effects] if isinstance(effects, str) else list(effects)
+    library = list(known) if effects == "all" else some
+    if strange := [name for name in library if name not in known]:
+        raise UnknownOptionError(
+            f"The library has no effect {', '.join(map(repr, strange))}.",
+            f"names of {', '.join(known)}",
+            "Correct the names.",
+        )
+    return library
 
 
 def make_effect(name: str, **values: float) -> Effect:

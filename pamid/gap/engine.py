@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..effects import all_effects
+from ..effects.registry import chosen_effects
 from .closure import Clusters, closures, main_equation, shapley
 from .diagnosis import Candidate, Cause, Diagnosis, EquationFinding
 from .evidence import STATE, Evidence
@@ -78,22 +78,7 @@ def diagnose(
     >>> diagnose(log, nominal, ["leakage", "viscous_friction"]).causes[0].effects
     ('leakage',)
     """
-    from ..errors import UnknownOptionError
-
-    known = all_effects()
-    library = (
-        list(known)
-        if isinstance(effects, str) and effects == "all"
-        else [effects]
-        if isinstance(effects, str)
-        else list(effects)
-    )
-    if strange := [name for name in library if name not in known]:
-        raise UnknownOptionError(
-            f"The library has no effect {', '.join(map(repr, strange))}.",
-            f"names of {', '.join(known)}",
-            "Correct the names.",
-        )
+    library = chosen_effects(effects)
     say = progress or (lambda _: None)
     say("read the log")
     notes = check(log, params)

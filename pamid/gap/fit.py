@@ -45,11 +45,6 @@ class Fit:
     z: np.ndarray
     scales: np.ndarray
 
-    @property
-    def size(self) -> int:
-        """Number of fitted parameters of the effects."""
-        return sum(len(v) for v in self.spec.values())
-
 
 class Fitter:
     """Fits of one log.
@@ -58,13 +53,10 @@ class Fitter:
     ----------
     evidence : Evidence
         The log.
-    weights : array, shape (n_equations,), optional
-        What a window of each equation counts for.
     """
 
-    def __init__(self, evidence: AnyEvidence, weights: np.ndarray | None = None) -> None:
-        self.evidence = evidence
-        self.weights = np.ones(len(evidence.parts)) if weights is None else weights
+    def __init__(self, evidence: AnyEvidence) -> None:
+        self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
         self.low, self.high = np.full(self.n, -SLACK), np.full(self.n, SLACK)
 

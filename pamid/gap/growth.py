@@ -110,10 +110,9 @@ def earns(search: Search, before: Rival, after: Rival) -> bool:
     """
     added = search.contributions(after.fit)[after.added]
     for part, b, a in zip(search.evidence.parts, before.left, after.left, strict=True):
-        everywhere, few = np.ones(len(added[part])), _few(added[part])
-        if _closes(search, before, part, everywhere, b, a, 1.0):
+        if _closes(search, before, part, None, b, a, 1.0):
             return True
-        if few is not None:
+        if (few := _few(added[part])) is not None:
             left = _level(before.z[part], few), _level(after.z[part], few)
             if _closes(search, before, part, few, *left, SHOUTS):
                 return True
@@ -121,7 +120,7 @@ def earns(search: Search, before: Rival, after: Rival) -> bool:
 
 
 def _closes(
-    search: Search, before: Rival, part: slice, weight: np.ndarray, left: float, still: float, heard: float
+    search: Search, before: Rival, part: slice, weight: np.ndarray | None, left: float, still: float, heard: float
 ) -> bool:
     """Tell whether a cause closes enough of what is left in weighted windows, and is no whisper of those before it."""
     if left <= max(still, heard):
@@ -129,7 +128,7 @@ def _closes(
     library, least = all_effects(), 0.0
     for name, d in search.contributions(before.fit).items():
         if has_form(name):
-            loudest = max(_level(d[p], np.ones(len(d[p]))) for p in search.evidence.parts)
+            loudest = max(_level(d[p]) for p in search.evidence.parts)
             remembers = library[name].n_states > 0 and library[name].family != "friction"
             share = search.evidence.audible * (REMEMBERED if remembers else 1.0)
             least = max(least, share * _level(d[part], weight), cross(name) * loudest)
@@ -138,8 +137,8 @@ def _closes(
     return bool(closed >= CLOSES and voice >= least)
 
 
-def _level(z: np.ndarray, weight: np.ndarray) -> float:
-    """Return the root mean square over weighted windows."""
+def _level(z: np.ndarray, weight: np.ndarray | None = None) -> float:
+    """Return the root mean square over windows, all alike without weights."""
     return float(np.sqrt(np.average(np.square(z), weights=weight))) if len(z) else 0.0
 
 
@@ -182,8 +181,7 @@ def _shortened(search: Search, rivals: Alternatives, fit: Fit) -> Fit:
         for rival, gain in _gains(search, stage):
             if rival.added in pair or gain <= LEAST_GAIN or rival.fit.loglik < worst:
                 continue
-            more: Alternatives = {}
-            if len(rival.fit.spec) >= MAX_CAUSES or len(_grown(search, rival.fit, more).spec) == len(rival.fit.spec):
+            if len(_grown(search, rival.fit, {}).spec) == len(rival.fit.spec):
                 for name in pair:
                     rivals.pop(name, None)
                 rivals[rival.added] = _gains(search, stage)

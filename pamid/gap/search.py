@@ -309,14 +309,9 @@ def _raw_scale(z: np.ndarray) -> float:
     return scale(z, 0.0)
 
 
-def penalty(k: int, evidence: AnyEvidence) -> float:
-    """Return what k further parameters cost (Schwarz)."""
-    return 0.5 * k * float(np.log(max(len(evidence.z0), 2)))
-
-
 def least_penalty(k: int, evidence: AnyEvidence) -> float:
-    """Return what k further parameters of one effect cost at first sight: all but the first may bend little."""
-    return penalty(min(k, 1), evidence) + 1.5 * max(k - 1, 0)
+    """Return what k parameters of one effect cost at first sight: Schwarz's price, once; others may bend little."""
+    return 0.5 * float(np.log(max(len(evidence.z0), 2))) + 1.5 * (k - 1)
 
 
 def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:

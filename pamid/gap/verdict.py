@@ -70,7 +70,7 @@ def decide(
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Verdict, Search]:
     """Search the library and decide."""
-    search = Search(evidence, Fitter(evidence, evidence.weights), library, progress)
+    search = Search(evidence, Fitter(evidence), library, progress)
     base = search.base
     found = [t for many in search.templates.values() for t in many]
     test: Significance = library_test(evidence, base.fit, found, random_state)
