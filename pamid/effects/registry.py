@@ -68,7 +68,7 @@ def chosen_effects(effects: str | Sequence[str]) -> list[str]:
     """
     known = all_effects()
     some = [effects] if isinstance(effects, str) else list(effects)
-    library = list(known) if effects == "all" else some
+    library = list(known) if some == ["all"] else some
     if strange := [name for name in library if name not in known]:
         raise UnknownOptionError(
             f"The library has no effect {', '.join(map(repr, strange))}.",
