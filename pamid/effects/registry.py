@@ -67,8 +67,9 @@ def chosen_effects(effects: str | Sequence[str]) -> list[str]:
     ['leakage']
     """
     known = all_effects()
-    some = [effects] if isinstance(effects, str) else list(effects)
-    library = list(known) if some == ["all"] else some
+    if isinstance(effects, str) and effects == "all":
+        return list(known)
+    library = [effects] if isinstance(effects, str) else list(effects)
     if strange := [name for name in library if name not in known]:
         raise UnknownOptionError(
             f"The library has no effect {', '.join(map(repr, strange))}.",
