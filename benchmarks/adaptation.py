@@ -47,8 +47,6 @@ from pamid.signals import State
 
 EPOCHS = 10_000
 """Epochs of the published algorithms."""
-SCRATCH_STEPS = EPOCHS * 16
-"""Steps of Algorithm 1: 31,464 samples in batches of 2,048."""
 COLUMNS = ["trajectory", "eps", "deps", "P", "dP"]
 SETS = ("target", "tri", "step", "true tri", "true step")
 """Data sets; the true ones are free of the sensors' noise and of errors of estimated rates."""
@@ -181,28 +179,13 @@ def table_part(args: argparse.Namespace) -> list[dict[str, Any]]:
                     | errors(TrueVolume(muscle), muscle, 0)
                 )
                 show(found[-1])
-            scratch = seed < args.scratch_seeds
-            for kind in ("neural", "anchored") if scratch else ():
+            for kind in ("neural", "anchored") if seed < args.scratch_seeds else ():
                 model, seconds = timed(lambda k=kind, m=muscle, s=seed: source(k, m, s, args.steps))
                 row = {"muscle": muscle, "seed": seed, "method": f"scratch, {kind}", "parameters": model.n_parameters_}
                 row |= {"samples": len(whole), "loss": loss(model, whole), "seconds": seconds}
                 found.append(row | errors(model, muscle, seed))
                 show(found[-1])
-            if scratch:
-                found.append(scratch_adam(args, muscle, seed, whole))
-                show(found[-1])
     return found
-
-
-def scratch_adam(args: argparse.Namespace, muscle: str, seed: int, whole: pd.DataFrame) -> dict[str, Any]:
-    """Take some epochs of Algorithm 1; the time is that of a step times the published count."""
-    model = ThermodynamicPIHM(**sizes(muscle), volume_model="neural", trainer="adam", max_iter=args.scratch_epochs)
-    model.set_params(random_state=seed, validation_fraction=0.0)
-    _, seconds = timed(lambda: model.fit(whole[COLUMNS[1:]], whole["mdot"]))
-    row = {"muscle": muscle, "seed": seed, "method": f"scratch (Adam, {args.scratch_epochs} epochs)"}
-    row |= {"parameters": model.n_parameters_, "samples": len(whole), "loss": loss(model, whole)}
-    row |= {"seconds": seconds * EPOCHS / args.scratch_epochs}
-    return row | errors(model, muscle, seed)
 
 
 def loss(model: Any, data: pd.DataFrame) -> float:
@@ -431,9 +414,6 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0, help="where the seeds start (default 0)")
     parser.add_argument("--targets", nargs="+", default=["B", "C"], choices=["B", "C"], help="target muscles")
     parser.add_argument("--epochs", type=int, default=EPOCHS, help="epochs of the published methods (default 10000)")
-    parser.add_argument(
-        "--scratch-epochs", type=int, default=10, help="epochs of Algorithm 1 from scratch (default 10)"
-    )
     parser.add_argument("--scratch-seeds", type=int, default=5, help="seeds of the models from scratch (default 5)")
     parser.add_argument("--steps", type=int, default=40, help="steps of a source or from scratch (default 40)")
     parser.add_argument("--repeats", type=int, default=5, help="repeats of a timing (default 5)")
