@@ -30,6 +30,8 @@ MODELS = {
     "inverse": ["InverseModel*", "InvertedForce*"],
     "dynamic": ["NNARX*", "PolynomialNARX*", "ForwardModel*", "MLP", "Recurrent"],
 }  # fmt: skip
+CUTS = {20: 0.182, 30: 0.281, 40: 0.382}
+"""Festo muscles of 10 mm: cut length in cm, and the length at rest between the clamps, m."""
 LIFTING = ["LiftedLoad*"]
 """Models of a contraction under a load, beside those of any free run."""
 
@@ -43,7 +45,7 @@ def lifts(seed: int) -> pd.DataFrame:
     return pd.concat(runs, ignore_index=True)
 
 
-def source(data: str, seed: int) -> tuple[pd.DataFrame, np.ndarray | None, dict[str, Any]] | None:
+def source(data: str, seed: int, cut: int = 30) -> tuple[pd.DataFrame, np.ndarray | None, dict[str, Any]] | None:
     """Return the table, the rows that count and the geometry; None where the folder is not there."""
     if data == "lifts":
         return lifts(seed), None, {"rest_length": 0.2, "rest_diameter": 0.02}
@@ -58,12 +60,12 @@ def source(data: str, seed: int) -> tuple[pd.DataFrame, np.ndarray | None, dict[
     if (folder / "data.parquet").is_file():
         bench = BenchParameters.from_toml(folder / "sim.toml")
         return unfold(pd.read_parquet(folder / "data.parquet"), bench), None, bench.values()
-    if not (files := sorted(folder.glob("10mm_30cm_*.mat"))):
+    if not (files := sorted(folder.glob(f"10mm_{cut}cm_*.mat"))):
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         log = read_log(files, FESTO, nan="drop")
-    return log, (log["F"] > 5.0).to_numpy(), {"rest_length": 0.281, "rest_diameter": 0.01}
+    return log, (log["F"] > 5.0).to_numpy(), {"rest_length": CUTS[cut], "rest_diameter": 0.01}
 
 
 def main() -> int:
@@ -72,6 +74,7 @@ def main() -> int:
     parser.add_argument(
         "--data", default="twin", help="twin, lifts, a folder with data.parquet and sim.toml, or one with Festo logs"
     )
+    parser.add_argument("--cut", type=int, choices=tuple(CUTS), default=30, help="cut of Festo logs, cm (default: 30)")
     parser.add_argument("--estimators", nargs="+", help="other models than those of the problem's list")
     parser.add_argument("--split", choices=("run", "kind"), default="run", help="what a fold leaves out (default: run)")
     parser.add_argument("--folds", type=int, default=4, help="folds of whole runs (default: 4)")
@@ -80,7 +83,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="seed of twin, folds and fits (default: 0)")
     parser.add_argument("--plot", type=Path, help="file for the plot, .svg or .png")
     args = parser.parse_args()
-    found = source(args.data, args.seed)
+    found = source(args.data, args.seed, args.cut)
     if found is None:
         print("skipped: --data names no folder with data.parquet and sim.toml, or with Festo logs")
         return 0

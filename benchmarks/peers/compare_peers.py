@@ -22,7 +22,7 @@ from pamid.compare.protocol import Prepared, folds, prepare
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from choosing import LIFTING, source  # noqa: E402
+from choosing import CUTS, LIFTING, source  # noqa: E402
 
 OURS = {
     "force": ["StaticPIHM", "ResidualHybrid", "GeometricForce(tondu_lopez)", "MLP", "SINDyRegressor"],
@@ -82,13 +82,14 @@ def main() -> int:
     parser.add_argument(
         "--data", default="twin", help="twin, lifts, or a folder with data.parquet and sim.toml, or with Festo logs"
     )
+    parser.add_argument("--cut", type=int, choices=tuple(CUTS), default=30, help="cut of Festo logs, cm (default: 30)")
     parser.add_argument("--folds", type=int, default=4, help="folds of whole runs (default: 4)")
     parser.add_argument("--split", choices=("run", "kind"), default="run", help="what a fold leaves out (default: run)")
     parser.add_argument("--rows", type=int, default=3000, help="most rows of a fit (default: 3000)")
     parser.add_argument("--seed", type=int, default=0, help="seed (default: 0)")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
-    read = source(args.data, args.seed)
+    read = source(args.data, args.seed, args.cut)
     if read is None:
         print("skipped: --data names no folder with data.parquet and sim.toml, or with Festo logs")
         return 0
