@@ -102,13 +102,13 @@ def test_a_fit_is_not_misled_by_outliers_and_improves_the_likelihood():
 # --- evidence -------------------------------------------------------------------------------------------------
 def test_residuals_under_effects_are_those_of_the_equations(clean, evidence):
     spec = {"leakage": {"conductance": 1e-10}, "viscous_friction": {"coefficient": 20.0}}
-    changed = evidence.z(spec)
+    changed = evidence.raw(evidence.z(spec))
     corrected = NOMINAL.replace(effects=[(k, v) for k, v in spec.items()])
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         rms = float(np.sqrt(np.mean(np.square(changed[part] * evidence.noise[part]))))
         assert rms == pytest.approx(evaluate_log(clean, corrected)[name].rmse, rel=0.1)
     untouched = evidence.parts[evidence.equations.index("joint")]
-    np.testing.assert_array_equal(changed[untouched], evidence.z0[untouched])
+    np.testing.assert_array_equal(changed[untouched], evidence.raw(evidence.z0)[untouched])
 
 
 def test_the_refit_within_tolerances_reaches_the_noise(evidence):

@@ -27,6 +27,9 @@ class Residual(NamedTuple):
         The measured side.
     noise : array, shape (n_windows, n_sides)
         Standard deviation that the noise of the channels leaves in `value`.
+    shared : array, shape (n_lags, n_windows, n_sides)
+        Covariance of that noise with the one in the first, second ... window after it: neighbouring test functions
+        overlap, and a derivative takes from one window what it gives the next. 0 beyond the end.
 
     Examples
     --------
@@ -42,6 +45,7 @@ class Residual(NamedTuple):
     value: np.ndarray
     measured: np.ndarray
     noise: np.ndarray
+    shared: np.ndarray = np.zeros((0, 0, 0))
 
 
 class Equation(ABC):
@@ -73,22 +77,37 @@ class Equation(ABC):
         """Return the residual over the windows of ``run``."""
 
 
-def spread(*parts: tuple[np.ndarray | float, list[ChannelNoise], np.ndarray], n_windows: int) -> np.ndarray:
-    """Return the standard deviation of a residual from the noise of its channels.
+def spread(
+    *parts: tuple[np.ndarray | float, list[ChannelNoise], np.ndarray], n_windows: int, n: int, order: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the standard deviation of a residual from the noise of its channels, and what neighbours share of it.
 
     Parameters
     ----------
     *parts : (sensitivity, noise, weights)
         For each channel: the derivative of the residual with respect to the weighted sum of samples, shape
         (n_windows, n_sides) or a number; its noise, one entry a side or one for all; the weights of that sum.
-    n_windows : int
-        Number of windows.
+    n_windows, n : int
+        Number of windows, and samples from one to the next.
+    order : int, default=1
+        Order of the test functions: so many windows less one overlap with each.
+
+    Returns
+    -------
+    deviation : array, shape (n_windows, n_sides)
+        The standard deviation.
+    shared : array, shape (order - 1, n_windows, n_sides)
+        The covariance with the first, second ... window after each.
     """
-    total: np.ndarray | float = 0.0
+    total: list[np.ndarray | float] = [0.0] * order
+    sides = max(np.shape(s)[-1] if np.ndim(s) else len(noise) for s, noise, _ in parts)
     for sensitivity, noise, weights in parts:
-        variance = np.array([n.variance(weights) for n in noise])
-        total = total + np.square(sensitivity) * variance
-    return np.sqrt(np.broadcast_to(total, (n_windows, np.shape(total)[-1])))
+        s = np.broadcast_to(sensitivity, (n_windows, sides))
+        for lag in range(order):
+            covariance = np.array([one.covariance(weights, lag * n) for one in noise])
+            total[lag] = total[lag] + s * np.vstack([s[lag:], np.zeros((min(lag, n_windows), sides))]) * covariance
+    full = [np.broadcast_to(t, (n_windows, sides)) for t in total]
+    return np.sqrt(full[0]), np.array(full[1:]).reshape(order - 1, n_windows, sides)
 
 
 def all_equations() -> dict[str, Equation]:

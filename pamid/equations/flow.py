@@ -59,7 +59,8 @@ class FlowEquation(Equation):
             gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
         n, first = run.n, run.starts(len(gain), 2)
         scale = average(per_flow[:-1], n, 2, first)
-        drift = supplied[:-1] * self._opening(run) / 2
+        growth = (1.0 + self._opening(run)) * (per_flow[1:] / per_flow[:-1])
+        drift = supplied[:-1] * (growth - 1.0) / 2
         held = average(supplied[:-1] + drift - gain, n, 2, first) / scale
         ramp = average(np.diff(supplied, axis=0) / 2 - drift, n, 2, first) / scale
         value = held + _share(held, ramp) * ramp
@@ -70,13 +71,15 @@ class FlowEquation(Equation):
         change = np.convolve(weights, [1.0, -1.0]) / run.dt
         joint, muscle = run.model.params.joint, run.model.params.muscle
         turn = SIGNS * joint.pulley_radius / muscle.rest_length
-        noise = spread(
+        noise, shared = spread(
             (1.0, run.noise("mdot"), run.weights("mdot", weights)),
             (centre(run.volume, n, 2, first) / (gamma * RT), run.noise("P"), run.weights("P", change)),
             (centre(run.P * run.volume_slope, n, 2, first) * turn / RT, run.noise("q"), run.weights("q", change)),
             n_windows=len(first),
+            n=n,
+            order=2,
         )
-        return Residual(time, value, measured, noise)
+        return Residual(time, value, measured, noise, shared)
 
     @staticmethod
     def _opening(run: Run) -> np.ndarray:

@@ -54,8 +54,11 @@ class JointEquation(Equation):
         motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
         motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
         sides = np.convolve(weights, [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]) * joint.pulley_radius
-        noise = np.hypot(
-            spread((1.0, run.noise("q"), run.weights("q", motion)), n_windows=len(first)),
-            np.sqrt(sum(side.variance(run.weights("F", sides)) for side in run.noise("F"))),
+        noise, shared = spread(
+            (1.0, run.noise("q"), run.weights("q", motion)),
+            *((1.0, [side], run.weights("F", sides)) for side in run.noise("F")),
+            n_windows=len(first),
+            n=n,
+            order=3,
         )
-        return Residual(time, value, measured, noise)
+        return Residual(time, value, measured, noise, shared)

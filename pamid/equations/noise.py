@@ -41,6 +41,12 @@ class ChannelNoise(NamedTuple):
         """Return the variance that the noise leaves in a sum of samples with these weights."""
         return float(self.white**2 * (weights @ weights) + self.fixed**2 * weights.sum() ** 2)
 
+    def covariance(self, weights: np.ndarray, lag: int) -> float:
+        """Return the covariance of two such sums, the second one some samples later; the variance at lag 0."""
+        if not lag:
+            return self.variance(weights)
+        return float(self.white**2 * (weights[lag:] @ weights[:-lag])) if lag < len(weights) else 0.0
+
 
 def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise) -> ChannelNoise:
     """Return the noise of a channel without the jitter that what drives it really has.

@@ -57,9 +57,10 @@ class ValveEquation(Equation):
         weights = kernel(n, 1)
         h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
         slope = (passed(run.P + h, u, supply) - passed(run.P - h, u, supply)) / (2 * h)
-        noise = spread(
+        noise, _ = spread(
             (1.0, run.noise("mdot"), run.weights("mdot", weights)),
             (centre(slope, n, 1, first), run.noise("P"), run.weights("P", weights)),
             n_windows=len(first),
+            n=n,
         )
         return Residual(time, value, measured, noise)

@@ -18,7 +18,7 @@ from .notes import check, notes_on, without_stuck
 from .search import Search
 from .signal_evidence import SignalEvidence
 from .significance import excess
-from .verdict import FIRST_GAIN, Verdict, decide
+from .verdict import Verdict, decide
 from .where import bands, regions, shares, trajectories
 
 if TYPE_CHECKING:
@@ -153,13 +153,13 @@ def _written(
     if not known:
         fit = base
     clusters = Clusters(search.fitter, fit)
-    after = clusters.z
+    after = evidence.raw(clusters.z)
     # The gap is what a refit within the tolerances leaves: what they take up is none.
-    before = base.z
+    before = evidence.raw(base.z)
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
     held = {id(f): Clusters(search.fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
-    closure = closures(evidence, held[id(base)], held[id(fit)], random_state)
+    closure = closures(evidence, evidence.raw(held[id(base)]), evidence.raw(held[id(fit)]), random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
     part_of = shapley(search.fitter, verdict.base, fit) if known else {}
@@ -187,7 +187,7 @@ def _written(
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
-        leftover=leftover(evidence, equations[0].equation, base.z) if verdict.kind == "unknown" and equations else {},
+        leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
     )
 
 
@@ -235,7 +235,8 @@ def _causes(
     found = []
     for name in fit.spec:
         rest = {k: v for k, v in fit.spec.items() if k != name}
-        equation = main_equation(evidence, name, whole - (evidence.z(rest) if rest else evidence.z0))
+        added = evidence.raw(whole - (evidence.z(rest) if rest else evidence.z0))
+        equation = main_equation(evidence, name, added)
         closed = by_equation[equation]
         share = part_of[name] * closed.closed_share if len(fit.spec) > 1 else closed.closed_share
         ci = tuple(part_of[name] * v for v in closed.ci90) if len(fit.spec) > 1 else closed.ci90
@@ -294,9 +295,9 @@ def _candidates(search: Search, verdict: Verdict, part_of: dict[str, float]) -> 
     for name, score in scores.items():
         if name in named or belief.get(name, 0.0) > 0.05 * total:
             continue
-        if score < FIRST_GAIN and closed.get(name, 0.0) > 0.2:
+        if score < search.evidence.least_gain and closed.get(name, 0.0) > 0.2:
             reasons[name] = "fits only where it turns into another effect"
-        elif score < FIRST_GAIN:
+        elif score < search.evidence.least_gain:
             reasons[name] = "brings no more than noise would"
         elif score < best:
             reasons[name] = f"explains less: its log-likelihood is lower by {best - score:.0f}"
@@ -331,8 +332,8 @@ def _leads(shares_of: dict[str, float]) -> dict[str, float]:
 
 def _explained(base: Fit, fit: Fit, evidence: Evidence | SignalEvidence) -> float:
     """Return the share of the explainable gap that a fit closes where the gap is largest."""
-    b = np.array([float(np.mean(np.square(base.z[p]))) - 1.0 for p in evidence.parts])
-    a = np.array([float(np.mean(np.square(fit.z[p]))) - 1.0 for p in evidence.parts])
+    raw = evidence.raw(base.z), evidence.raw(fit.z)
+    b, a = (np.array([float(np.mean(np.square(z[p]))) - 1.0 for p in evidence.parts]) for z in raw)
     k = int(np.argmax(b))
     return float(np.clip((b[k] - a[k]) / b[k], 0.0, 1.0)) if b[k] > 0.02 else 0.0
 

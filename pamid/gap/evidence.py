@@ -11,6 +11,7 @@ from ..effects import all_effects
 from ..equations.base import Equation, Residual
 from ..equations.evaluate import allowed_equations, window_residual
 from ..equations.run import SIGNS, Model, Run, columns_of, runs
+from .whitening import Whitening
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +36,8 @@ CHANNELS = ("P", "F", "mdot", "u")
 class Evidence:
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
+    Residuals are turned such that their noise is independent from window to window; `raw` turns them back.
+
     Parameters
     ----------
     log : DataFrame
@@ -45,7 +48,7 @@ class Evidence:
     Attributes
     ----------
     z0 : array, shape (n_windows,)
-        Residuals of the simulator as given, in units of their noise, equation after equation.
+        Residuals of the simulator as given, in units of their noise and white, equation after equation.
     noise : array, shape (n_windows,)
         Standard deviation of the noise, in the unit of each window's equation.
     equations : list of str
@@ -72,8 +75,10 @@ class Evidence:
     """Share of an equation's scale that a cause may leave, for its form."""
     audible = 0.05
     """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
-    decisive = 30.0
-    """Gain in log-likelihood that needs no draws to be believed: few windows, such as those of steps, may hold it."""
+    least_gain = 4.0
+    """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
+    decisive = 4.0
+    """Gain that needs no draws to be believed: few windows, such as those of steps, may hold it."""
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 
@@ -91,6 +96,7 @@ class Evidence:
         self.units = {name: equation.unit for name, equation in allowed.items()}
         self._slots: dict[str, list[tuple[int, slice]]] = {}
         pieces: list[tuple[np.ndarray, ...]] = []
+        shared: dict[str, list[list[np.ndarray]]] = {}
         n = 0
         for name, equation in allowed.items():
             first, slots = n, []
@@ -99,6 +105,7 @@ class Evidence:
                 if residual is None:
                     continue
                 pieces.append(self._piece(i, run, residual))
+                shared.setdefault(name, []).append([lag.ravel() for lag in residual.shared])
                 slots.append((i, slice(n, n + residual.value.size)))
                 n += residual.value.size
             if n > first:
@@ -112,7 +119,9 @@ class Evidence:
         )
         self.run, self.side = self.run.astype(int), self.side.astype(int)
         self.noise = np.maximum(noise, _smallest(value, noise, self.parts))
-        self.z0 = value / self.noise
+        self._raw0 = value / self.noise
+        self._whitening = self._white(shared)
+        self.z0 = self._whitening.white(self._raw0)
         names = {name: k for k, name in enumerate(self.trajectories)}
         self.block = np.array([names[run.trajectory] for run in self.runs], dtype=int)[self.run]
         self.free = [name for name, t in params.tolerance.items() if t > 0 and params.get(name) != 0]
@@ -137,6 +146,26 @@ class Evidence:
             np.repeat(residual.time, sides),
             residual.measured.ravel(),
         )
+
+    def _white(self, shared: Mapping[str, Sequence[Sequence[np.ndarray]]]) -> Whitening:
+        """Return what makes the noise independent, from the covariances of neighbouring windows of each run."""
+        found = Whitening(len(self.noise))
+        for name, part in zip(self.equations, self.parts, strict=True):
+            noise, step = self.noise[part], len(self._equations[name].sides)
+            correlations = []
+            for lag, covariances in enumerate(zip(*shared[name], strict=True), start=1):
+                later = np.append(noise[step * lag :], np.ones(min(step * lag, len(noise))))
+                correlations.append(np.concatenate(covariances) / (noise * later))
+            found.add(part, correlations, step)
+        return found
+
+    def raw(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals, or changes of them, as the windows have them, in units of each window's noise."""
+        return self._whitening.raw(z)
+
+    def white(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals of the windows, or changes of them, with noise that is independent: the inverse of `raw`."""
+        return self._whitening.white(z)
 
     def _tolerances(self) -> np.ndarray:
         columns = []
@@ -163,7 +192,7 @@ class Evidence:
     def z(
         self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
     ) -> np.ndarray:
-        """Return the residuals under a changed simulator, in units of the noise.
+        """Return the residuals under a changed simulator, in units of the noise and white.
 
         Parameters
         ----------
@@ -176,7 +205,7 @@ class Evidence:
         """
         wanted = self.equations if equations is None else (list(equations) or self.touched(spec))
         model = Model(self.simulator(spec, deviations), settled=True, noise=bool(self._lagging(spec)))
-        out = np.empty(len(self.noise)) if equations is None else self.z0.copy()
+        out = np.empty(len(self.noise)) if equations is None else self._raw0.copy()
         lagging = self._lagging(spec)
         ratio = np.ones(len(self.noise)) if lagging else None
         by_run: dict[int, list[tuple[str, slice]]] = {}
@@ -192,7 +221,7 @@ class Evidence:
                 if ratio is not None:
                     ratio[slot] = np.maximum(residual.noise.ravel() / self.noise[slot], 1.0)
         self._widening = (lagging, ratio)
-        return out
+        return self._whitening.white(out)
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.

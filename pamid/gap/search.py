@@ -156,8 +156,9 @@ class Search:
         such a variation explains is no evidence for a second cause.
         """
         signals = _signals(self.evidence.state)
-        columns = [d * signal for name, d in self.contributions(fit).items() if has_form(name) for signal in signals]
-        return np.column_stack(columns) if columns else np.zeros((len(self.evidence.z0), 0))
+        added = [self.evidence.raw(d) for name, d in self.contributions(fit).items() if has_form(name)]
+        columns = [d * signal for d in added for signal in signals]
+        return self.evidence.white(np.column_stack(columns)) if columns else np.zeros((len(self.evidence.z0), 0))
 
     def rival(self, added: str, fit: Fit, soft: np.ndarray | None = None) -> Rival:
         """Return a fit with its likelihood under loosened forms."""

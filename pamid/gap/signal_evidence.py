@@ -82,6 +82,9 @@ class SignalEvidence:
 
     form_left = 0.12
     """Share of the gap that a cause may leave: a real friction is never quite the library's."""
+    least_gain = 6.0
+    """Gain in log-likelihood that a first effect must bring at least: how the noise of any target depends on its past
+    is not known."""
     decisive = np.inf
     """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
     audible = 0.1
@@ -182,6 +185,13 @@ class SignalEvidence:
             return np.zeros(0)
         sums = np.concatenate([[0.0], np.cumsum(x - np.mean(x))])
         return (sums[self.first + self.n] - sums[self.first]) / self.n + np.mean(x)
+
+    @staticmethod
+    def raw(z: np.ndarray) -> np.ndarray:
+        """Return residuals as they are: how the noise of any target depends on its past is not known."""
+        return z
+
+    white = raw
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the residuals with effects added, in units of the noise; there are no tolerances."""

@@ -17,8 +17,6 @@ FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 HEARD = 0.08
 """Share by which a residual must be above its noise to be a gap by itself, since noise is known to a few per cent."""
-FIRST_GAIN = 6.0
-"""Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings two."""
 CLEAR = 1.5
 """Scale of what is left, in noise, up to which a cause may leave something unexplained; for its form comes on top."""
 SHARE_LEFT = 0.4
@@ -80,10 +78,10 @@ def decide(
     stage = search.stage(base.fit) if found else None
     best = stage.rivals[0] if stage and stage.rivals else None
     gain = search.gain(stage.before, best) if stage and best else 0.0
-    chance = min(test.p_value, float(np.exp(-gain / 3.0))) if gain > evidence.decisive else test.p_value
+    chance = min(test.p_value, float(np.exp(-gain - 1.0))) if gain > evidence.decisive else test.p_value
     p_value = min(1.0, 2.0 * min(chance, omnibus))
     verdict = Verdict("none", p_value, base.fit, base.fit, {}, over, 0.0, stage)
-    if chance < FALSE_ALARM and best and gain > FIRST_GAIN:
+    if chance < FALSE_ALARM and best and gain > evidence.least_gain:
         verdict.fit, verdict.rivals = grow(search, best)
         verdict.unknown = float(1.0 / (1.0 + max(_left(search, verdict), 1e-3) ** -SHARP))
         names = list(verdict.fit.spec)

@@ -1,0 +1,77 @@
+"""Residuals with independent noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.bench import BenchParameters, simulate, sine, step
+from pamid.equations import residuals
+from pamid.gap.evidence import Evidence
+from pamid.gap.whitening import Whitening
+
+BENCH = BenchParameters.for_muscle("B").replace(tolerance={})
+
+
+@pytest.fixture(scope="module")
+def log() -> pd.DataFrame:
+    return simulate(BENCH, [sine(2, 15, 6000), sine(6, 10, 6000), step(0, 15, 4000)], seed=3)
+
+
+def _lagged(evidence: Evidence, z: np.ndarray, equation: str) -> tuple[float, float]:
+    """Return the correlation with the next window, and the deviation of sums over ten windows."""
+    part = evidence.parts[evidence.equations.index(equation)]
+    key = evidence.run[part] * 2 + evidence.side[part]
+    series = [z[part][key == k] for k in np.unique(key)]
+    products = sum(float(x[1:] @ x[:-1]) for x in series) / sum(float(x @ x) for x in series)
+    slow = np.concatenate([x[: len(x) // 10 * 10].reshape(-1, 10).sum(axis=1) for x in series]) / np.sqrt(10)
+    return products, float(np.std(slow))
+
+
+@pytest.mark.parametrize("equation", ["flow", "joint"])
+def test_noise_becomes_independent(log: pd.DataFrame, equation: str) -> None:
+    evidence = Evidence(log, BENCH)
+    before, slow_before = _lagged(evidence, evidence.raw(evidence.z0), equation)
+    after, slow_after = _lagged(evidence, evidence.z0, equation)
+    assert abs(after) < 0.12
+    assert 0.75 < slow_after < 1.3
+    if equation == "flow":  # whose noise is mostly that of the pressure's change
+        assert before < -0.25
+        assert slow_before < 0.7
+
+
+def test_raw_undoes_white(log: pd.DataFrame) -> None:
+    evidence = Evidence(log, BENCH)
+    z = np.random.RandomState(0).standard_normal((len(evidence.z0), 3))
+    np.testing.assert_allclose(evidence.raw(evidence.white(z)), z, atol=1e-12)
+    np.testing.assert_allclose(evidence.white(z[:, 1]), evidence.white(z)[:, 1])
+
+
+def test_raw_is_the_residual_of_the_equation(log: pd.DataFrame) -> None:
+    evidence = Evidence(log, BENCH)
+    part = evidence.parts[evidence.equations.index("flow")]
+    raw = (evidence.raw(evidence.z0) * evidence.noise)[part]
+    # A diagnosis leaves out the ends of runs, where an effect's memory is not yet known.
+    whole = {t: r for t, e, r in residuals(log, BENCH, ["flow"])}
+    for k, name in enumerate(evidence.trajectories):
+        mine = (evidence.block[part] == k) & (evidence.side[part] == 0)
+        at = np.searchsorted(whole[name].time, evidence.time[part][mine] - 1e-9)
+        np.testing.assert_allclose(raw[mine], whole[name].value[at, 0], rtol=0.05, atol=2e-8)
+
+
+def test_covariance_is_what_the_factor_gives() -> None:
+    """White noise turned back has the covariance that was asked for."""
+    w = Whitening(4000)
+    w.add(slice(0, 4000), [np.full(4000, -0.45)], 2)
+    x = w.raw(np.random.RandomState(1).standard_normal(4000))
+    assert np.mean(x[2:] * x[:-2]) == pytest.approx(-0.44, abs=0.05)
+    assert abs(np.mean(x[1:] * x[:-1])) < 0.05
+    assert np.mean(x**2) == pytest.approx(1.0, abs=0.08)
+
+
+def test_flow_of_a_fast_motion_has_no_bias() -> None:
+    """What flow and pressure change within a sample does not pose as a leak."""
+    log = simulate(BENCH, [sine(10, 20, 4000)], seed=0)
+    _, _, flow = next(residuals(log, BENCH, ["flow"]))
+    assert abs(float(flow.value.mean())) < 1e-4 * float(np.abs(flow.measured).mean())
