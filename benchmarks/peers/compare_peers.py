@@ -35,13 +35,15 @@ def ours(entry: Candidate, ready: Prepared, splits: list[Any]) -> tuple[np.ndarr
     found, seconds = [], 0.0
     for fold in splits:
         fit, test = (fold.even_train, fold.even_test) if entry.sequential else (fold.fit_rows, fold.score_rows)
-        X, y = ready.table[list(entry.columns)], ready.table[ready.target].to_numpy(dtype=float)
+        X, Y = ready.table[list(entry.columns)], ready.table[list(entry.targets)].to_numpy(dtype=float)
+        y = Y[:, 0] if Y.shape[1] == 1 else Y
         model = clone(entry.estimator)
         started = time.process_time()
         grouped = {"groups": ready.runs[fit]} if has_fit_parameter(model, "groups") else {}
         model.fit(X.iloc[fit], y[fit], **grouped)
         seconds += time.process_time() - started
         z = np.asarray(model.predict(X.iloc[test]), dtype=float)
+        z = z[:, entry.targets.index(ready.target)] if z.ndim == 2 else z
         found.append(z[np.searchsorted(test, fold.score_rows)] if entry.sequential else z)
     return np.concatenate(found), seconds / len(splits)
 
@@ -82,6 +84,7 @@ def main() -> int:
     parser.add_argument(
         "--data", default="twin", help="twin, lifts, or a folder with data.parquet and sim.toml, or with Festo logs"
     )
+    parser.add_argument("--estimators", nargs="+", help="others of ours than those of the problem's list")
     parser.add_argument("--cut", type=int, choices=tuple(CUTS), default=30, help="cut of Festo logs, cm (default: 30)")
     parser.add_argument("--folds", type=int, default=4, help="folds of whole runs (default: 4)")
     parser.add_argument("--split", choices=("run", "kind"), default="run", help="what a fold leaves out (default: run)")
@@ -89,11 +92,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="seed (default: 0)")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
-    read = source(args.data, args.seed, args.cut)
-    if read is None:
+    opened = source(args.data, args.seed, args.cut)
+    if opened is None:
         print("skipped: --data names no folder with data.parquet and sim.toml, or with Festo logs")
         return 0
-    table, rows, geometry = read
+    table, rows, geometry = opened
     output = "eps" if "load" in table.columns else "P"
     ready = prepare(
         table, args.problem, rows=rows, score_rows=10_000, output=output, tuning=2.0 if rows is not None else "auto"
@@ -102,14 +105,16 @@ def main() -> int:
     scored = np.concatenate([fold.score_rows for fold in splits])
     target = ready.table[ready.target].to_numpy(dtype=float)
     y, dynamic = target[scored], args.problem == "dynamic"
-    names = OURS[args.problem] + (LIFTING if dynamic and output == "eps" else [])
-    entries = candidates(args.problem, names, parameters=geometry, targets=(ready.target,), output=output)
+    names = args.estimators or OURS[args.problem] + (LIFTING if dynamic and output == "eps" else [])
+    measured = (ready.target, *ready.measured)
+    entries = candidates(args.problem, names, parameters=geometry, targets=measured, output=output)
     found: dict[str, tuple[float, float]] = {}
     for entry in entries:
         z, seconds = ours(entry, ready, splits)
         found[entry.label] = float(np.sqrt(np.mean((z - y) ** 2))), seconds
         print(f"{entry.label}: fitted", flush=True)
-    columns = [c for c in next(e for e in entries if e.label == "MLP").columns if c not in ("trajectory", "initial")]
+    read = candidates(args.problem, ["MLP"], parameters=geometry, targets=measured, output=output)[0].columns
+    columns = [c for c in read if c not in ("trajectory", "initial")]  # the signals that a network of ours reads
     answers = peers(args, ready, splits, columns)
     failed = []
     for name in sorted({n.removesuffix("_seconds").removesuffix("_error") for n in answers if "_" in n}):
@@ -131,9 +136,10 @@ def main() -> int:
         f"\n{args.problem} of {ready.target}, {args.data if args.data in ('twin', 'lifts') else 'log'}; {len(y)} rows, "
         f"{len(splits)} folds ({args.split}); spread of the target {np.std(y):.4g}"
     )
-    print(f"{'':34s}      rmse   rmse / spread   fit / s of one core")
+    width = max(map(len, found)) + 1
+    print(f"{'':{width}s}      rmse   rmse / spread   fit / s of one core")
     for name, (error, seconds) in sorted(found.items(), key=lambda item: item[1][0]):
-        print(f"{name:34s} {error:9.4g} {error / np.std(y):12.4f} {seconds:15.2f}")
+        print(f"{name:{width}s} {error:9.4g} {error / np.std(y):12.4f} {seconds:15.2f}")
     print("\n".join(failed))
     return 0
 
