@@ -182,6 +182,29 @@ def test_rows_that_do_not_count(table):
     assert len(result.rows) == keep.sum()
 
 
+def test_a_sequence_sees_rows_that_do_not_count_without_learning_them(table):
+    keep = (table["F"] > 305).to_numpy()
+    seen = []
+
+    class Sequence(RegressorMixin, BaseEstimator):
+        _needs = ("eps", "P")
+        _sequential = True
+
+        def fit(self, X, y, sample_weight=None):
+            seen.append((y, sample_weight))
+            self.mean_ = np.average(y, weights=sample_weight)
+            return self
+
+        def predict(self, X):
+            return np.full(len(X), self.mean_)
+
+    compare(table, "force", {"sequence": Sequence()}, cv=3, rows=keep, n_draws=10)
+    assert len(seen) == 3
+    for y, weight in seen:
+        assert (y <= 305).any()
+        np.testing.assert_array_equal(weight, y > 305)
+
+
 # --- figures --------------------------------------------------------------------------------------------------
 def test_the_right_model_reaches_the_noise_floor(result):
     """On a bench of the nominal equations the nominal model leaves the sensors' noise and nothing else."""

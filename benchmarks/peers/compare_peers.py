@@ -39,8 +39,10 @@ def ours(entry: Candidate, ready: Prepared, splits: list[Any]) -> tuple[np.ndarr
         y = Y[:, 0] if Y.shape[1] == 1 else Y
         model = clone(entry.estimator)
         started = time.process_time()
-        grouped = {"groups": ready.runs[fit]} if has_fit_parameter(model, "groups") else {}
-        model.fit(X.iloc[fit], y[fit], **grouped)
+        more = {"groups": ready.runs[fit]} if has_fit_parameter(model, "groups") else {}
+        if not ready.usable[fit].all() and has_fit_parameter(model, "sample_weight"):
+            more["sample_weight"] = ready.usable[fit].astype(float)
+        model.fit(X.iloc[fit], y[fit], **more)
         seconds += time.process_time() - started
         z = np.asarray(model.predict(X.iloc[test]), dtype=float)
         z = z[:, entry.targets.index(ready.target)] if z.ndim == 2 else z

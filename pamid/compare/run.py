@@ -208,6 +208,7 @@ def _run(
             entry,
             ready.table,
             ready.runs,
+            ready.usable,
             ready.target,
             fold.even_train if entry.sequential else fold.fit_rows,
             fold.even_test if entry.sequential else fold.score_rows,
@@ -240,6 +241,7 @@ def _fitted(
     entry: Candidate,
     table: pd.DataFrame,
     runs: np.ndarray,
+    usable: np.ndarray,
     target: str,
     fit_rows: np.ndarray,
     test_rows: np.ndarray,
@@ -258,8 +260,11 @@ def _fitted(
             warnings.simplefilter("always")
             model = clone(entry.estimator)
             started = time.perf_counter()
-            grouped = {"groups": runs[fit_rows]} if has_fit_parameter(model, "groups") else {}
-            model.fit(X.iloc[fit_rows], y[fit_rows], **grouped)
+            more = {"groups": runs[fit_rows]} if has_fit_parameter(model, "groups") else {}
+            # a sequence has rows that do not count between those that do: they are seen, not learnt
+            if not usable[fit_rows].all() and has_fit_parameter(model, "sample_weight"):
+                more["sample_weight"] = usable[fit_rows].astype(float)
+            model.fit(X.iloc[fit_rows], y[fit_rows], **more)
             middle = time.perf_counter()
             z = np.asarray(model.predict(X.iloc[test_rows]), dtype=float)
             ended = time.perf_counter()
