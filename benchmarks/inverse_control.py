@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import copy
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,13 +15,15 @@ import pandas as pd
 from pamid.estimators import GeometricForce, InverseModel, InvertedForce, StaticPIHM
 
 from pamid.bench.references import PERIOD
-from pamid.bench.single import LOADS, LiftBench, festo_like, simulate_lift
+from pamid.bench.single import LOADS, SENSORS, LiftBench, festo_like, simulate_lift
 from pamid.constants import GRAVITY
 
 LOW, HIGH = 0.02, 0.12
 """Contractions between which the references move."""
 TRAINED, UNTRAINED = (30.0, 60.0), (22.0, 52.0)
-PID_ALONE = "PID alone"
+PID_ALONE, INVERSE, LEARNING = "PID alone", "inverse model", "inverse model, learning on"
+SECOND, ROW = 1000, 10
+"""Control periods between two updates of a model that learns on, and between two of its rows."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +72,14 @@ def train(seed: int) -> tuple[dict[str, Any], float]:
     size = {"rest_length": muscle.rest_length, "rest_diameter": muscle.rest_diameter}
     clip = {"on_unreachable": "clip"}
     models = {
-        "inverse model": InverseModel(direction=True, random_state=seed, **clip),
+        INVERSE: InverseModel(direction=True, random_state=seed, **clip),
+        LEARNING: InverseModel(direction=True, forget_rows=50, random_state=seed, **clip),
         "inverted geometry": InvertedForce(GeometricForce("tondu_lopez", **size), **clip),
         "inverted PIHM": InvertedForce(StaticPIHM(**size, random_state=seed), **clip),
     }
     log = log.assign(deps=log.groupby("trajectory", sort=False)["eps"].transform(lambda e: np.gradient(e, 0.02)))
     for name, model in models.items():
-        columns = ["trajectory", "F", "eps"] if name == "inverse model" else list(model._needs)
+        columns = ["trajectory", *model._needs] if isinstance(model, InverseModel) else list(model._needs)
         groups = {"groups": log["trajectory"]} if "PIHM" in name else {}
         model.fit(log[columns], log["P"], **groups)
     return models, lag(log)
@@ -93,12 +97,29 @@ def set_values(model: Any, task: Task, load: float, rest_length: float, lead: fl
             "deps": np.gradient(task.eps, PERIOD)[rows],
         }
     )
-    columns = ["trajectory", "F", "eps"] if isinstance(model, InverseModel) else list(model._needs)
+    columns = ["trajectory", *model._needs] if isinstance(model, InverseModel) else list(model._needs)
     return np.interp(t + lead, t[rows], model.predict(pairs[columns]))
 
 
+class Learner:
+    """A model that learns on in its lane: a second of measured rows at a time."""
+
+    def __init__(self, model: Any, task: Task, load: float, rest_length: float, lead: float) -> None:
+        self.model, self.question = copy.deepcopy(model), (task, load, rest_length, lead)
+
+    def revised(self, F: np.ndarray, eps: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """Learn the last second of what was measured so far, and return the set values of the whole task anew."""
+        rows = pd.DataFrame({"trajectory": "run", "F": F, "eps": eps})
+        new = np.arange(len(P)) >= len(P) - SECOND // ROW  # the others only tell the direction of the motion
+        self.model.partial_fit(rows, P, sample_weight=new.astype(float))
+        return set_values(self.model, *self.question)
+
+
 def run(
-    lanes: Sequence[tuple[Task, float, np.ndarray, Sequence[float]]], friction: float = 1.0, seed: int = 0
+    lanes: Sequence[tuple[Task, float, np.ndarray, Sequence[float]]],
+    friction: float = 1.0,
+    seed: int = 0,
+    learners: Mapping[int, Learner] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run all lanes (task, load, feedforward, gains) side by side; return contractions and valve commands."""
     params = festo_like()
@@ -120,8 +141,8 @@ def run(
     ahead = np.stack([filled(lane[2]) for lane in lanes], axis=1)
     kp, ki, kd = (np.array([lane[3][k] for lane in lanes]) for k in range(3))
     bench = LiftBench(params, loads[0])
-    rng = np.random.default_rng(seed)
-    eps, command = np.empty((steps, n)), np.empty((steps, n))
+    rng, reading = np.random.default_rng(seed), np.random.default_rng(seed + 1)
+    eps, command, logged = np.empty((steps, n)), np.empty((steps, n)), np.empty((3, -(-steps // ROW), n))
     total, last, rate = np.zeros(n), wanted[0].copy(), np.zeros(n)
     for k in range(steps):
         measured = 1.0 - (bench.length + rng.normal(0.0, 2e-5, n)) / L0
@@ -131,8 +152,17 @@ def run(
         raw = ahead[k] + kp * error + ki * total + kd * rate
         P_ref = np.clip(raw, ambient, ambient + 7e5)
         total += PERIOD * error * (raw == P_ref)
-        _, L, _, u = bench.step(P_ref, loads[k])
+        P, L, F, u = bench.step(P_ref, loads[k])
         eps[k], command[k] = 1.0 - L / L0, u
+        if k % ROW == 0:
+            logged[:, k // ROW] = SENSORS["F"].read(F, reading), measured, SENSORS["P"].read(P, reading)
+        if (k + 1) % SECOND == 0:
+            for j, learner in (learners or {}).items():
+                if k + 1 < len(lanes[j][0].eps):
+                    better = filled(learner.revised(*logged[:, : k // ROW + 1, j]))
+                    if ki[j]:  # the integral takes the jump up
+                        total[j] += (ahead[k + 1, j] - better[k + 1]) / ki[j]
+                    ahead[k + 1 :, j] = better[k + 1 :]
     bench.check()
     return eps, command
 
@@ -146,7 +176,10 @@ def rmse(task: Task, eps: np.ndarray) -> float:
 def tuned(todo: Sequence[Task], aheads: Sequence[np.ndarray]) -> list[float]:
     """Return the gains (Pa, Pa/s, Pa s) that track the tasks best under the trained loads; `aheads` a task and load."""
     grid = [
-        [kp, ki, kd] for kp in (0.0, 2.5e5, 1e6, 2e6, 4e6) for ki in (1e6, 4e6, 1e7, 4e7, 8e7) for kd in (0.0, 1e5, 4e5)
+        [kp, ki, kd]
+        for kp in (0.0, 2.5e5, 5e5, 1e6, 2e6, 4e6)
+        for ki in (1e6, 4e6, 1e7, 2e7, 4e7, 8e7)
+        for kd in (0.0, 1e5, 4e5)
     ]
     cases = [(task, load) for task in todo for load in TRAINED]
     eps, _ = run([(*case, ahead, g) for g in grid for case, ahead in zip(cases, aheads, strict=True)])
@@ -177,8 +210,10 @@ def main() -> int:
     nothing = [np.full(len(task.eps), ambient) for task in tuning for _ in TRAINED]
     gains = {PID_ALONE: tuned(tuning, nothing)}
     for m, model in models.items():
-        gains[m] = tuned(tuning, [set_values(model, task, load, L0, lead) for task in tuning for load in TRAINED])
-    print("gains, each the best of 75 on the 0.5 Hz sine with and without a load that drops, trained loads:")
+        if m != LEARNING:
+            gains[m] = tuned(tuning, [set_values(model, task, load, L0, lead) for task in tuning for load in TRAINED])
+    gains[LEARNING] = gains[INVERSE]
+    print("gains, each the best of 108 on the 0.5 Hz sine with and without a load that drops, trained loads:")
     for m, (kp, ki, kd) in gains.items():
         print(f"  {m}: {kp:g} Pa, {ki:g} Pa/s, {kd:g} Pa s", flush=True)
     print()
@@ -190,6 +225,7 @@ def main() -> int:
     names = [PID_ALONE, *(f"{m}{how}" for m in models for how in (" + PID", ", open loop"))]
     for title, loads, friction in cases:
         lanes, keys = [], []
+        learners: dict[int, Learner] = {}
         for task in todo:
             for load in loads:
                 still = np.full(len(task.eps), ambient)
@@ -197,11 +233,13 @@ def main() -> int:
                 keys.append((PID_ALONE, task.name))
                 for m, model in models.items():
                     ahead = set_values(model, task, load, L0, lead)
+                    if m == LEARNING:
+                        learners |= {len(lanes) + k: Learner(model, task, load, L0, lead) for k in range(2)}
                     lanes += [(task, load, ahead, gains[m]), (task, load, ahead, [0.0, 0.0, 0.0])]
                     keys += [(f"{m} + PID", task.name), (f"{m}, open loop", task.name)]
-        eps, command = run(lanes, friction, args.seed)
+        eps, command = run(lanes, friction, args.seed, learners)
         print(f"{title} ({', '.join(f'{m:g}' for m in loads)} kg): tracking RMSE / % of stroke (mean |valve command|)")
-        print(f"{'':30s}" + "".join(f"{task.name:>22s}" for task in todo))
+        print(f"{'':42s}" + "".join(f"{task.name:>22s}" for task in todo))
         for name in names:
             cells = []
             for task in todo:
@@ -209,7 +247,7 @@ def main() -> int:
                 error = np.sqrt(np.mean([rmse(task, eps[:, k]) ** 2 for k in here]))
                 effort = np.mean([np.abs(command[1000 : len(task.eps), k]).mean() for k in here])
                 cells.append(f"{error:12.1f} ({effort:.3f})")
-            print(f"{name:30s}" + "".join(f"{c:>22s}" for c in cells))
+            print(f"{name:42s}" + "".join(f"{c:>22s}" for c in cells))
         print(flush=True)
     return 0
 
