@@ -16,6 +16,7 @@ from pamid.training.adam import device_gradient
 from pamid.training.host import HostGradient
 from pamid.training.network import (
     ACTIVATIONS,
+    TILE,
     activation_named,
     adjoints,
     forward,
@@ -23,6 +24,7 @@ from pamid.training.network import (
     gram,
     initial_parameters,
     jacobian_product,
+    transposed_product,
 )
 from pamid.training.trainer import mean_squared_residual
 
@@ -126,6 +128,19 @@ def test_jacobian_products_without_the_jacobian(activation, widths, reads_value)
     torch.testing.assert_close(jacobian_product(adjoint, tape, v), J @ flat(v), rtol=1e-9, atol=1e-9)
     upstream = torch.linspace(-1, 1, 12, dtype=torch.float64)
     torch.testing.assert_close(flat(gradient(parameters, tape, upstream)), J.T @ upstream, rtol=1e-9, atol=1e-9)
+    product = flat(transposed_product(adjoint, tape, upstream))
+    torch.testing.assert_close(product, J.T @ upstream, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("reads_value", [True, False])
+def test_a_gram_matrix_of_many_tiles(reads_value):
+    p, parameters = problem(2 * TILE + 15, reads_value=reads_value), start((4, 6, 5, 1))
+    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
+    adjoint = adjoints(parameters, tape)
+    K, u = gram(adjoint, tape), torch.sin(torch.arange(len(p), dtype=torch.float64))
+    torch.testing.assert_close(K, K.T, rtol=1e-13, atol=1e-13)
+    there_and_back = jacobian_product(adjoint, tape, transposed_product(adjoint, tape, u))
+    torch.testing.assert_close(K @ u, there_and_back, rtol=1e-10, atol=1e-10)
 
 
 def test_gram_of_some_layers_only():

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from .network import Parameters, Tape, adjoints, forward, gradient, jacobian_product
+from .network import Parameters, Tape, adjoints, forward, jacobian_product, transposed_product
 from .problem import Problem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
@@ -167,5 +167,5 @@ class LevenbergMarquardt(Trainer):
         if int(failed):
             return None
         u = torch.cholesky_solve(rhs[:, None], factor)[:, 0]
-        back = adapter.pullback(psi, gradient(adapter.expand(psi), tape, root * u))
+        back = adapter.pullback(psi, transposed_product(adjoint, tape, u))
         return [-(p + q) / c for p, q in zip(pull, back, strict=True)]

@@ -208,8 +208,21 @@ def gradient(parameters: Parameters, tape: Tape, upstream: Tensor, out: Paramete
         Where to add the gradient.
     """
     total = [torch.zeros_like(p) for p in parameters] if out is None else out
+    return _gathered(adjoints(parameters, tape, upstream), tape, total)
+
+
+def transposed_product(adjoint: list[Tensor], tape: Tape, u: Tensor) -> Parameters:
+    """Return ``Jᵀ u`` from the adjoints of unit residuals, without another pass through the network."""
+    scaled = [G * u[:, None] for G in adjoint]
+    shapes = [(G.shape[2], H.shape[2]) for G, H in zip(adjoint, tape.pairs, strict=True)]
+    total = [u.new_zeros(size) for m, n in shapes for size in ((m, n), (m,))]
+    return _gathered(scaled, tape, total)
+
+
+def _gathered(adjoint: list[Tensor], tape: Tape, total: Parameters) -> Parameters:
+    """Add up the gradients of all samples."""
     n = tape.y.shape[0]
-    for layer, (G, H) in enumerate(zip(adjoints(parameters, tape, upstream), tape.pairs, strict=True)):
+    for layer, (G, H) in enumerate(zip(adjoint, tape.pairs, strict=True)):
         W, c = total[2 * layer], total[2 * layer + 1]
         g, h = G.view(2 * n, -1), H.view(2 * n, -1)
         if h.shape[1] < g.shape[1]:
@@ -259,15 +272,50 @@ def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = N
     return out
 
 
+THIN = 4
+"""Columns up to which one side of a layer is thin: its Jacobian is then no larger than what the layer leaves anyway."""
+
+TILE = 192
+"""Rows and columns of a Gram matrix that are filled at a time, so that its factors are multiplied in the cache."""
+
+
 def add_layer_gram(out: Tensor, G: Tensor, H: Tensor, *, bias: bool = True) -> None:
     """Add a layer's share of the Gram matrix, from adjoints G at its output and values H at its input."""
-    out += (G[-1] @ G[-1].T).mul_(H[-1] @ H[-1].T)
-    if len(H) == 2:
-        inputs = H[0] @ H[0].T
-        out += (G[0] @ G[0].T).mul_(inputs.add_(1.0) if bias else inputs)
-        cross = (G[0] @ G[1].T).mul_(H[0] @ H[1].T)
-        out += cross
-        out += cross.T
+    if min(G.shape[2], H.shape[2]) <= THIN:
+        J = _thin_jacobian(G, H, bias=bias)
+        out.addmm_(J, J.T)
+        return
+    n = len(out)
+    size = TILE if out.device.type == "cpu" else n  # a device has no use for small products
+    for i in range(0, n, size):
+        for j in range(0, i + 1, size):
+            one, two = slice(i, i + size), slice(j, j + size)
+            tile = out[one, two]
+            tile.addcmul_(G[-1, one] @ G[-1, two].T, H[-1, one] @ H[-1, two].T)
+            if len(H) == 2:
+                inputs = H[0, one] @ H[0, two].T
+                tile.addcmul_(G[0, one] @ G[0, two].T, inputs.add_(1.0) if bias else inputs)
+                cross = (G[0, one] @ G[1, two].T).mul_(H[0, one] @ H[1, two].T)
+                tile += cross
+                tile += cross.T if i == j else (G[1, one] @ G[0, two].T).mul_(H[1, one] @ H[0, two].T)
+            if i > j:
+                out[two, one] = tile.T
+
+
+def _thin_jacobian(G: Tensor, H: Tensor, *, bias: bool) -> Tensor:
+    """Return a layer's own Jacobian, a row a sample, weights first."""
+    wide, thin = (G, H) if G.shape[2] >= H.shape[2] else (H, G)
+    (n, width), columns = wide.shape[1:], thin.shape[2]
+    valued = len(H) == 2
+    J = wide.new_empty((n, columns * width + (G.shape[2] if bias and valued else 0)))
+    for k in range(columns):
+        part = J[:, k * width : (k + 1) * width]
+        torch.mul(wide[-1], thin[-1, :, k, None], out=part)
+        if valued:
+            part.addcmul_(wide[0], thin[0, :, k, None])
+    if bias and valued:
+        J[:, columns * width :] = G[0]
+    return J
 
 
 def read_by_law(adjoint: list[Tensor], tape: Tape) -> list[tuple[Tensor, Tensor]]:
