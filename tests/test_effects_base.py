@@ -141,6 +141,16 @@ def test_memory_needs_no_small_steps_when_signals_are_straight(name):
     np.testing.assert_allclose(x, once, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", [n for n, c in all_effects().items() if c.path_dependent])
+def test_the_memory_of_a_path_depends_on_no_amplitude(name):
+    """Fits keep it while amplitudes change."""
+    cls, start = all_effects()[name], np.zeros(1, dtype=int)
+    plant = BenchParameters.for_muscle("B").plant()
+    s = Signals(position=0.1 + 0.05 * np.sin(np.linspace(0, 12, 600))[:, None])
+    more = {p.name: 0.5 * (p.lower + p.upper) for p in cls.parameters if p.linear}
+    np.testing.assert_array_equal(cls().trace(s, plant, 1e-3, start), cls(**more).trace(s, plant, 1e-3, start))
+
+
 def test_bouc_wen_solves_its_equation():
     rng = np.random.default_rng(1)
     for shape in (0.5, 0.7, 1.0):

@@ -30,6 +30,7 @@ import math
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
@@ -64,7 +65,8 @@ class Parameter:
     description : str
         What it is, in a few words.
     linear : bool, default=False
-        Whether the contribution is proportional to it while the other linear parameters are 0.
+        Whether the contribution is proportional to it while the other linear parameters are 0; the memory of a path
+        does not depend on it.
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
         parameters vanishes; a fit that ends there speaks for that other one.
@@ -253,7 +255,7 @@ class Effect(ABC):
     @classmethod
     def hooks(cls) -> tuple[str, ...]:
         """Return the hooks that the effect overrides."""
-        return tuple(hook for hook in HOOKS if getattr(cls, hook) is not getattr(Effect, hook))
+        return _hooks(cls)
 
     def replace(self, **values: float) -> Effect:
         """Return the same effect with some values changed."""
@@ -368,6 +370,11 @@ class Effect(ABC):
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return changed parameters of the nominal equations, by their names in a simulator file."""
         return {}
+
+
+@cache
+def _hooks(cls: type[Effect]) -> tuple[str, ...]:
+    return tuple(hook for hook in HOOKS if getattr(cls, hook) is not getattr(Effect, hook))
 
 
 def _check_value(effect: str, p: Parameter, value: Any) -> float:

@@ -85,10 +85,15 @@ class FlowEquation(Equation):
     def _opening(run: Run) -> np.ndarray:
         """Return by what share the flow at a held command grows to the next sample, by the measured flow's sign."""
         gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
+        key = ("opening", gas.supply_pressure, gas.atmospheric_pressure, b)
+        if key in run.smoothed:
+            return run.smoothed[key]
         least = 0.05 * gas.supply_pressure  # near balance the flow is too small to matter
         filling = np.maximum(gas.supply_pressure * flow_function(run.P / gas.supply_pressure, b), least)
         venting = np.maximum(run.P * flow_function(gas.atmospheric_pressure / run.P, b), least)
-        return np.where(run.mdot[:-1] > 0, filling[1:] / filling[:-1], venting[1:] / venting[:-1]) - 1.0
+        opening = np.where(run.mdot[:-1] > 0, filling[1:] / filling[:-1], venting[1:] / venting[:-1]) - 1.0
+        run.smoothed[key] = opening
+        return opening
 
 
 def _share(held: np.ndarray, ramp: np.ndarray) -> float:

@@ -39,6 +39,9 @@ _JITTER = 0.25  # in sampling intervals
 _SETTLING = 0.1  # s: what effects remember from before a log is not known; windows at its ends are left out
 
 
+_REMEMBERED = 8  # memories of paths that are kept for fits to come
+
+
 class Model:
     """The parameters of a bench with its effects made, as the equations use them.
 
@@ -92,7 +95,8 @@ class Run:
     model: Model
     noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
     responses: dict[str, np.ndarray] = field(default_factory=dict)
-    smoothed: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
+    smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
+    memories: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
 
     def under(self, model: Model) -> Run:
         """Return the same stretch of the log held against another simulator."""
@@ -100,6 +104,7 @@ class Run:
         other = Run(self.trajectory, self.time, self.dt, self.readings["q"], channels, model, self.noises)
         if not self.model.with_hook("measure") and not model.with_hook("measure"):
             other.smoothed = self.smoothed  # what a filter makes of the same readings is the same
+            other.memories = self.memories  # … and what a path leaves in the same bristles
         return other
 
     def __post_init__(self) -> None:
@@ -234,9 +239,21 @@ class Run:
             if set(effect.hooks()) <= {"measure", "adjust"}:
                 continue  # undone in the channels and in the parameters already
             signals = self._signals(effect)
-            memory = effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
-            traces.append((effect, signals, memory))
+            traces.append((effect, signals, self._memory(effect, signals)))
         return traces
+
+    def _memory(self, effect: Effect, signals: Signals) -> np.ndarray:
+        """Return an effect's memory along the run; that of a path is kept, since many fits change amplitudes alone."""
+        if not effect.path_dependent:
+            return effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
+        p = self.model.params
+        shape = (effect.values[q.name] for q in effect.parameters if not q.linear)
+        key = (effect.name, *shape, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
+        if key not in self.memories:
+            if len(self.memories) >= _REMEMBERED:
+                self.memories.pop(next(iter(self.memories)))
+            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
+        return self.memories[key]
 
     def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:
         for effect, signals, memory in self._traces if self.model.effects else ():

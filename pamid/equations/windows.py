@@ -114,19 +114,29 @@ def average(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
         return np.zeros((0, *x.shape[1:]))
     # Windows follow one another: cut into blocks of one window, a test function is a few weights on as many blocks.
     begin, m = int(first[0]), len(first)
-    if m > 1 and not (first[-1] - begin == (m - 1) * n and np.all(np.diff(first) == n)):
+    if m > 1 and not (first[-1] - begin == (m - 1) * n and (first[1:] - first[:-1] == n).all()):
         return np.stack([np.tensordot(kernel(n, order), x[k : k + span(n, order)], axes=(0, 0)) for k in first])
-    weights = np.zeros((order, n))
-    weights.flat[: span(n, order)] = kernel(n, order)
-    rows = (m + order - 1) * n
-    flat = np.zeros((rows, int(np.prod(x.shape[1:], dtype=int))))
-    part = x[begin : begin + rows].reshape(-1, flat.shape[1])
-    flat[: len(part)] = part
-    parts = weights @ flat.reshape(m + order - 1, n, flat.shape[1])
+    rows, columns = (m + order - 1) * n, int(np.prod(x.shape[1:], dtype=int))
+    part = x[begin : begin + rows].reshape(-1, columns)
+    if len(part) < rows:  # the last test function ends within its last block
+        part = np.concatenate([part, np.zeros((rows - len(part), columns))])
+    parts = np.ascontiguousarray(part).reshape(m + order - 1, n * columns) @ _blocks(n, order, columns)
+    parts = parts.reshape(m + order - 1, order, columns)
     total = parts[:m, 0]
     for k in range(1, order):
         total = total + parts[k : k + m, k]
     return total.reshape(m, *x.shape[1:])
+
+
+@cache
+def _blocks(n: int, order: int, columns: int) -> np.ndarray:
+    """Return what turns blocks of samples of several columns into the pieces of their means, as one product."""
+    weights = np.zeros(order * n)
+    weights[: span(n, order)] = kernel(n, order)
+    out = np.zeros((n, columns, order, columns))
+    for k in range(columns):
+        out[:, k, :, k] = weights.reshape(order, n).T
+    return out.reshape(n * columns, order * columns)
 
 
 def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:

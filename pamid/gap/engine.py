@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects.registry import chosen_effects
-from .closure import Clusters, closures, main_equation, shapley
+from .closure import Clusters, closures, main_equation
 from .diagnosis import Candidate, Cause, Diagnosis, EquationFinding
 from .evidence import STATE, Evidence
 from .experiment import next_experiment
-from .fit import Fit
+from .fit import Fit, Fitter
 from .leftover import leftover
 from .notes import check, notes_on, without_stuck
 from .search import Search
@@ -84,11 +84,15 @@ def diagnose(
     notes = check(log, params)
     log, stuck = without_stuck(log)
     notes += stuck
-    thinned = _thinned(log)
+    thinned = _thinned(log, MAX_ROWS)
     if len(thinned) < len(log):
         notes.append(f"{len(thinned):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
     evidence = Evidence(thinned, params)
-    return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say)
+    part = _thinned(thinned, SEARCH_ROWS)
+    searched = Evidence(part, params) if len(part) < len(thinned) else evidence
+    if searched is not evidence:
+        notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(thinned):,}.")
+    return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say, searched)
 
 
 def explain(
@@ -97,6 +101,7 @@ def explain(
     random_state: np.random.RandomState,
     notes: list[str],
     say: Callable[[str], None] = lambda _: None,
+    searched: Evidence | SignalEvidence | None = None,
 ) -> Diagnosis:
     """Decide on evidence and write down what it says.
 
@@ -112,13 +117,21 @@ def explain(
         What the reader must know.
     say : callable, optional
         Called with a short text at each step.
+    searched : Evidence or SignalEvidence, optional
+        The part of it in which causes are searched; all by default.
     """
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
-        verdict, search = decide(evidence, library, random_state, say)
+        verdict, search = decide(searched or evidence, library, random_state, say)
+        fitter = search.fitter
+        if search.evidence is not evidence:
+            say("fit the causes to all rows")
+            fitter = Fitter(evidence)
+            verdict.base = fitter.base()
+            verdict.fit = fitter.refine(verdict.fit.spec, near=verdict.fit.x) if verdict.fit.spec else verdict.base
         say("measure the closure")
-        return _written(evidence, search, verdict, notes, random_state, say)
+        return _written(fitter, search, verdict, notes, random_state, say)
 
 
 _QUIET = 0.5, 0.94
@@ -127,42 +140,46 @@ _BEYOND = 0.92
 """Most confidence in a cause beyond the library: a cause in it may have another form than it knows."""
 MAX_ROWS = 160_000
 """Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
+SEARCH_ROWS = 40_000
+"""Most rows in which causes are searched; what is found is fitted to all."""
 
 
-def _thinned(log: pd.DataFrame) -> pd.DataFrame:
+def _thinned(log: pd.DataFrame, most: int) -> pd.DataFrame:
+    """Return a log of no more rows than wanted: whole trajectories, evenly spread."""
     from ..equations.run import trajectory_rows
 
-    if len(log) <= MAX_ROWS:
+    if len(log) <= most:
         return log
     rows = trajectory_rows(log)
-    every = -(-len(log) // MAX_ROWS)
-    chosen = rows[::every] if len(rows) >= every else rows[:1]
-    parts = [np.arange(r.start, min(r.stop, r.start + MAX_ROWS)) for _, r in chosen]
-    return log.iloc[np.concatenate(parts)[:MAX_ROWS]]
+    count = max(1, len(rows) * most // len(log))
+    chosen = [rows[k] for k in np.linspace(0, len(rows) - 1, count).round().astype(int)]
+    parts = [np.arange(r.start, min(r.stop, r.start + most)) for _, r in chosen]
+    return log.iloc[np.concatenate(parts)[:most]]
 
 
 def _written(
-    evidence: Evidence | SignalEvidence,
+    fitter: Fitter,
     search: Search,
     verdict: Verdict,
     notes: list[str],
     random_state: np.random.RandomState,
     say: Callable[[str], None],
 ) -> Diagnosis:
+    evidence = fitter.evidence
     known, base, fit = verdict.kind in ("cause", "class", "several"), verdict.base, verdict.fit
     if not known:
         fit = base
-    clusters = Clusters(search.fitter, fit)
+    clusters = Clusters(fitter, fit)
     after = evidence.raw(clusters.z)
     # The gap is what a refit within the tolerances leaves: what they take up is none.
     before = evidence.raw(base.z)
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
-    held = {id(f): Clusters(search.fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
+    held = {id(f): Clusters(fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
     closure = closures(evidence, evidence.raw(held[id(base)]), evidence.raw(held[id(fit)]), random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
-    part_of = shapley(search.fitter, verdict.base, fit) if known else {}
+    part_of = verdict.part_of if known else {}
     causes = _causes(evidence, verdict, part_of, clusters, closure) if known else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
@@ -213,7 +230,11 @@ def _equations(
             len(before[part]) * np.log1p(np.mean(np.square(before[part] - after[part]))) for part in evidence.parts
         ]
     else:
-        gains = [len(before[part]) * max(np.log(s), 0.0) + 1e-3 for part, s in zip(evidence.parts, sizes, strict=True)]
+        # A few windows far out are a gap that a robust scale does not hear of.
+        loud = [
+            max(s, float(np.sqrt(np.mean(np.square(before[p]))))) for p, s in zip(evidence.parts, sizes, strict=True)
+        ]
+        gains = [len(before[p]) * max(np.log(s), 0.0) + 1e-3 for p, s in zip(evidence.parts, loud, strict=True)]
     found = [
         EquationFinding(name, float(share), e.p_value, float(np.sqrt(max(s**2 - 1.0, 0.0))))
         for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -25,7 +26,7 @@ OTHERS, OTHER_SHARE = 2, 0.3
 that they must bring."""
 CLEAN = 1.06
 """Scale of what is left, in noise, up to which two causes need no other beginning."""
-BETTER, BETTER_SHARE = 8.0, 0.01
+BETTER, BETTER_SHARE = 4.0, 0.004
 """How much more an account from another beginning must explain: nats, and share of the gain."""
 ALIKE, ALIKE_SHARE = 30.0, 0.03
 """How much less a shorter account may explain at first sight: nats, and share of the gain."""
@@ -108,30 +109,39 @@ def earns(search: Search, before: Rival, after: Rival) -> bool:
     before, after : Rival
         The explanation without and with it.
     """
-    added = search.contributions(after.fit)[after.added]
+    # Alone, the others may have been a compromise that is louder than they are: beside it they are what they are.
+    whole = search.contributions(after.fit)
+    others = {name: d for name, d in whole.items() if name != after.added}
     for part, b, a in zip(search.evidence.parts, before.left, after.left, strict=True):
-        if _closes(search, before, part, None, b, a, 1.0):
+        if _closes(search, others, part, None, b, a, 1.0):
             return True
-        if (few := _few(added[part])) is not None:
+        if (few := _few(whole[after.added][part])) is not None:
             left = _level(before.z[part], few), _level(after.z[part], few)
-            if _closes(search, before, part, few, *left, SHOUTS):
+            if _closes(search, others, part, few, *left, SHOUTS):
                 return True
     return False
 
 
 def _closes(
-    search: Search, before: Rival, part: slice, weight: np.ndarray | None, left: float, still: float, heard: float
+    search: Search,
+    others: Mapping[str, np.ndarray],
+    part: slice,
+    weight: np.ndarray | None,
+    left: float,
+    still: float,
+    heard: float,
 ) -> bool:
-    """Tell whether a cause closes enough of what is left in weighted windows, and is no whisper of those before it."""
+    """Tell whether a cause closes enough of what is left in weighted windows, and is no whisper of the others."""
     if left <= max(still, heard):
         return False
     library, least = all_effects(), 0.0
-    for name, d in search.contributions(before.fit).items():
+    for name, d in others.items():
         if has_form(name):
-            loudest = max(_level(d[p]) for p in search.evidence.parts)
             remembers = library[name].n_states > 0 and library[name].family != "friction"
             share = search.evidence.audible * (REMEMBERED if remembers else 1.0)
-            least = max(least, share * _level(d[part], weight), cross(name) * loudest)
+            acts = search.evidence.equations[search.evidence.parts.index(part)] in search.evidence.touched([name])
+            # Where it does not act, what tolerances make of it is known, and no error of its form.
+            least = max(least, share * _level(d[part], weight) if acts else 0.0, cross(name) * search.loudness(d))
     closed = (left**2 - still**2) / max(left**2 - min(1.0, still**2), 1e-9)
     voice = np.sqrt(max(left**2 - max(still, 1.0) ** 2, 0.0))
     return bool(closed >= CLOSES and voice >= least)

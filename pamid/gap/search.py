@@ -134,6 +134,11 @@ class Search:
             self._contributions = {**dict(list(self._contributions.items())[-3:]), key: found}
         return self._contributions[key]
 
+    def loudness(self, d: np.ndarray) -> float:
+        """Return how loud a contribution is where it is loudest, in windows as they are."""
+        raw = self.evidence.raw(d)
+        return max(float(np.sqrt(np.mean(np.square(raw[part])))) for part in self.evidence.parts)
+
     def softness(self, fit: Fit) -> np.ndarray | None:
         """Return by how much the noise is widened because the forms of a fit's effects are not exact.
 
@@ -145,8 +150,7 @@ class Search:
             if not has_form(name):
                 variance += np.square(EXACT * d)
                 continue
-            loudest = max(float(np.sqrt(np.mean(np.square(d[part])))) for part in self.evidence.parts)
-            variance += np.square(INEXACT * d) + (cross(name) * loudest) ** 2
+            variance += np.square(INEXACT * d) + (cross(name) * self.loudness(d)) ** 2
         return np.sqrt(1.0 + variance) if np.any(variance) else None
 
     def loosened(self, fit: Fit) -> np.ndarray:

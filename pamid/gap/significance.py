@@ -118,6 +118,8 @@ class Excess(NamedTuple):
     p_value: float
 
 
+FAR, FEW = 8.0, 4
+"""Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
 NOISE_KNOWN = 0.04
 """How well the noise of an equation is known from its own signals, as a share."""
 
@@ -137,3 +139,14 @@ def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Ex
     error = float(np.sqrt(np.average(np.square(means - mean), weights=count) / max(len(means) - 1, 1)))
     known = 2.0 * NOISE_KNOWN
     return Excess(size, float(norm.sf((mean - 1.0) / np.hypot(error, known))))
+
+
+def outliers(evidence: AnyEvidence, z: np.ndarray) -> float:
+    """Return the probability of as many windows far beyond their noise, which a robust scale does not hear of."""
+    from scipy.stats import norm, poisson
+
+    far = int(np.sum(np.abs(z) > FAR))
+    if not np.isfinite(evidence.decisive) or far < FEW:
+        return 1.0
+    expected = 2.0 * len(z) * float(norm.sf(FAR / (1.0 + 10.0 * NOISE_KNOWN)))
+    return float(poisson.sf(far - 1, expected))

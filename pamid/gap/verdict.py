@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .closure import shapley
 from .evidence import AnyEvidence
 from .fit import Fit, Fitter
 from .growth import grow
-from .search import Rival, Search, Stage
-from .significance import Excess, Significance, excess, library_test
+from .search import Rival, Search, Stage, has_form
+from .significance import Excess, Significance, excess, library_test, outliers
 
 FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
@@ -23,6 +24,9 @@ SHARE_LEFT = 0.4
 """Share of an equation's excess that may be left."""
 SHARP = 8.0
 """How sharply doubt rises at those limits."""
+WHISPER, PATCHED = 0.05, 0.7
+"""Share below which a further cause beside one whose form is known patches what that one cannot be, and the probability
+that the cause is then beyond the library."""
 DOUBT, DOUBT_SHARE = 2.0, 0.004
 """Difference in score that a candidate's form is worth: nats, and share of the gain."""
 
@@ -47,6 +51,14 @@ class Verdict:
         The residual of each equation before, against its noise.
     unknown : float
         Probability that a gap has a cause outside the library.
+    first : Stage or None
+        The first round of the search.
+    classes : dict of str to tuple of str
+        For each cause the names that cannot be told apart from it, itself first.
+    weights : dict of str to dict of str to float
+        For each cause the share of belief of each alternative.
+    part_of : dict of str to float
+        For each cause its share of what all explain together.
     """
 
     kind: str
@@ -59,6 +71,7 @@ class Verdict:
     first: Stage | None = None
     classes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     weights: dict[str, dict[str, float]] = field(default_factory=dict)
+    part_of: dict[str, float] = field(default_factory=dict)
 
 
 def decide(
@@ -75,6 +88,7 @@ def decide(
     over = [excess(evidence, base.fit.z, part, s) for part, s in zip(evidence.parts, base.left, strict=True)]
     equations = max(len(over), 1)
     omnibus = min([min(1.0, equations * e.p_value) for e in over if e.scale > 1.0 + HEARD] or [1.0])
+    omnibus = min(omnibus, outliers(evidence, base.fit.z))
     stage = search.stage(base.fit) if found else None
     best = stage.rivals[0] if stage and stage.rivals else None
     gain = search.gain(stage.before, best) if stage and best else 0.0
@@ -85,6 +99,9 @@ def decide(
         verdict.fit, verdict.rivals = grow(search, best)
         verdict.unknown = float(1.0 / (1.0 + max(_left(search, verdict), 1e-3) ** -SHARP))
         names = list(verdict.fit.spec)
+        verdict.part_of = shapley(search.fitter, base.fit, verdict.fit)
+        if _patched(verdict.part_of):
+            verdict.unknown = max(verdict.unknown, PATCHED)
         verdict.kind = "unknown" if verdict.unknown > 0.5 else "several" if len(names) > 1 else "cause"
         for name in names:
             verdict.weights[name] = _weights(verdict.rivals[name])
@@ -106,6 +123,12 @@ def _left(search: Search, verdict: Verdict) -> float:
         if before > 1.25 and total > 0.25 * max(excesses):
             worst = max(worst, float((after**2 - 1.0) / total / SHARE_LEFT))
     return worst
+
+
+def _patched(part_of: dict[str, float]) -> bool:
+    """Tell whether a cause whose form is known, such as a gain, needs others for scraps: then it is another one."""
+    leader = max(part_of, key=lambda name: part_of[name])
+    return not has_form(leader) and min(part_of.values()) < WHISPER
 
 
 def _weights(rivals: list[tuple[Rival, float]]) -> dict[str, float]:
