@@ -134,9 +134,9 @@ def explain(
         return _written(fitter, search, verdict, notes, random_state, say)
 
 
-_QUIET = 0.5, 0.94
+_QUIET = 0.5, 0.96
 """Confidence in no gap where evidence of one is only just missing, and where there is no sign of it."""
-_BEYOND = 0.92
+_BEYOND = 0.95
 """Most confidence in a cause beyond the library: a cause in it may have another form than it knows."""
 MAX_ROWS = 160_000
 """Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
