@@ -1,0 +1,55 @@
+"""Where a diagnosis must doubt what it found, or believe what few windows say."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from pamid.bench import BenchParameters, simulate, sine, step
+from pamid.gap import diagnose, engine
+from pamid.gap.verdict import _patched
+
+NOMINAL = BenchParameters.for_muscle("B").replace(
+    tolerance={"rest_diameter": 0.005, "sonic_conductance": 0.02, "viscous_damping": 0.1, "inertia": 0.02}
+)
+RUNS = [sine(2, 15, 2500), sine(6, 10, 2500), step(0, 20, 2500)]
+
+
+def log_with(*effects: tuple[str, dict[str, float]]) -> pd.DataFrame:
+    return simulate(NOMINAL.replace(effects=list(effects)), RUNS, seed=0)
+
+
+def test_few_windows_far_out_are_a_gap_even_without_an_effect_for_them() -> None:
+    """A valve that saturates does so in the few windows after a step."""
+    log = log_with(("valve_saturation", {"limit": 0.35}))
+    d = diagnose(log, NOMINAL, ["viscous_friction", "leakage", "force_gain"])
+    assert d.verdict == "unknown"
+    assert d.equations[0].equation == "valve"
+
+
+def test_a_known_form_with_scraps_beside_it_is_doubted() -> None:
+    assert _patched({"pressure_gain": 0.97, "valve_asymmetry": 0.02, "force_gain": 0.01})
+    assert not _patched({"pressure_gain": 0.8, "leakage": 0.2})
+    assert not _patched({"coulomb_friction": 0.98, "creep": 0.02})  # whose form is known roughly
+    assert not _patched({"pressure_gain": 1.0})
+
+
+def test_a_long_log_is_searched_in_part_and_fitted_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = log_with(("viscous_friction", {"coefficient": 40.0}))
+    library = ["viscous_friction", "leakage", "force_gain"]
+    whole = diagnose(log, NOMINAL, library)
+    monkeypatch.setattr(engine, "SEARCH_ROWS", 5000)
+    part = diagnose(log, NOMINAL, library)
+    assert [c.effects for c in part.causes] == [c.effects for c in whole.causes] == [("viscous_friction",)]
+    assert any("searched in 5,000 rows" in note for note in part.notes)
+    for a, b in zip(part.causes, whole.causes, strict=True):
+        assert a.parameters["coefficient"].value == pytest.approx(b.parameters["coefficient"].value, rel=1e-3)
+
+
+def test_a_gap_beyond_a_tolerance_is_closed_by_its_cause_alone() -> None:
+    """Held out, a parameter at the end of its tolerance stays there and does not close the gap by itself."""
+    d = diagnose(log_with(("joint_damping", {"difference": 0.02})), NOMINAL)
+    assert d.causes[0].effects[0] == "joint_damping"
+    joint = next(c for c in d.closure if c.equation == "joint")
+    assert joint.rmse_before > 1.2 * joint.noise_floor
+    assert joint.closed_share > 0.9
