@@ -51,5 +51,5 @@ def test_a_gap_beyond_a_tolerance_is_closed_by_its_cause_alone() -> None:
     d = diagnose(log_with(("joint_damping", {"difference": 0.02})), NOMINAL)
     assert d.causes[0].effects[0] == "joint_damping"
     joint = next(c for c in d.closure if c.equation == "joint")
-    assert joint.rmse_before > 1.2 * joint.noise_floor
+    assert joint.rmse_before > 5.0 * joint.noise_floor
     assert joint.closed_share > 0.9
