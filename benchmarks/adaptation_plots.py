@@ -96,7 +96,7 @@ def predictions(folder: Path, muscle: str, steps: int) -> None:
         upper.plot(d["time"], 1e3 * d["mdot"], color="0.7", lw=2.5, label="measured")
         for model, columns, style, label in (
             (scratch, COLUMNS[1:], "-", "published network, from scratch"),
-            (adapted, COLUMNS, "--", "adapted from A, 315 samples"),
+            (adapted, COLUMNS, "--", f"adapted from A, {len(few)} samples"),
         ):
             flow = 1e3 * model.predict(d[columns])
             upper.plot(d["time"], flow, style, lw=0.9, label=label)
