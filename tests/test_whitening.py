@@ -75,3 +75,18 @@ def test_flow_of_a_fast_motion_has_no_bias() -> None:
     log = simulate(BENCH, [sine(10, 20, 4000)], seed=0)
     _, _, flow = next(residuals(log, BENCH, ["flow"]))
     assert abs(float(flow.value.mean())) < 1e-4 * float(np.abs(flow.measured).mean())
+
+
+def test_a_covariance_that_is_none_is_trusted_less() -> None:
+    w = Whitening(500)
+    w.add(slice(0, 500), [np.full(500, -0.6)], 1)
+    z = np.random.RandomState(2).standard_normal(500)
+    assert np.all(np.isfinite(w.white(z)))
+    np.testing.assert_allclose(w.raw(w.white(z)), z)
+
+
+def test_a_nominal_bench_with_lagging_sensors_is_whitened(log: pd.DataFrame) -> None:
+    lagging = BENCH.replace(effects=[("pressure_lag", {"time_constant": 0.02}), ("force_lag", {"time_constant": 0.02})])
+    evidence = Evidence(log, lagging)
+    assert np.all(np.isfinite(evidence.z0))
+    np.testing.assert_allclose(evidence.white(evidence.raw(evidence.z0)), evidence.z0, atol=1e-9)

@@ -17,10 +17,13 @@ A. C. Aitken, "On least squares and linear combination of observations", Proceed
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
-TRUSTED = 0.97
-"""Share of the covariance that is counted on: the rest of the noise is independent, of converters and models."""
+TRUSTED = 0.97, 0.8, 0.4
+"""Share of the covariance that is counted on, less where it is none: a lag undone reaches beyond neighbours. The
+rest of the noise is independent, of converters and models."""
 
 
 class Whitening:
@@ -49,15 +52,20 @@ class Whitening:
         step : int
             Places from a window to the next one of the same run and side.
         """
-        from scipy.linalg import cholesky_banded
+        from scipy.linalg import LinAlgError, cholesky_banded
 
         n = part.stop - part.start
         band = np.zeros((1 + step * len(correlations), n))
-        band[0] = 1.0
         for lag, r in enumerate(correlations, start=1):
-            band[step * lag] = TRUSTED * r
-        if np.any(band[1:]):
-            self._factors.append((part, cholesky_banded(band, lower=True)))
+            band[step * lag] = r
+        if not np.any(band):
+            return
+        for share in TRUSTED:
+            trusted = share * band
+            trusted[0] = 1.0
+            with contextlib.suppress(LinAlgError):
+                self._factors.append((part, cholesky_banded(trusted, lower=True)))
+                return
 
     def white(self, z: np.ndarray) -> np.ndarray:
         """Return residuals with independent noise; further columns are turned alike."""
