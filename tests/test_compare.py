@@ -182,6 +182,13 @@ def test_rows_that_do_not_count(table):
     assert len(result.rows) == keep.sum()
 
 
+def test_an_inverse_is_limited_by_the_supply_where_it_is_known():
+    names = ["InverseModel", "InvertedForce(tondu_lopez)"]
+    for entry in candidates("inverse", names, parameters=BENCH.values()):
+        assert entry.estimator.pressure_limits == (BENCH.gas.atmospheric_pressure, BENCH.gas.supply_pressure)
+    assert candidates("inverse", names)[0].estimator.pressure_limits is None
+
+
 def test_a_sequence_sees_rows_that_do_not_count_without_learning_them(table):
     keep = (table["F"] > 305).to_numpy()
     seen = []

@@ -85,7 +85,8 @@ def candidates(
         columns ``eps``, ``deps``, ``P``, ``dP``.
     parameters : mapping of str to float, optional
         Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
-        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ...
+        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ... With it and ``supply_pressure`` (Pa) inverse models
+        answer between the two, else within the pressures of their fit.
     targets : sequence of str, optional
         Measured columns at hand; an estimator that learns force and flow together takes part only if both are
         measured. By default that of the equation alone.
@@ -119,7 +120,10 @@ def candidates(
         return [_own(label, model, column, offered_columns) for label, model in estimators.items()]
     measured = tuple(targets or (column,))
     shared = {"random_state": random_state, **(parameters or {})}
-    run = {"inputs": OUTPUTS[output][1], "start": START} if equation == "dynamic" else {}
+    run: dict[str, Any] = {"inputs": OUTPUTS[output][1], "start": START} if equation == "dynamic" else {}
+    if equation == "inverse" and {"atmospheric_pressure", "supply_pressure"} <= shared.keys():
+        # the range of a fit is no limit to a pressure that the supply can give
+        run["pressure_limits"] = (shared["atmospheric_pressure"], shared["supply_pressure"])
     found = _registered(equation, column, measured, shared, run)
     if isinstance(estimators, str):
         if estimators != "all":
