@@ -69,6 +69,8 @@ class Evidence:
         Equations that the log does not allow, and why.
     weights : array, shape (n_equations,)
         What a window of each equation counts for.
+    sharp : list of slice
+        The windows of equations without derivatives, in which no single window may be far out.
     """
 
     form_left = 0.04
@@ -79,6 +81,10 @@ class Evidence:
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
     decisive = 4.0
     """Gain that needs no draws to be believed: few windows, such as those of steps, may hold it."""
+    fine = 15
+    """Samples in a window above which what happens between two samples does not show as a slow error."""
+    coarse = 6.0, 30.0
+    """The same gains where windows hold fewer; their noise is then taken as it is."""
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 
@@ -120,13 +126,18 @@ class Evidence:
         self.run, self.side = self.run.astype(int), self.side.astype(int)
         self.noise = np.maximum(noise, _smallest(value, noise, self.parts))
         self._raw0 = value / self.noise
-        self._whitening = self._white(shared)
+        coarse = any(run.n < self.fine for run in self.runs)
+        if coarse:
+            self.least_gain, self.decisive = self.coarse
+        self._whitening = self._white({} if coarse else shared)
         self.z0 = self._whitening.white(self._raw0)
         names = {name: k for k, name in enumerate(self.trajectories)}
         self.block = np.array([names[run.trajectory] for run in self.runs], dtype=int)[self.run]
         self.free = [name for name, t in params.tolerance.items() if t > 0 and params.get(name) != 0]
         self.J = self._tolerances()
         self.weights = np.ones(len(self.parts))
+        # A derivative does not see where between two samples a command jumps: few windows may be far out there.
+        self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if allowed[e].order == 1]
         self._state: dict[str, np.ndarray] | None = None
         self._tangents: dict[bytes, np.ndarray] = {}
 
@@ -151,6 +162,8 @@ class Evidence:
         """Return what makes the noise independent, from the covariances of neighbouring windows of each run."""
         found = Whitening(len(self.noise))
         for name, part in zip(self.equations, self.parts, strict=True):
+            if name not in shared:
+                continue
             noise, step = self.noise[part], len(self._equations[name].sides)
             correlations = []
             for lag, covariances in enumerate(zip(*shared[name], strict=True), start=1):
