@@ -5,7 +5,8 @@ With fewer samples in a step than parameters in the network, the damped normal e
 .. math:: (J^T J + c I)\,\delta = -J^T r - \lambda(\theta - \theta_0), \qquad c = \mu + \lambda
 
 are solved through the Gram matrix :math:`J J^T`, which a layered network gives as a sum of products of small Gram
-matrices: no Jacobian is formed, and a step costs a few products of (samples × width) matrices and one Cholesky factor.
+matrices: no Jacobian of the whole network is formed, and a step costs a few products of (samples × width) matrices
+and one Cholesky factor.
 """
 
 from __future__ import annotations

@@ -248,12 +248,14 @@ def jacobian_product(adjoint: list[Tensor], tape: Tape, v: Parameters) -> Tensor
 
 
 def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = None) -> Tensor:
-    r"""Return the Gram matrix :math:`J J^T`, shape (n_samples, n_samples), without forming J.
+    r"""Return the Gram matrix :math:`J J^T`, shape (n_samples, n_samples), without the whole of J.
 
     The gradient of one prediction with respect to a weight matrix is a sum of two outer products, so a layer adds
 
     .. math:: (g g^T) \circ (h h^T + 1) + (\dot g \dot g^T) \circ (\dot h \dot h^T) + M + M^T,
         \qquad M = (g \dot g^T) \circ (h \dot h^T).
+
+    A layer of few inputs or outputs has a Jacobian no larger than its activations, and is quicker by it.
 
     Parameters
     ----------
