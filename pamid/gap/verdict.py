@@ -117,8 +117,12 @@ def _left(search: Search, verdict: Verdict) -> float:
     """Return how much the causes leave where they leave most of it, against what their forms excuse; 1 is the limit."""
     final = search.rival("", verdict.fit)
     worst, form = 0.0, search.evidence.form_left
-    excesses = [max(b**2 - 1.0, 0.0) for b in search.base.left]
-    for before, after, total in zip(search.base.left, final.left, excesses, strict=True):
+    # Without any cause, tolerances may hide in one equation what they cause in another: each cause shows beside others.
+    names = set(verdict.fit.spec)
+    accounts = [search.base, *(s.before for s in search.stages if set(s.before.fit.spec) < names)]
+    loudest = np.max([account.left for account in accounts], axis=0)
+    excesses = [max(b**2 - 1.0, 0.0) for b in loudest]
+    for before, after, total in zip(loudest, final.left, excesses, strict=True):
         worst = max(worst, float(after / (CLEAR + form * before)))
         if before > 1.25 and total > 0.25 * max(excesses):
             worst = max(worst, float((after**2 - 1.0) / total / SHARE_LEFT))
