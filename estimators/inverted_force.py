@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin, clone
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
 
-from pamid.errors import IncompatibleError
+from pamid.errors import ExtrapolationWarning, IncompatibleError
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option
@@ -216,7 +217,7 @@ class InvertedForce(RegressorMixin, SignalEstimator):
         -------
         PressureAnswer
             Pressure (Pa, absolute) and flags: ``saturated`` where there is no root, ``extrapolated`` where the
-            contraction lies outside that of the fit.
+            contraction or the answer lies outside those of the fit.
         """
         check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
@@ -231,9 +232,7 @@ class InvertedForce(RegressorMixin, SignalEstimator):
         beyond = (eps < self.eps_low_ - margin) | (eps > self.eps_high_ + margin)
         n, size = len(wanted), max(int(self.grid), 2)
         levels = np.linspace(low, high, size)
-        force = self.model_.predict(
-            self._inputs(np.tile(eps, size), np.tile(deps, size), np.repeat(levels, n))
-        ).reshape(size, n)
+        force = self._force(np.tile(eps, size), np.tile(deps, size), np.repeat(levels, n)).reshape(size, n)
         off = force - wanted
         crossing = (off[:-1] <= 0.0) != (off[1:] <= 0.0)
         rooted = crossing.any(axis=0)
@@ -244,10 +243,19 @@ class InvertedForce(RegressorMixin, SignalEstimator):
         below = off[first, columns] <= 0.0
         for _ in range(_HALVINGS if rooted.any() else 0):
             middle = 0.5 * (a + b)
-            same = (self.model_.predict(self._inputs(eps, deps, middle)) - wanted <= 0.0) == below
+            same = (self._force(eps, deps, middle) - wanted <= 0.0) == below
             a, b = np.where(same, middle, a), np.where(same, b, middle)
         near = np.abs(off[nearest, columns]) <= 1e-3 * max(float(np.abs(force).max()), 1e-12)
-        return PressureAnswer(np.where(rooted, 0.5 * (a + b), levels[nearest]), ~rooted & ~near, beyond)
+        answer = np.where(rooted, 0.5 * (a + b), levels[nearest])
+        margin = 0.02 * (self.pressure_high_ - self.pressure_low_)
+        beyond |= (answer < self.pressure_low_ - margin) | (answer > self.pressure_high_ + margin)
+        return PressureAnswer(answer, ~rooted & ~near, beyond)
+
+    def _force(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """Ask the force model; a pressure of the search beyond its fit is no matter until it is the answer."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExtrapolationWarning)
+            return np.asarray(self.model_.predict(self._inputs(eps, deps, P)))
 
     def _motion(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         eps = self._signal(table, "eps")

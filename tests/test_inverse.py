@@ -141,6 +141,19 @@ def test_no_root_is_flagged_and_bounded(lifts):
         model.set_params(on_unreachable="warn").predict(wanted)
 
 
+def test_an_answer_beyond_the_pressures_of_the_fit_is_flagged(lifts):
+    train, _ = lifts
+    low = train[train["P"] < 4e5]
+    model = InvertedForce(pressure_limits=(1e5, 8e5), on_unreachable="raise").fit(low[["F", "eps"]], low["P"])
+    pairs = pd.DataFrame({"eps": [0.05, 0.05], "P": [3e5, 6e5]})
+    wanted = pd.DataFrame({"F": model.model_.predict(pairs), "eps": pairs["eps"]})
+    answer = model.assess(wanted)
+    np.testing.assert_allclose(answer.pressure, pairs["P"], atol=5.0)
+    assert answer.extrapolated.tolist() == [False, True] and not answer.saturated.any()
+    with pytest.raises(UnreachableError):
+        model.predict(wanted)
+
+
 def test_several_roots_give_the_lowest():
     """A force that rises and falls with the pressure is not refused; the least pressure does it."""
     eps, P = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.2, 5), np.linspace(1e5, 7e5, 25)))
