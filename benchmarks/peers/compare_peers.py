@@ -81,12 +81,18 @@ def python(env: Path) -> Path:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--env", type=Path, required=True, help="folder of the peers' environment; made if missing")
+    parser.add_argument(
+        "--env",
+        type=Path,
+        default=Path("peers"),
+        help="folder of the peers' environment; made if missing (default: peers)",
+    )
     parser.add_argument("--problem", choices=tuple(OURS), default="force", help="what is predicted (default: force)")
     parser.add_argument(
         "--data", default="twin", help="twin, lifts, or a folder with data.parquet and sim.toml, or with Festo logs"
     )
     parser.add_argument("--estimators", nargs="+", help="others of ours than those of the problem's list")
+    parser.add_argument("--alone", action="store_true", help="ours only, without the peers")
     parser.add_argument("--cut", type=int, choices=tuple(CUTS), default=30, help="cut of Festo logs, cm (default: 30)")
     parser.add_argument("--folds", type=int, default=4, help="folds of whole runs (default: 4)")
     parser.add_argument("--split", choices=("run", "kind"), default="run", help="what a fold leaves out (default: run)")
@@ -117,7 +123,7 @@ def main() -> int:
         print(f"{entry.label}: fitted", flush=True)
     read = candidates(args.problem, ["MLP"], parameters=geometry, targets=measured, output=output)[0].columns
     columns = [c for c in read if c not in ("trajectory", "initial")]  # the signals that a network of ours reads
-    answers = peers(args, ready, splits, columns)
+    answers = {} if args.alone else peers(args, ready, splits, columns)
     failed = []
     for name in sorted({n.removesuffix("_seconds").removesuffix("_error") for n in answers if "_" in n}):
         if f"{name}_error" in answers:
