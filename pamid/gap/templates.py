@@ -47,11 +47,11 @@ class Template:
         if self.linear:
             return [{**self.fixed, **{name: float(v) for name, v in zip(self.linear, x, strict=False)}}]
         found = [dict(self.fixed)]
-        if len(self.fixed) == 1 and 0.0 < x[0] < 0.7:
-            [p] = (p for p in all_effects()[self.effect].parameters if p.name in self.fixed)
-            if 0.0 <= p.lower <= 0.02 * p.nominal:
-                # Part of an effect that vanishes with its only parameter is the effect with part of it.
-                found.append({p.name: max(p.lower, self.fixed[p.name] * float(max(x[0], 0.02)))})
+        sizes = [p for p in all_effects()[self.effect].parameters if (p.lower, p.upper, p.unit) != (0.0, 1.0, "-")]
+        if len(sizes) == 1 and 0.0 < x[0] < 0.7 and sizes[0].lower >= 0.0:
+            # Part of an effect that vanishes with its only size is the effect with part of it.
+            [p], share = sizes, float(max(x[0], 0.005))
+            found.append({**self.fixed, p.name: p.lower + (self.fixed[p.name] - p.lower) * share})
         return found
 
 
