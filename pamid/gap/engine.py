@@ -165,22 +165,21 @@ def _written(
     random_state: np.random.RandomState,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    evidence = fitter.evidence
-    known, base, fit = verdict.kind in ("cause", "class", "several"), verdict.base, verdict.fit
-    if not known:
-        fit = base
-    clusters = Clusters(fitter, fit)
-    after = evidence.raw(clusters.z)
+    evidence, known = fitter.evidence, verdict.kind in ("cause", "class", "several")
     # The gap is what a refit within the tolerances leaves: what they take up is none.
-    before = evidence.raw(base.z)
+    base = fitter.as_seen(verdict.base)
+    fit = verdict.fit if known else base
+    before = after = held_out = evidence.raw(base.z)
+    part_of = verdict.part_of if known else {}
+    if known:
+        clusters = Clusters(fitter, fit)
+        after, held_out = evidence.raw(clusters.z), evidence.raw(clusters.held_out())
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
-    held = {id(f): Clusters(fitter, f).held_out() if f is not fit else clusters.held_out() for f in (base, fit)}
-    closure = closures(evidence, evidence.raw(held[id(base)]), evidence.raw(held[id(fit)]), random_state)
+    closure = closures(evidence, before, held_out, random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
-    part_of = verdict.part_of if known else {}
-    causes = _causes(evidence, verdict, part_of, clusters, closure) if known else []
+    causes = _causes(evidence, verdict, clusters, closure) if known else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
         say("look for the next experiment")
@@ -245,11 +244,10 @@ def _equations(
 def _causes(
     evidence: Evidence | SignalEvidence,
     verdict: Verdict,
-    part_of: dict[str, float],
     clusters: Clusters,
     closure: list[Any],
 ) -> list[Cause]:
-    fit = verdict.fit
+    fit, part_of = verdict.fit, verdict.part_of
     parameters = clusters.parameters()
     whole = evidence.z(fit.spec)
     by_equation = {c.equation: c for c in closure}
