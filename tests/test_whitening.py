@@ -9,6 +9,8 @@ import pytest
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.equations import residuals
 from pamid.gap.evidence import Evidence
+from pamid.gap.fit import Fitter
+from pamid.gap.likelihood import loglik
 from pamid.gap.whitening import Whitening
 
 BENCH = BenchParameters.for_muscle("B").replace(tolerance={})
@@ -90,3 +92,17 @@ def test_a_nominal_bench_with_lagging_sensors_is_whitened(log: pd.DataFrame) -> 
     evidence = Evidence(log, lagging)
     assert np.all(np.isfinite(evidence.z0))
     np.testing.assert_allclose(evidence.white(evidence.raw(evidence.z0)), evidence.z0, atol=1e-9)
+
+
+def test_a_simulator_as_seen_fits_the_windows_as_they_are_best(log: pd.DataFrame) -> None:
+    tolerance = {"rest_diameter": 0.005, "braid_angle": 0.005, "sonic_conductance": 0.02}
+    off = simulate(BENCH.replace(effects=[("force_gain", {"deviation": 0.01})]), [sine(2, 15, 3000)], seed=1)
+    evidence = Evidence(off, BENCH.replace(tolerance=tolerance))
+    fitter = Fitter(evidence)
+    base = fitter.base()
+    seen = fitter.as_seen(base)
+    raw = [loglik(evidence.raw(f.z), evidence.parts)[0] for f in (base, seen)]
+    white = [loglik(f.z, evidence.parts)[0] for f in (base, seen)]
+    assert raw[1] >= raw[0] - 1e-6
+    assert white[0] >= white[1] - 1e-6
+    assert np.all(np.abs(seen.x) <= fitter.high)
