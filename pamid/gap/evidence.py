@@ -77,6 +77,8 @@ class Evidence:
     """Share of an equation's scale that a cause may leave, for its form."""
     audible = 0.05
     """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
+    exact = True
+    """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
     least_gain = 4.0
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
     decisive = 4.0

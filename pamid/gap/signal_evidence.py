@@ -82,6 +82,8 @@ class SignalEvidence:
 
     form_left = 0.12
     """Share of the gap that a cause may leave: a real friction is never quite the library's."""
+    exact = False
+    """Any model may be wrong in several small ways at once."""
     sharp: Sequence[slice] = ()
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 6.0

@@ -100,7 +100,7 @@ def decide(
         verdict.unknown = float(1.0 / (1.0 + max(_left(search, verdict), 1e-3) ** -SHARP))
         names = list(verdict.fit.spec)
         verdict.part_of = shapley(search.fitter, base.fit, verdict.fit)
-        if _patched(verdict.part_of):
+        if evidence.exact and _patched(verdict.part_of):
             verdict.unknown = max(verdict.unknown, PATCHED)
         verdict.kind = "unknown" if verdict.unknown > 0.5 else "several" if len(names) > 1 else "cause"
         for name in names:
