@@ -71,7 +71,8 @@ def scaling(found: list[dict[str, Any]], folder: Path) -> None:
     for width, g in d.groupby("width"):
         (line,) = axes[0].loglog(g["n"], 1e3 * g["seconds"], "o-", ms=3, label=f"width {width}")
         axes[0].loglog(g["n"], 1e3 * g["floor"], ":", color=line.get_color())
-        axes[1].loglog(g["n"], g["bytes"] / 2**20, "o-", ms=3, label=f"width {width}")
+        seen = g[g["bytes"] > 2**19]  # less hides in memory that is held already
+        axes[1].loglog(seen["n"], seen["bytes"] / 2**20, "o-", ms=3, color=line.get_color())
     axes[0].set(xlabel="samples", ylabel="CPU ms a step (dotted: products alone)")
     axes[1].set(xlabel="samples", ylabel="MiB above the start")
     axes[0].legend(fontsize=7)
