@@ -42,7 +42,7 @@ class HeatTransfer(Effect):
     roles = ("position", "pressure")
     source = "10.1115/1.1286336"
     n_states = 1
-    parameters = (Parameter("time_constant", "s", 1e-3, 100.0, 0.2, "time constant of the cooling"),)
+    parameters = (Parameter("time_constant", "s", 1e-3, 1e4, 0.2, "time constant of the cooling"),)
     time_constant: float
 
     def _adiabatic(self, s: Signals, plant: Plant) -> Array:

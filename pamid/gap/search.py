@@ -177,15 +177,16 @@ class Search:
         if soft is not None:
             weights = weights / np.square(soft)
         if not k:
-            return Rival(added, fit, plain.loglik, plain.loglik, self._left(plain.z), weights, plain.z)
+            return Rival(added, fit, plain.loglik, plain.loglik, self.scales(plain.z), weights, plain.z)
         s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, soft, widening)
         scaled = columns if soft is None else columns / soft[:, None]
         loose = s.loglik - form_cost(scaled, s, self.evidence.parts, prior, self.fitter.weights)
         own = self.softness(fit)
         left = s.z if own is None else s.z * (1.0 if soft is None else soft) / own
-        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self._left(left), weights, left)
+        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self.scales(left), weights, left)
 
-    def _left(self, z: np.ndarray) -> np.ndarray:
+    def scales(self, z: np.ndarray) -> np.ndarray:
+        """Return the robust scale of each equation's residuals, which may be less than 1."""
         return np.array([_raw_scale(z[part]) for part in self.evidence.parts])
 
     def prior(self, name: str) -> float:

@@ -280,6 +280,10 @@ class SignalEvidence:
             self._means[key] = self._mean(self.added(spec))
         return self._means[key]
 
+    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
+        """Return what causes may leave for their form, in noise, of residuals of a scale."""
+        return self.form_left * scales
+
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equation if any of the effects can be evaluated with the signals at hand and changes it."""
         return [self.kind] if any(self._usable(name) for name in names) else []

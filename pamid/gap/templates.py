@@ -49,9 +49,10 @@ class Template:
         found = [dict(self.fixed)]
         sizes = [p for p in all_effects()[self.effect].parameters if (p.lower, p.upper, p.unit) != (0.0, 1.0, "-")]
         if len(sizes) == 1 and 0.0 < x[0] < 0.7 and sizes[0].lower >= 0.0:
-            # Part of an effect that vanishes with its only size is the effect with part of it.
+            # Part of an effect that vanishes with its only size, or with its inverse, is the effect with part of it.
             [p], share = sizes, float(max(x[0], 0.005))
             found.append({**self.fixed, p.name: p.lower + (self.fixed[p.name] - p.lower) * share})
+            found.append({**self.fixed, p.name: min(p.upper, self.fixed[p.name] / share)})
         return found
 
 

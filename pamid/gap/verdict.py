@@ -114,16 +114,24 @@ def decide(
 
 
 def _left(search: Search, verdict: Verdict) -> float:
-    """Return how much the causes leave where they leave most of it, against what their forms excuse; 1 is the limit."""
-    final = search.rival("", verdict.fit)
-    worst, form = 0.0, search.evidence.form_left
+    """Return how much the causes leave where they leave most of it, against what their forms excuse; 1 is the limit.
+
+    Where a cause of a rough form acts, windows count as they are: an error of form is slow, and would weigh more among
+    residuals of independent noise.
+    """
+    evidence, names = search.evidence, set(verdict.fit.spec)
     # Without any cause, tolerances may hide in one equation what they cause in another: each cause shows beside others.
-    names = set(verdict.fit.spec)
     accounts = [search.base, *(s.before for s in search.stages if set(s.before.fit.spec) < names)]
-    loudest = np.max([account.left for account in accounts], axis=0)
-    excesses = [max(b**2 - 1.0, 0.0) for b in loudest]
-    for before, after, total in zip(loudest, final.left, excesses, strict=True):
-        worst = max(worst, float(after / (CLEAR + form * before)))
+    rivals = [search.rival("", verdict.fit), *accounts]
+    white, raw = [r.left for r in rivals], [search.scales(evidence.raw(r.z)) for r in rivals]
+    touched = evidence.touched([name for name in names if has_form(name)])
+    rough = np.array([e in touched for e in evidence.equations])
+    left = np.where(rough, raw, white)
+    final, loudest = left[0], left[1:].max(axis=0)
+    worst, excesses = 0.0, np.maximum(np.square(loudest) - 1.0, 0.0)
+    limits = CLEAR + evidence.excused(loudest, rough)
+    for before, after, total, limit in zip(loudest, final, excesses, limits, strict=True):
+        worst = max(worst, float(after / limit))
         if before > 1.25 and total > 0.25 * max(excesses):
             worst = max(worst, float((after**2 - 1.0) / total / SHARE_LEFT))
     return worst
