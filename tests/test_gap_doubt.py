@@ -31,7 +31,13 @@ def test_a_known_form_with_scraps_beside_it_is_doubted() -> None:
     assert _patched({"pressure_gain": 0.97, "valve_asymmetry": 0.02, "force_gain": 0.01})
     assert not _patched({"pressure_gain": 0.8, "leakage": 0.2})
     assert not _patched({"coulomb_friction": 0.98, "creep": 0.02})  # whose form is known roughly
+    assert not _patched({"pressure_gain": 0.6, "valve_dead_zone": 0.38, "force_gain": 0.02})
     assert not _patched({"pressure_gain": 1.0})
+
+
+def test_three_causes_of_weight_are_doubted() -> None:
+    assert _patched({"length": 0.6, "gas_temperature": 0.2, "creep": 0.2})
+    assert not _patched({"creep": 0.7, "gas_temperature": 0.3})
 
 
 def test_a_long_log_is_searched_in_part_and_fitted_whole(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from .closure import shapley
 from .evidence import AnyEvidence
 from .fit import Fit, Fitter
 from .growth import grow
-from .search import Rival, Search, Stage, has_form
+from .search import MAX_CAUSES, Rival, Search, Stage, has_form
 from .significance import Excess, Significance, excess, library_test, outliers
 
 FALSE_ALARM = 0.01
@@ -25,8 +25,8 @@ SHARE_LEFT = 0.4
 SHARP = 8.0
 """How sharply doubt rises at those limits."""
 WHISPER, PATCHED = 0.05, 0.7
-"""Share below which a further cause beside one whose form is known patches what that one cannot be, and the probability
-that the cause is then beyond the library."""
+"""Share below which a further cause is a scrap, and the probability that the cause of a patched account is beyond the
+library."""
 DOUBT, DOUBT_SHARE = 2.0, 0.004
 """Difference in score that a candidate's form is worth: nats, and share of the gain."""
 
@@ -138,9 +138,13 @@ def _left(search: Search, verdict: Verdict) -> float:
 
 
 def _patched(part_of: dict[str, float]) -> bool:
-    """Tell whether a cause whose form is known, such as a gain, needs others for scraps: then it is another one."""
-    leader = max(part_of, key=lambda name: part_of[name])
-    return not has_form(leader) and min(part_of.values()) < WHISPER
+    """Tell whether an account is patched up: then a cause beyond the library is likelier.
+
+    That is three causes of weight, or causes whose forms are known, such as gains, that need another for a scrap.
+    """
+    weighty = [name for name, share in part_of.items() if share >= WHISPER]
+    scraps = len(weighty) < len(part_of)
+    return len(weighty) >= MAX_CAUSES or (scraps and not any(has_form(name) for name in weighty))
 
 
 def _weights(rivals: list[tuple[Rival, float]]) -> dict[str, float]:
