@@ -12,11 +12,9 @@ from pamid.errors import MissingColumnError
 from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
 
 
-class SequenceMixin:
-    """Numbers the trajectories of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
+class SequenceScore:
+    """The score of estimators that predict along trajectories."""
 
-    one_trajectory: bool
-    trajectory_column: int | None
     predict: Callable[..., np.ndarray]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
@@ -41,6 +39,13 @@ class SequenceMixin:
         from sklearn.metrics import r2_score
 
         return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
+
+
+class SequenceMixin(SequenceScore):
+    """Numbers the trajectories of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
+
+    one_trajectory: bool
+    trajectory_column: int | None
 
     def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         """Trajectory number of each row, for rows in time order."""

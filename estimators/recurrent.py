@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import MissingColumnError, ParameterError
@@ -16,6 +15,7 @@ from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._progress import ProgressMixin, fit_progress
 from ._recurrent_network import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
+from ._sequences import SequenceScore
 from ._torch_loop import (
     AdamSteps,
     Best,
@@ -33,7 +33,7 @@ from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_s
 _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which bounds the memory of a prediction
 
 
-class Recurrent(ProgressMixin, RegressorMixin, SignalEstimator):
+class Recurrent(ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
     r"""Recurrent network from the muscle's signals and their history to a force or a mass flow.
 
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
@@ -353,27 +353,6 @@ class Recurrent(ProgressMixin, RegressorMixin, SignalEstimator):
         inputs, _ = self._scaled(self._columns(table), None)
         outputs = self._run(self._network(self.weights_), inputs, pieces)
         return outputs * self.target_scale_ + self.target_mean_
-
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the prediction.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each trajectory.
-        y : array_like, shape (n_samples,)
-            Measured target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
-        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:

@@ -64,7 +64,7 @@ def test_raw_is_the_residual_of_the_equation(log: pd.DataFrame) -> None:
 
 def test_covariance_is_what_the_factor_gives() -> None:
     """White noise turned back has the covariance that was asked for."""
-    w = Whitening(4000)
+    w = Whitening()
     w.add(slice(0, 4000), [np.full(4000, -0.45)], 2)
     x = w.raw(np.random.RandomState(1).standard_normal(4000))
     assert np.mean(x[2:] * x[:-2]) == pytest.approx(-0.44, abs=0.05)
@@ -80,7 +80,7 @@ def test_flow_of_a_fast_motion_has_no_bias() -> None:
 
 
 def test_a_covariance_that_is_none_is_trusted_less() -> None:
-    w = Whitening(500)
+    w = Whitening()
     w.add(slice(0, 500), [np.full(500, -0.6)], 1)
     z = np.random.RandomState(2).standard_normal(500)
     assert np.all(np.isfinite(w.white(z)))

@@ -244,15 +244,16 @@ class Run:
 
     def _memory(self, effect: Effect, signals: Signals) -> np.ndarray:
         """Return an effect's memory along the run; that of a path is kept, since many fits change amplitudes alone."""
+        start = np.zeros(1, dtype=int)
         if not effect.path_dependent:
-            return effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
+            return effect.trace(signals, self.model.plant, self.dt, start)
         p = self.model.params
         shape = (effect.values[q.name] for q in effect.parameters if not q.linear)
         key = (effect.name, *shape, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
         if key not in self.memories:
             if len(self.memories) >= _REMEMBERED:
                 self.memories.pop(next(iter(self.memories)))
-            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, np.zeros(1, dtype=int))
+            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, start)
         return self.memories[key]
 
     def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:

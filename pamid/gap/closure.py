@@ -7,7 +7,7 @@ import numpy as np
 from ..effects import all_effects
 from .diagnosis import Closure, Interval, ParameterEstimate
 from .evidence import AnyEvidence
-from .fit import SLACK, Fit, Fitter, slots_of
+from .fit import Fit, Fitter, slots_of
 from .likelihood import NU
 from .significance import NOISE_KNOWN
 
@@ -39,8 +39,7 @@ class Clusters:
         z = evidence.tangent(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
         # A parameter at the end of its tolerance stays there, whichever trajectory is left out.
-        free = np.abs(fit.x) < 0.999 * SLACK
-        self.A = np.column_stack([evidence.J * free, D])
+        self.A = np.column_stack([evidence.J * fit.inside, D])
         self.z = z + evidence.J @ fit.x
         w = np.empty(len(z))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):

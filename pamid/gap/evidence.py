@@ -162,7 +162,7 @@ class Evidence:
 
     def _white(self, shared: Mapping[str, Sequence[Sequence[np.ndarray]]]) -> Whitening:
         """Return what makes the noise independent, from the covariances of neighbouring windows of each run."""
-        found = Whitening(len(self.noise))
+        found = Whitening()
         for name, part in zip(self.equations, self.parts, strict=True):
             if name not in shared:
                 continue

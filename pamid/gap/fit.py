@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -44,6 +45,14 @@ class Fit:
     loglik: float
     z: np.ndarray
     scales: np.ndarray
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Which parameters are inside their tolerance; one at its end cannot go further that way."""
+        return np.abs(self.x) < 0.999 * SLACK
+
+
+Solved = TypeVar("Solved", Fit, Solution)
 
 
 class Fitter:
@@ -129,16 +138,14 @@ class Fitter:
         In what makes the noise independent, slow errors weigh more: a fit there may leave more in one equation to have
         less in another.
         """
-        x, J = fit.x, self.evidence.raw(self.evidence.J)
-        for _ in range(ROUNDS):
-            z = self.evidence.tangent(fit.spec, x)
-            found = solve(
-                self.evidence.raw(z), J, self.low, self.high, self.evidence.parts, self.weights, iterations=20, start=x
-            )
-            moved, x = float(np.max(np.abs(found.x - x), initial=0.0)), found.x
-            if moved < NEAR:
-                break
-        return replace(fit, x=x, z=self.evidence.tangent(fit.spec, x) + self.evidence.J @ x)
+        evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
+
+        def solved(x: np.ndarray) -> Solution:
+            z = evidence.raw(evidence.tangent(fit.spec, x))
+            return solve(z, J, self.low, self.high, evidence.parts, self.weights, iterations=20, start=x)
+
+        x = _relaid(fit.x, solved).x
+        return replace(fit, x=x, z=evidence.tangent(fit.spec, x) + evidence.J @ x)
 
     def at(self, spec: Spec) -> Fit:
         """Fit the tolerances with effects held at their values."""
@@ -150,12 +157,7 @@ class Fitter:
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, the linear model of them laid where the fit ends."""
-        for _ in range(ROUNDS):
-            found = self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20)
-            moved, x = float(np.max(np.abs(found.x - x), initial=0.0)), found.x
-            if moved < NEAR:
-                break
-        return found
+        return _relaid(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
 
     def refine(
         self,
@@ -254,6 +256,16 @@ class Fitter:
                 reach = 0.1 * (p.upper - p.lower)
                 lower[k], upper[k] = max(lower[k], -reach), min(upper[k], reach)
         return D, lower, upper
+
+
+def _relaid(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
+    """Return a solution whose linear model of the tolerances is laid where it ends, beginning at deviations x."""
+    for _ in range(ROUNDS):
+        found = solved(x)
+        moved, x = float(np.max(np.abs(found.x - x), initial=0.0)), found.x
+        if moved < NEAR:
+            break
+    return found
 
 
 def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:

@@ -112,39 +112,40 @@ def earns(search: Search, before: Rival, after: Rival) -> bool:
     # Alone, the others may have been a compromise that is louder than they are: beside it they are what they are.
     whole = search.contributions(after.fit)
     others = {name: d for name, d in whole.items() if name != after.added}
-    for part, b, a in zip(search.evidence.parts, before.left, after.left, strict=True):
-        if _closes(search, others, part, None, b, a, 1.0):
-            return True
+    evidence = search.evidence
+    for equation, part, b, a in zip(evidence.equations, evidence.parts, before.left, after.left, strict=True):
+        heard: list[tuple[np.ndarray | None, float, float, float]] = [(None, 1.0, b, a)]
         if (few := _few(whole[after.added][part])) is not None:
-            left = _level(before.z[part], few), _level(after.z[part], few)
-            if _closes(search, others, part, few, *left, SHOUTS):
+            heard.append((few, SHOUTS, _level(before.z[part], few), _level(after.z[part], few)))
+        for weight, least, left, still in heard:
+            if left > max(still, least) and _closes(left, still, _whisper(search, others, equation, part, weight)):
                 return True
     return False
 
 
-def _closes(
-    search: Search,
-    others: Mapping[str, np.ndarray],
-    part: slice,
-    weight: np.ndarray | None,
-    left: float,
-    still: float,
-    heard: float,
-) -> bool:
-    """Tell whether a cause closes enough of what is left in weighted windows, and is no whisper of the others."""
-    if left <= max(still, heard):
-        return False
-    library, least = all_effects(), 0.0
-    for name, d in others.items():
-        if has_form(name):
-            remembers = library[name].n_states > 0 and library[name].family != "friction"
-            share = search.evidence.audible * (REMEMBERED if remembers else 1.0)
-            acts = search.evidence.equations[search.evidence.parts.index(part)] in search.evidence.touched([name])
-            # Where it does not act, what tolerances make of it is known, and no error of its form.
-            least = max(least, share * _level(d[part], weight) if acts else 0.0, cross(name) * search.loudness(d))
+def _closes(left: float, still: float, whisper: float) -> bool:
+    """Tell whether a cause closes enough of what is left, and is no whisper."""
     closed = (left**2 - still**2) / max(left**2 - min(1.0, still**2), 1e-9)
     voice = np.sqrt(max(left**2 - max(still, 1.0) ** 2, 0.0))
-    return bool(closed >= CLOSES and voice >= least)
+    return bool(closed >= CLOSES and voice >= whisper)
+
+
+def _whisper(
+    search: Search, others: Mapping[str, np.ndarray], equation: str, part: slice, weight: np.ndarray | None
+) -> float:
+    """Return how loud weighted windows of an equation may be for an error of form of the causes that are there."""
+    library, least = all_effects(), 0.0
+    for name, d in others.items():
+        if not has_form(name):
+            continue
+        if equation in search.evidence.touched([name]):
+            # Where it does not act, what tolerances make of it is known, and no error of its form.
+            remembers = library[name].n_states > 0 and library[name].family != "friction"
+            share = search.evidence.audible * (REMEMBERED if remembers else 1.0)
+            least = max(least, share * _level(d[part], weight))
+        if cross(name):
+            least = max(least, cross(name) * search.loudness(d))
+    return least
 
 
 def _level(z: np.ndarray, weight: np.ndarray | None = None) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .evidence import AnyEvidence
-from .fit import SLACK, Fit
+from .fit import Fit
 from .likelihood import NU
 from .search import least_penalty
 from .templates import Template
@@ -67,7 +67,7 @@ def library_test(
         root[part] = np.sqrt((NU + 1.0) / (NU + np.square(fit.z[part] / s))) / s
     zw = fit.z * root
     # A parameter at the end of its tolerance cannot go further that way: an effect may stand for what is beyond.
-    J = (evidence.J * root[:, None])[:, np.abs(fit.x) < 0.999 * SLACK]
+    J = (evidence.J * root[:, None])[:, fit.inside]
     Q = np.linalg.qr(J)[0] if J.shape[1] else J
     signs = _signs(evidence, random_state)
     Z = np.column_stack([zw, zw[:, None] * signs])

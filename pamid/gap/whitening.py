@@ -27,16 +27,9 @@ rest of the noise is independent, of converters and models."""
 
 
 class Whitening:
-    """The Cholesky factors of the noise of all equations.
+    """The Cholesky factors of the noise of all equations."""
 
-    Parameters
-    ----------
-    size : int
-        Number of windows of all equations.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.size = size
+    def __init__(self) -> None:
         self._factors: list[tuple[slice, np.ndarray]] = []
 
     def add(self, part: slice, correlations: list[np.ndarray], step: int) -> None:
@@ -73,9 +66,8 @@ class Whitening:
 
         out = np.array(z, dtype=float)
         for part, factor in self._factors:
-            found, info = dtbtrs(factor, out[part].reshape(factor.shape[1], -1), uplo="L")
-            if info == 0:
-                out[part] = found.reshape(out[part].shape)
+            found, _ = dtbtrs(factor, out[part].reshape(factor.shape[1], -1), uplo="L")
+            out[part] = found.reshape(out[part].shape)
         return out
 
     def raw(self, z: np.ndarray) -> np.ndarray:
