@@ -81,7 +81,7 @@ def test_a_full_disk_keeps_the_last_whole_checkpoint(tmp_path):
 
 # --- fits ---------------------------------------------------------------------------------------------------
 FITS = """
-import os, random, signal, sys, time
+import os, random, signal, sys, threading, time
 from pathlib import Path
 import numpy as np
 import pamid.training.resume
@@ -99,7 +99,9 @@ groups = np.repeat(np.arange(5), 40)
 def model(kind, **settings):
     class Slow(kind):
         def steps(self, *args, **kwargs):
-            for step in super().steps(*args, **kwargs):
+            for number, step in enumerate(super().steps(*args, **kwargs), start=1):
+                if number == doom:
+                    killer.start()
                 time.sleep(0.004)
                 yield step
 
@@ -125,13 +127,15 @@ for number, (kind, settings) in enumerate([
 ]):
     kills = 0
     for attempt in range(60):
+        # Counted in steps of the fit, a blow falls inside it on a fast machine as on a slow one; the delay lets it
+        # fall on the step, on the writing of the checkpoint or between them.
+        doom = random.randint(1, 5) if attempt < 3 else 0
+        delay = random.uniform(0.0, 0.01)
         child = os.fork()
         if child == 0:
+            killer = threading.Timer(delay, os.kill, (os.getpid(), signal.SIGKILL))
             fit(number, kind, settings)
             os._exit(0)
-        if attempt < 3:
-            time.sleep(random.uniform(0.02, 0.25))
-            os.kill(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
         if os.WIFEXITED(status):
             break

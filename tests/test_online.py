@@ -345,11 +345,14 @@ def test_a_line_that_is_being_written_is_not_read(tmp_path):
     seen: list[bytes] = []
 
     def read() -> None:
-        seen.extend(lines(file, follow=True, poll=0.01, patience=0.5))
+        seen.extend(lines(file, follow=True, poll=0.01, patience=2.0))
 
     reader = threading.Thread(target=read)
     reader.start()
-    time.sleep(0.1)
+    for _ in range(150):
+        if seen:
+            break
+        time.sleep(0.01)
     assert seen == [b'{"time": 0}']
     with file.open("ab") as stream_:
         stream_.write(b'me": 1}\n')
