@@ -106,14 +106,17 @@ class TransportDelay(Ingredient):
 
 
 class SupplyDroop(Ingredient):
-    """A tank behind a regulator: what both valves draw lowers the pressure before them, and it recovers."""
+    """A tank that both valves draw from, filled by a regulator whose flow goes with a power of the missing pressure."""
 
     name, family = "supply_droop", "valve"
     rows = 1
 
     def draw(self, rng: np.random.Generator, n: Numbers) -> dict[str, float]:
         full = n.C * n.rho0 * n.Ps
-        return {"a": 5e4, "lo": 1.0, "hi": 3e5, "full": full, "tau": log_uniform(rng, 0.008, 0.12)}
+        return {
+            "a": 5e4, "lo": 1.0, "hi": 3e5, "full": full, "tau": log_uniform(rng, 0.008, 0.12),
+            "power": float(rng.uniform(0.85, 1.3)),
+        }  # fmt: skip
 
     def begin(self, y: np.ndarray, plant: Plant) -> None:
         y[self.at] = 0.0
@@ -124,4 +127,6 @@ class SupplyDroop(Ingredient):
     def rates(self, s: Any) -> Any:
         p = self.p
         drawn = np.maximum(s.mdot, 0.0).sum(0)
-        return (p.a * drawn / p.full - s.y[self.at]) / p.tau
+        # Half the full flow takes the tank down by a / 2, whatever the power.
+        missing = np.maximum(s.y[self.at], 0.0) / np.maximum(p.a, 1e-3)
+        return p.a * (drawn / p.full - 0.5 * (2.0 * missing) ** p.power) / p.tau

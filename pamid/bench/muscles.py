@@ -96,6 +96,8 @@ class Muscles:
     def hold(self, u: np.ndarray) -> None:
         """Hold the command ``u`` from now on."""
         self.u = u
+        if self.remembering:
+            self._base = self._base.with_(command=u)
         if not (self.by_hook["command"] or self.by_hook["supply"]):
             self._open(u, self._supply_0)
 

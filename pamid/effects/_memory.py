@@ -16,7 +16,7 @@ def dahl(z: Array, displacement: Array, length: float) -> Array:
     return np.copysign(1.0 - decay, d) + z * decay
 
 
-def bouc_wen(z: Array, displacement: Array, length: float, shape: float) -> Array:
+def bouc_wen(z: Array, displacement: Array, length: Array, shape: float) -> Array:
     r"""Advance the Bouc–Wen variable z ∈ [−1, 1] (exponent 1) by a displacement.
 
     .. math:: \frac{\mathrm{d}z}{\mathrm{d}\xi} = \frac{1}{\delta}\left(1 - |z|\,(\beta\,\mathrm{sgn}(z\,
@@ -72,3 +72,21 @@ def hold_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
     for a, b in pairwise([*np.asarray(starts).tolist(), len(v)]):
         out[a:b] = lfilter([0.0, 1.0 - decay], [1.0, -decay], v[a:b], axis=0, zi=v[a : a + 1])[0]
     return out
+
+
+def drawn_along(target: Array, decay: Array, starts: Array) -> Array:
+    """Return x with x[k + 1] = target[k] + (x[k] − target[k]) decay[k] along trajectories, from 0 at each start.
+
+    Neighbouring steps are joined to steps of twice the length until one reaches from the start: as many rounds as the
+    logarithm of the memory's length.
+    """
+    shape = (len(target) + 1, *target.shape[1:])
+    keep, x = np.zeros(shape), np.zeros(shape)
+    keep[1:], x[1:] = decay, target * (1.0 - decay)
+    keep[starts], x[starts] = 0.0, 0.0
+    reach = 1
+    while reach < len(x) and np.max(keep) > 1e-15:
+        x[reach:] += keep[reach:] * x[:-reach]
+        keep[reach:] *= keep[:-reach].copy()
+        reach *= 2
+    return x

@@ -1,0 +1,86 @@
+"""Forms of effects beyond their simplest one: a receiver before the valve, and elements side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pamid.bench import BenchParameters, simulate, sine, step, triangle
+from pamid.effects import Signals, make_effect
+from pamid.effects._memory import drawn_along
+from pamid.equations import evaluate_log
+from pamid.laws.valve import flow_function
+
+B = BenchParameters.for_muscle("B")
+PLANT = B.plant()
+DT = 1e-3
+REGULATION = 1.2e8
+
+
+def filling(u: np.ndarray, P: float = 3e5) -> Signals:
+    return Signals(command=u, pressure=np.full(u.shape, P))
+
+
+@pytest.mark.parametrize("resistance", [0.0, 4e7])
+def test_a_receiver_follows_its_equation(resistance: float) -> None:
+    droop = make_effect("supply_droop", resistance=resistance, regulation=REGULATION, time_constant=0.03)
+    u = np.zeros((400, 2))
+    u[50:250, 0], u[150:300, 1] = 0.8, 0.4
+    d = droop.trace(filling(u), PLANT, DT, np.array([0]))[0]
+
+    def rate(t: float, x: np.ndarray) -> np.ndarray:
+        inlet = PLANT.supply_pressure - x[0]
+        k = PLANT.sonic_conductance * PLANT.reference_density * u[min(int(t / DT + 1e-9), 399)]
+        k = k * flow_function(3e5 / inlet, PLANT.critical_pressure_ratio)
+        return np.array([(REGULATION * np.sum(k * inlet / (1.0 + resistance * k)) - x[0]) / 0.03])
+
+    t = np.arange(400) * DT
+    exact = solve_ivp(rate, (0.0, t[-1]), [0.0], t_eval=t, max_step=DT / 2, rtol=1e-8, atol=1e-3).y[0]
+    np.testing.assert_allclose(d[:, 0], exact, atol=0.01 * exact.max())
+    np.testing.assert_array_equal(d[:, 0], d[:, 1])  # one receiver for both
+    inlet = droop.supply(PLANT.supply_pressure, filling(u), d[None], PLANT)
+    np.testing.assert_allclose(inlet[:50], PLANT.supply_pressure)
+    assert (inlet[280:, 0] < PLANT.supply_pressure - 1e3).all(), "a valve that is shut feels what the other one drew"
+
+
+def test_a_receiver_without_regulation_is_a_hose() -> None:
+    hose = make_effect("supply_droop", resistance=2e7)
+    s = filling(np.full((50, 2), 0.5))
+    inlet = hose.supply(PLANT.supply_pressure, s, hose.trace(s, PLANT, DT, np.array([0])), PLANT)
+    k = PLANT.sonic_conductance * PLANT.reference_density * 0.5
+    k *= flow_function(3e5 / PLANT.supply_pressure, PLANT.critical_pressure_ratio)
+    np.testing.assert_allclose(inlet, PLANT.supply_pressure / (1.0 + 2e7 * k))
+
+
+def test_joined_steps_are_single_steps() -> None:
+    rng, starts = np.random.default_rng(0), np.array([0, 37])
+    target, decay = rng.normal(size=(99, 2)), rng.uniform(0.9, 1.0, (99, 2))
+    x = np.zeros((100, 2))
+    for k in range(99):
+        x[k + 1] = 0.0 if k + 1 in starts else target[k] + (x[k] - target[k]) * decay[k]
+    np.testing.assert_allclose(drawn_along(target, decay, starts), x, atol=1e-12)
+
+
+@pytest.mark.parametrize("dynamic", [False, True])
+def test_the_bench_with_a_droop_is_that_of_its_log(dynamic: bool) -> None:
+    values = {"resistance": 0.0, "regulation": 6e7, "time_constant": 0.04} if dynamic else {"resistance": 6e7}
+    actual = B.replace(effects=[("supply_droop", values)])
+    log = simulate(actual, [sine(6, 20, 1500), step(0, 20, 1500), triangle(5, 15, 1500)], seed=5)
+    nominal, own = evaluate_log(log, B)["valve"], evaluate_log(log, actual)["valve"]
+    assert nominal.rmse > 3.0 * nominal.noise_floor
+    assert own.rmse < 1.2 * own.noise_floor
+
+
+def test_elements_go_over_one_after_the_other() -> None:
+    x = np.concatenate([np.linspace(0.1, 0.2, 400), np.linspace(0.2, 0.1, 400)])[:, None]
+    s = Signals(position=x)
+    one, many = (make_effect("hysteresis", amplitude=10.0, displacement=0.02, spread=v) for v in (0.0, 1.2))
+    force = [e.force(s, e.trace(s, PLANT, DT, np.array([0])), PLANT)[:, 0] for e in (one, many)]
+    lengths = 0.02 * np.exp(1.2 * np.arange(-2, 3) / np.sqrt(2))
+    alone = [make_effect("hysteresis", amplitude=10.0, displacement=float(d)) for d in lengths]
+    mean = np.mean([e.force(s, e.trace(s, PLANT, DT, np.array([0])), PLANT)[:, 0] for e in alone], axis=0)
+    np.testing.assert_allclose(force[1], mean, rtol=1e-12)
+    # Soon after the reversal the short ones have turned already, and late in the stroke the long ones have not.
+    assert force[1][412] > force[0][412] + 0.5
+    assert abs(force[1][700]) < abs(force[0][700]) - 0.5
