@@ -71,9 +71,10 @@ class FlowEquation(Equation):
         change = np.convolve(weights, [1.0, -1.0]) / run.dt
         joint, muscle = run.model.params.joint, run.model.params.muscle
         turn = SIGNS * joint.pulley_radius / muscle.rest_length
+        capacity = run.volume / (gamma * RT) + run.added_capacity()
         noise, shared = spread(
             (1.0, run.noise("mdot"), run.weights("mdot", weights)),
-            (centre(run.volume, n, 2, first) / (gamma * RT), run.noise("P"), run.weights("P", change)),
+            (centre(capacity, n, 2, first), run.noise("P"), run.weights("P", change)),
             (centre(run.P * run.volume_slope, n, 2, first) * turn / RT, run.noise("q"), run.weights("q", change)),
             n_windows=len(first),
             n=n,

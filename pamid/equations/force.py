@@ -46,9 +46,10 @@ class ForceEquation(Equation):
         eps = centre(run.eps, n, 1, first)
         curvature = (plant.volume_slope(eps + h) - plant.volume_slope(eps - h)) / (2 * h)
         per_angle = centre(gauge, n, 1, first) / L0 * curvature * SIGNS * p.joint.pulley_radius / L0
+        per_pressure = run.volume_slope / L0 + run.added_stiffness()
         noise, _ = spread(
             (1.0, run.noise("F"), run.weights("F", weights)),
-            (centre(run.volume_slope, n, 1, first) / L0, run.noise("P"), run.weights("P", weights)),
+            (centre(per_pressure, n, 1, first), run.noise("P"), run.weights("P", weights)),
             (per_angle, run.noise("q"), run.weights("q", weights)),
             n_windows=len(first),
             n=n,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -196,14 +196,12 @@ class Run:
         """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; a column a muscle."""
         key = (channel, deriv)
         if key not in self.smoothed:
-            from scipy.signal import savgol_filter
-
             x = self.q[:, None] if channel == "q" else self.channels[channel]
             width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
             if width < 7:
                 self.smoothed[key] = np.gradient(x, self.dt, axis=0) if deriv else x
             else:
-                self.smoothed[key] = savgol_filter(x, width, 4, deriv=deriv, delta=self.dt, axis=0)
+                self.smoothed[key] = _local_fit(x, width, deriv) / self.dt**deriv
         return self.smoothed[key]
 
     def still(self) -> np.ndarray:
@@ -265,6 +263,16 @@ class Run:
         """Return what effects add to the tensions, N."""
         return sum((e.force(s, x, self.model.plant) for e, s, x in self._having("force")), start=0.0)
 
+    def added_stiffness(self) -> np.ndarray | float:
+        """Return what a pascal of the pressure readings adds to that, N/Pa; it decides what their noise adds."""
+        h, total = 10.0, 0.0
+        for e, s, x in self._having("force"):
+            if "pressure" in e.roles:
+                near, far = (s.with_(pressure=self.P + sign * h) for sign in (-1, 1))
+                step = np.asarray(e.force(far, x, self.model.plant)) - np.asarray(e.force(near, x, self.model.plant))
+                total = total + step / (2 * h)
+        return total
+
     def added_flow(self) -> np.ndarray | None:
         """Return what effects add to the flow into the muscles between samples, kg/s, shape (n_samples - 1, 2).
 
@@ -279,6 +287,10 @@ class Run:
             added = (a[1:] + a[:-1]) / 2 + (b[1:] + b[:-1]) / 2 * rate
             total = added if total is None else total + added
         return total
+
+    def added_capacity(self) -> np.ndarray | float:
+        """Return the gas that effects take in with each pascal, kg/Pa; it decides what the pressure's noise adds."""
+        return sum((np.asarray(e.flow(s, x, self.model.plant).b) for e, s, x in self._having("flow")), start=0.0)
 
     def followed_command(self) -> np.ndarray:
         """Return the command that the valves follow."""
@@ -305,6 +317,24 @@ class Run:
             part = np.asarray(e.torque(s, x, self.model.plant))
             total = total + (part[:, 0] if part.ndim == 2 else part)
         return total
+
+
+def _local_fit(x: np.ndarray, width: int, deriv: int) -> np.ndarray:
+    """Return what `scipy.signal.savgol_filter` does with fourth degree, its weights computed once for all runs."""
+    from scipy.ndimage import correlate1d
+
+    half, weights = width // 2, _local_weights(width, deriv)
+    out = correlate1d(x, weights[half], axis=0)
+    out[:half], out[len(out) - half :] = weights[:half] @ x[:width], weights[half + 1 :] @ x[len(x) - width :]
+    return np.asarray(out)
+
+
+@cache
+def _local_weights(width: int, deriv: int) -> np.ndarray:
+    """Return the weights with which a window gives the local fit at each of its samples, a row each."""
+    from scipy.signal import savgol_coeffs
+
+    return np.stack([savgol_coeffs(width, 4, deriv, pos=k, use="dot") for k in range(width)])
 
 
 def _response(effect: Effect, dt: float) -> np.ndarray:

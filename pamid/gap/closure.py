@@ -14,6 +14,8 @@ from .significance import NOISE_KNOWN
 DRAWS = 400
 FEW = 2
 """Runs on which a correction is typically tried."""
+LEAST, FAR = 1e-7, 2.0
+"""Least share of a gap that counts as left, and how far, in its logarithm, an end may be from the middle."""
 FORM = 0.02
 """How far, as a share, an inexact form of an effect moves its parameters."""
 
@@ -38,8 +40,9 @@ class Clusters:
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
         z = evidence.tangent(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
-        # A parameter at the end of its tolerance stays there, whichever trajectory is left out.
-        self.A = np.column_stack([evidence.J * fit.inside, D])
+        # A parameter at the end of its tolerance, or at a bound, stays there, whichever trajectory is left out.
+        within = [p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)]
+        self.A = np.column_stack([evidence.J * fit.inside, D * np.array(within, dtype=bool)])
         self.z = z + evidence.J @ fit.x
         w = np.empty(len(z))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
@@ -134,9 +137,27 @@ def closures(
         ci = tuple(float(v) for v in np.nanquantile(share[1:], (0.05, 0.95))) if n > 1 else (0.0, 1.0)
         rms_before, rms_after, rms_noise = (float(np.sqrt(v[0] / count[0])) for v in (b, a, floor))
         point = float(np.median(share))
-        wide = (min(ci[0], point), max(ci[1], point))
+        wide = _rescaled((min(ci[0], point), max(ci[1], point)), point, n)
         found.append(Closure(name, rms_before, rms_after, rms_noise, point, wide, evidence.units[name]))
     return found
+
+
+def _rescaled(ci: Interval, point: float, n: int) -> Interval:
+    """Return an interval of a share closed with the bootstrap's variance in small samples put right, n / (n − 1).
+
+    It is done on the logarithm of the share left, which is what differs by factors from run to run.
+
+    References
+    ----------
+    J. N. K. Rao, C. F. J. Wu, "Resampling inference with complex survey data", Journal of the American Statistical
+    Association 83(401), 1988. https://doi.org/10.1080/01621459.1988.10478591
+    """
+    if n < 2:
+        return ci
+    left = np.maximum(1.0 - np.array([ci[0], point, ci[1]]), LEAST)
+    apart = np.clip(np.log(left / left[1]), -FAR, FAR)
+    low, _, high = left * np.exp((np.sqrt(n / (n - 1.0)) - 1.0) * apart)
+    return (max(0.0, 1.0 - float(low)) if ci[0] > 0.0 else 0.0), (1.0 - float(high) if ci[1] < 1.0 else 1.0)
 
 
 def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:

@@ -176,6 +176,7 @@ def _written(
         after, held_out = evidence.raw(clusters.z), evidence.raw(clusters.held_out())
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
+    energy = power * np.square(evidence.noise)
     closure = closures(evidence, before, held_out, random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
@@ -192,7 +193,7 @@ def _written(
         verdict=verdict.kind,
         p_value=verdict.p_value,
         equations=equations,
-        regions=[r for e in loud for r in regions(evidence, e, power)] if verdict.kind != "none" else [],
+        regions=[r for e in loud for r in regions(evidence, e, energy)] if verdict.kind != "none" else [],
         bands=[b for e in loud for b in bands(evidence, e, gap)] if verdict.kind != "none" else [],
         trajectories=trajectories(evidence, _balanced(evidence, power)) if verdict.kind != "none" else [],
         candidates=_candidates(search, verdict, part_of),

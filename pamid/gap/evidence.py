@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Evidence:
 
     def __init__(self, log: pd.DataFrame, params: BenchParameters) -> None:
         self.params = params
-        self._widening: tuple[Any, np.ndarray | None] = ((), None)
+        self._widening: tuple[str, np.ndarray | None] = ("", None)
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
         channels = [c for c in CHANNELS if all(k in log.columns for k in columns_of(c))]
@@ -127,6 +127,7 @@ class Evidence:
         )
         self.run, self.side = self.run.astype(int), self.side.astype(int)
         self.noise = np.maximum(noise, _smallest(value, noise, self.parts))
+        self._known = self.noise == noise
         self._raw0 = value / self.noise
         coarse = any(run.n < self.fine for run in self.runs)
         if coarse:
@@ -142,6 +143,7 @@ class Evidence:
         self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if allowed[e].order == 1]
         self._state: dict[str, np.ndarray] | None = None
         self._tangents: dict[bytes, np.ndarray] = {}
+        self._spreads: dict[str, np.ndarray] = {}
 
     @staticmethod
     def prior(name: str) -> float:
@@ -226,24 +228,22 @@ class Evidence:
             Equations to evaluate, those that the effects change by default; None for all.
         """
         wanted = self.equations if equations is None else (list(equations) or self.touched(spec))
-        model = Model(self.simulator(spec, deviations), settled=True, noise=bool(self._lagging(spec)))
+        model = Model(self.simulator(spec, deviations), settled=True, noise=False)
         out = np.empty(len(self.noise)) if equations is None else self._raw0.copy()
-        lagging = self._lagging(spec)
-        ratio = np.ones(len(self.noise)) if lagging else None
+        for slot, residual in self._residuals(model, wanted):
+            out[slot] = residual.value.ravel() / self.noise[slot]
+        return self._whitening.white(out)
+
+    def _residuals(self, model: Model, equations: Sequence[str]) -> Iterator[tuple[slice, Residual]]:
         by_run: dict[int, list[tuple[str, slice]]] = {}
-        for name in wanted:
+        for name in equations:
             for i, slot in self._slots[name]:
                 by_run.setdefault(i, []).append((name, slot))
         for i, slots in by_run.items():
             run = self.runs[i].under(model)
             for name, slot in slots:
                 with np.errstate(all="ignore"):  # a lag undone may leave a pressure below zero: its fit is then poor
-                    residual = self._equations[name].residual(run)
-                out[slot] = residual.value.ravel() / self.noise[slot]
-                if ratio is not None:
-                    ratio[slot] = np.maximum(residual.noise.ravel() / self.noise[slot], 1.0)
-        self._widening = (lagging, ratio)
-        return self._whitening.white(out)
+                    yield slot, self._equations[name].residual(run)
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.
@@ -270,22 +270,40 @@ class Evidence:
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
-        lagging = self._lagging(spec)
-        if not lagging:
+        lags = {name: values for name, values in spec.items() if _lags(name)}
+        if not lags:
             return None
-        if self._widening[0] != lagging:
-            self.z(spec)
+        key = repr(lags)
+        if self._widening[0] != key:
+            self._widening = (key, np.maximum(self._noise_under(self.simulator(lags)), 1.0))
         return self._widening[1]
 
-    @staticmethod
-    def _lagging(spec: Spec) -> tuple[tuple[str, float], ...]:
-        library = all_effects()
-        return tuple(
-            (f"{name}.{key}", value)
-            for name, values in spec.items()
-            if library[name].n_states and "measure" in library[name].hooks()
-            for key, value in values.items()
-        )
+    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return how wide the noise of each window is under a changed simulator, as a share of the nominal one's.
+
+        A gain undone, or a smaller volume to differentiate, makes residuals smaller and their noise with them: of
+        thousands of windows, that alone would count as evidence. What lags widen is left to `widening`.
+
+        Parameters
+        ----------
+        spec : mapping
+            Effects with their values.
+        x : array, shape (n_free,)
+            Deviations of the parameters, in tolerances.
+        """
+        instant = {name: values for name, values in spec.items() if not _lags(name)}
+        key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
+        if key not in self._spreads:
+            params = self.simulator(instant, dict(zip(self.free, map(float, x), strict=True)))
+            self._spreads = {**dict(list(self._spreads.items())[-5:]), key: self._noise_under(params)}
+        return self._spreads[key]
+
+    def _noise_under(self, params: BenchParameters) -> np.ndarray:
+        """Return the noise of each window under a simulator, as a share of the nominal one's."""
+        noise = self.noise.copy()
+        for slot, residual in self._residuals(Model(params, settled=True), self.equations):
+            noise[slot] = residual.noise.ravel()
+        return np.where(self._known, noise / self.noise, 1.0)
 
     @staticmethod
     def column(name: str, side: int = 0) -> str:
@@ -304,6 +322,12 @@ class Evidence:
                         column = np.minimum(self.side[slot], series.shape[1] - 1)
                         self._state[key][slot] = series[at, column]
         return self._state
+
+
+def _lags(name: str) -> bool:
+    """Tell whether an effect is a lag of a sensor, which is undone in its readings."""
+    effect = all_effects()[name]
+    return effect.n_states > 0 and "measure" in effect.hooks()
 
 
 def _run_state(run: Run) -> dict[str, np.ndarray]:

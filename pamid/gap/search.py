@@ -29,6 +29,9 @@ INEXACT = 0.015
 """How far, as a share, it may differ otherwise."""
 EXACT = 0.003
 """The same for faults of sensors and wrong parameters, whose forms are known."""
+TOLERANCE = 3.0
+"""Precision of the tolerances as a prior, that of a uniform one: what needs several parameters at their ends is less
+likely than what leaves them inside, if both fit as well."""
 CROSS = 0.01
 """What an effect may add, as a share, to windows and equations that the library's form does not know of."""
 _CONFINED = {"friction", "hysteresis", "load"}
@@ -171,19 +174,27 @@ class Search:
         bounds = np.full(k, 2 * FORM)
         z = self.evidence.tangent(fit.spec, fit.x)
         prior = np.full(k, FORM**-2)
-        widening = self.evidence.widening(fit.spec)
-        plain = self.fitter.linear(z, None, None, None, None, 4, fit.x, soft, widening)
+        unlikely = _unlikely(fit.x)
+        widening, wide = self.evidence.widening(fit.spec), self._with_spread(soft, fit)
+        plain = self.fitter.linear(z, None, None, None, None, 4, fit.x, wide, widening)
         weights = window_weights(plain, self.evidence.parts, self.fitter.weights)
         if soft is not None:
             weights = weights / np.square(soft)
         if not k:
-            return Rival(added, fit, plain.loglik, plain.loglik, self.scales(plain.z), weights, plain.z)
-        s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, soft, widening)
-        scaled = columns if soft is None else columns / soft[:, None]
+            likely = plain.loglik - unlikely
+            return Rival(added, fit, likely, likely, self.scales(plain.z), weights, plain.z)
+        s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, wide, widening)
+        scaled = columns if wide is None else columns / wide[:, None]
         loose = s.loglik - form_cost(scaled, s, self.evidence.parts, prior, self.fitter.weights)
         own = self.softness(fit)
         left = s.z if own is None else s.z * (1.0 if soft is None else soft) / own
-        return Rival(added, fit, plain.loglik, max(plain.loglik, loose), self.scales(left), weights, left)
+        likely, loose = plain.loglik - unlikely, max(plain.loglik, loose) - unlikely
+        return Rival(added, fit, likely, loose, self.scales(left), weights, left)
+
+    def _with_spread(self, soft: np.ndarray | None, fit: Fit) -> np.ndarray | None:
+        """Return a softness with the noise as it is under a fit."""
+        spread = self.evidence.spread(fit.spec, fit.x)
+        return soft if spread is None else spread if soft is None else soft * spread
 
     def scales(self, z: np.ndarray) -> np.ndarray:
         """Return the robust scale of each equation's residuals, which may be less than 1."""
@@ -203,7 +214,7 @@ class Search:
         soft = self.softness(fit)
         before = self.rival("", fit, soft)
         z = self.evidence.tangent(fit.spec, fit.x)
-        nuisance = self.loosened(fit)
+        nuisance, wide = self.loosened(fit), self._with_spread(soft, fit)
         k = nuisance.shape[1]
         form, prior = np.full(k, 2 * FORM), np.full(k, FORM**-2)
         screened: dict[str, tuple[float, list[dict[str, float]]]] = {}
@@ -220,10 +231,11 @@ class Search:
                     np.concatenate([np.zeros(m), prior]),
                     4,
                     fit.x,
-                    soft,
+                    wide,
                     self.evidence.widening(fit.spec),
                 )
-                gain = s.loglik - before.loose - least_penalty(m, self.evidence) + self.prior(name)
+                found_at = s.loglik - _unlikely(s.x[: self.fitter.n])
+                gain = found_at - before.loose - least_penalty(m, self.evidence) + self.prior(name)
                 if name not in screened or gain > screened[name][0]:
                     screened[name] = (gain, t.starts(s.x[self.fitter.n : self.fitter.n + m]))
         rivals = []
@@ -308,6 +320,11 @@ def _short_list(gains: dict[str, float]) -> list[str]:
     hopeful = [n for n in names if gains[n] > HOPELESS] or names[:1]
     close = [n for n in hopeful if gains[n] > best - CLOSE[0] - CLOSE[1] * max(best, 0.0)]
     return hopeful[: int(np.clip(len(close), *SHORT_LIST))]
+
+
+def _unlikely(x: np.ndarray) -> float:
+    """Return what deviations of the parameters cost, a logarithm of probability."""
+    return 0.5 * TOLERANCE * float(x @ x)
 
 
 def _raw_scale(z: np.ndarray) -> float:

@@ -303,6 +303,10 @@ class SignalEvidence:
                 self._touched[name] = False
         return self._touched[name]
 
+    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
+        """Return None: the noise of the target is the same under any model."""
+        return None
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, not taken off the measurement."""
         return None

@@ -17,13 +17,17 @@ if TYPE_CHECKING:
 BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 25.0))
 """Bands of frequency, Hz; windows of 20 ms see no more than 25 Hz."""
 _FEATURES = ("eps", "deps", "P", "dP", "u")
-_JOINT_FEATURES = ("q", "dq")
+_JOINT_FEATURES = ("q", "dq", "P", "dP", "u")
 ENERGY = 0.8
 """Share of a gap's energy that its regions are to hold."""
 LEAVES = (4, 8, 16, 24)
 """Leaves of the tree that tells a muscle's regions; what comes after steps is a few windows in a corner."""
 FINER = 0.02
 """By how much more leaves must agree better."""
+LEAF = 4, 300
+"""Windows in a leaf, at least so many or that part of all; fewer where the gap is in few, such as those after steps."""
+PART = 4
+"""Part of the windows sought that a leaf must be able to hold alone."""
 
 
 def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
@@ -90,7 +94,8 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
     equation : str
         The equation.
     power : array, shape (n_windows,)
-        The gap's power at each window.
+        The gap's power at each window, in the equation's unit squared: in units of noise, windows in which much or
+        little is known would weigh otherwise.
     most : int, default=24
         Most regions, those of both muscles together.
     """
@@ -120,8 +125,9 @@ def _of_one_side(
     if inside.mean() > 0.95:
         return []
     best: tuple[float, Any, set[int], np.ndarray] | None = None
+    least = int(np.clip(inside.sum() // PART, 1, max(LEAF[0], len(y) // LEAF[1])))
     for leaves in LEAVES:
-        fitted = DecisionTreeClassifier(max_leaf_nodes=leaves, min_samples_leaf=max(4, len(y) // 300), random_state=0)
+        fitted = DecisionTreeClassifier(max_leaf_nodes=leaves, min_samples_leaf=least, random_state=0)
         leaf = fitted.fit(X, inside).apply(X)
         f1, chosen = _agreeing(leaf, inside)
         if best is None or f1 > best[0] + FINER:
