@@ -206,6 +206,8 @@ def main() -> int:
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the pictures there")
     parser.add_argument("--only", choices=STUDIES, action="append", help="one study; may be repeated")
     args = parser.parse_args()
+    if args.plots:
+        args.plots.mkdir(parents=True, exist_ok=True)
     for name in args.only or STUDIES:
         study, folder = STUDIES[name]
         if args.real is None or not (args.real / folder).is_dir():

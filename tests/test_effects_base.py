@@ -261,7 +261,12 @@ def test_a_user_adds_an_effect_by_defining_it():
 @pytest.mark.parametrize("name", [n for n in EFFECTS if all_effects()[n].n_states])
 def test_memory_along_a_log_is_that_of_single_steps(name):
     """Whatever shortcut an effect takes over a log, it remembers what it would sample by sample."""
-    more = {"supply_droop": {"regulation": 3e8, "time_constant": 0.01}, "hysteresis": {"spread": 1.0}}
+    more = {
+        "supply_droop": {"regulation": 3e8, "time_constant": 0.01},
+        "hysteresis": {"spread": 1.0},
+        "coulomb_friction": {"exponent": 0.4},
+        "creep": {"settled": 0.3},
+    }
     effect, rng, n = make_effect(name, **more.get(name, {})), np.random.default_rng(0), 300
     x = 0.12 + 0.0025 * np.cumsum(rng.normal(size=(n, 2)), axis=0)
     x[100:150] = x[100]  # at rest

@@ -1,6 +1,8 @@
-"""Forms of effects beyond their simplest one: a receiver before the valve, and elements side by side."""
+"""Forms of effects beyond their simplest one: a receiver, elements side by side, other bristles, other beginnings."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from pamid.bench import BenchParameters, simulate, sine, step, triangle
 from pamid.effects import Signals, make_effect
-from pamid.effects._memory import drawn_along
+from pamid.effects._memory import dahl, drawn_along
 from pamid.equations import evaluate_log
 from pamid.laws.valve import flow_function
 
@@ -84,3 +86,49 @@ def test_elements_go_over_one_after_the_other() -> None:
     # Soon after the reversal the short ones have turned already, and late in the stroke the long ones have not.
     assert force[1][412] > force[0][412] + 0.5
     assert abs(force[1][700]) < abs(force[0][700]) - 0.5
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.35, 0.8])
+def test_bristles_turn_over_as_dahl_says(exponent: float) -> None:
+    """Gradually, straight until they slide, or in between; all that is asked of a step holds for each."""
+    w0, moves = 1.6, np.linspace(0.0, 3.0, 61)
+    z = dahl(np.full(61, 1.0 - w0), moves * 2e-4, 2e-4, exponent)
+    exact = solve_ivp(
+        lambda _, w: -(np.maximum(w, 0.0) ** exponent),
+        (0.0, 3.0),
+        [w0],
+        t_eval=moves,
+        rtol=1e-9,
+        atol=1e-9,
+        max_step=1e-3,
+    ).y[0]
+    np.testing.assert_allclose(z, 1.0 - np.maximum(exact, 0.0), atol=3e-3)
+    half = dahl(dahl(0.3, -1e-4, 2e-4, exponent), -1e-4, 2e-4, exponent)
+    assert half == pytest.approx(dahl(0.3, -2e-4, 2e-4, exponent), abs=1e-12)
+    assert dahl(0.999, 1.0, 2e-4, exponent) == pytest.approx(1.0)
+
+
+def test_an_asperity_is_elastic_until_it_slides() -> None:
+    x = np.concatenate([np.linspace(0.1, 0.101, 50), np.linspace(0.101, 0.1, 101)])
+    s = Signals(position=x, pressure=np.full(x.shape, 3e5))
+    friction = make_effect("coulomb_friction", amplitude=2.0, presliding=2e-4, exponent=0.0)
+    force = friction.force(s, friction.trace(s, PLANT, DT, np.array([0])), PLANT)
+    z = np.zeros(len(x))
+    for k in range(1, len(x)):
+        z[k] = np.clip(z[k - 1] + (x[k] - x[k - 1]) / 2e-4, -1.0, 1.0)
+    np.testing.assert_allclose(force, -2.0 * z, atol=1e-9)
+
+
+def test_springs_remember_where_the_bench_stood() -> None:
+    t = np.arange(400) * DT
+    x = np.stack([0.15 + 0.02 * np.sin(9 * t), 0.09 - 0.02 * np.sin(9 * t)], axis=1)
+    s = Signals(position=x)
+    at_rest, fresh = (make_effect("creep", stiffness=100.0, slow_stiffness=0.0, settled=v) for v in (1.0, 0.0))
+    force = [e.force(s, e.trace(s, PLANT, DT, np.array([0])), PLANT) for e in (at_rest, fresh)]
+    away = x[0] - PLANT.initial_contraction
+    np.testing.assert_allclose(force[1] - force[0], -100.0 * away * np.exp(-t / 1.0)[:, None], atol=1e-9)
+    # An actuator without a neutral contraction begins where its log does.
+    bare = SimpleNamespace()
+    np.testing.assert_array_equal(
+        fresh.trace(s, bare, DT, np.array([0, 150])), at_rest.trace(s, bare, DT, np.array([0, 150]))
+    )

@@ -33,6 +33,8 @@ def test_a_known_form_with_scraps_beside_it_is_doubted() -> None:
     assert not _patched({"coulomb_friction": 0.98, "creep": 0.02})  # whose form is known roughly
     assert not _patched({"pressure_gain": 0.6, "valve_dead_zone": 0.38, "force_gain": 0.02})
     assert not _patched({"pressure_gain": 1.0})
+    assert not _patched({"force_gain": 0.98, "force_bias": 0.02})  # a gain that is a little bent
+    assert _patched({"force_gain": 0.98, "flow_bias": 0.02})
 
 
 def test_three_causes_of_weight_are_doubted() -> None:

@@ -9,11 +9,19 @@ import numpy as np
 from ..signals.state import Array
 
 
-def dahl(z: Array, displacement: Array, length: float) -> Array:
-    """Advance Dahl's bristle z ∈ [−1, 1] by a displacement: dz = (1 − z sgn dξ) dξ / length."""
+def dahl(z: Array, displacement: Array, length: float, exponent: float = 1.0) -> Array:
+    r"""Advance Dahl's bristle z ∈ [−1, 1] by a displacement: dz = (1 − z sgn dξ)ⁿ dξ / length.
+
+    What is missing to sliding, w = 1 − z sgn dξ, obeys dw = −wⁿ |dξ| / length: an exponential for n = 1, a straight
+    line to its end for n = 0, and in between a power.
+    """
     d = np.asarray(displacement) / length
-    decay = np.exp(-np.abs(d))
-    return np.copysign(1.0 - decay, d) + z * decay
+    if exponent > 0.999:
+        decay = np.exp(-np.abs(d))
+        return np.copysign(1.0 - decay, d) + z * decay
+    sign, left = np.copysign(1.0, d), 1.0 - exponent
+    w = np.maximum(np.maximum(1.0 - z * sign, 0.0) ** left - left * np.abs(d), 0.0) ** (1.0 / left)
+    return sign * (1.0 - w)
 
 
 def bouc_wen(z: Array, displacement: Array, length: Array, shape: float) -> Array:

@@ -14,15 +14,17 @@ class CoulombFriction(Effect):
     r"""Dry friction against the motion, independent of speed, regularised by presliding.
 
     .. math:: \Delta F = -(F_c + \mu\,(P - P_\mathrm{atm}))\, z, \qquad \frac{\mathrm{d}z}{\mathrm{d}x} =
-        \frac{1}{\delta}\left(1 - z\,\mathrm{sgn}\,\dot x\right)
+        \frac{1}{\delta}\left(1 - z\,\mathrm{sgn}\,\dot x\right)^n
 
-    with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal. The threads' share
-    grows with the pressure that presses them onto each other; 0 by default.
+    with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal: gradually (n = 1),
+    or straight until it slides, as an elastic–plastic asperity does (n = 0). The threads' share grows with the pressure
+    that presses them onto each other; 0 by default.
 
     Parameters
     ----------
     **values : float
-        ``amplitude`` F_c (N), ``per_pressure`` μ (N/Pa), ``presliding`` δ (unit of the position).
+        ``amplitude`` F_c (N), ``per_pressure`` μ (N/Pa), ``presliding`` δ (unit of the position),
+        ``exponent`` n (dimensionless).
 
     References
     ----------
@@ -33,7 +35,7 @@ class CoulombFriction(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("coulomb_friction", amplitude=4)
-    coulomb_friction(amplitude=4 N, per_pressure=0 N/Pa, presliding=0.0002)
+    coulomb_friction(amplitude=4 N, per_pressure=0 N/Pa, presliding=0.0002, exponent=1)
     """
 
     name = "coulomb_friction"
@@ -47,10 +49,12 @@ class CoulombFriction(Effect):
         Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
         Parameter("per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", essential=True),
+        Parameter("exponent", "-", 0.0, 1.0, 1.0, "1: gradual (Dahl), 0: elastic until it slides"),
     )
     amplitude: float
     per_pressure: float
     presliding: float
+    exponent: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return unbent bristles."""
@@ -58,7 +62,7 @@ class CoulombFriction(Effect):
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Bend the bristles by the displacement between the two instants."""
-        return dahl(x, s1.position - s0.position, self.presliding)
+        return dahl(x, s1.position - s0.position, self.presliding, self.exponent)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −(F_c + μ p) z, N."""

@@ -19,7 +19,8 @@ class Creep(Effect):
     ----------
     **values : float
         ``stiffness`` k₁ (N) and ``time_constant`` τ₁ (s) of the fast spring, ``slow_stiffness`` k₂ (N) and
-        ``slow_time_constant`` τ₂ (s) of the slow one.
+        ``slow_time_constant`` τ₂ (s) of the slow one; ``settled``, how far both had relaxed from the neutral
+        contraction to the first one when a run begins (dimensionless).
 
     References
     ----------
@@ -31,7 +32,7 @@ class Creep(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("creep", stiffness=120)
-    creep(stiffness=120 N, time_constant=1 s, slow_stiffness=60 N, slow_time_constant=5 s)
+    creep(stiffness=120 N, time_constant=1 s, slow_stiffness=60 N, slow_time_constant=5 s, settled=1)
     """
 
     name = "creep"
@@ -45,15 +46,22 @@ class Creep(Effect):
         Parameter("time_constant", "s", 0.02, 10.0, 1.0, "relaxation time of the fast spring"),
         Parameter("slow_stiffness", "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True),
         Parameter("slow_time_constant", "s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring"),
+        Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins"),
     )
     stiffness: float
     time_constant: float
     slow_stiffness: float
     slow_time_constant: float
+    settled: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return relaxed springs."""
-        return np.stack([s.position, s.position])
+        """Return springs on their way from the neutral contraction to the first one."""
+        x = self._began(s.position, plant)
+        return np.stack([x, x])
+
+    def _began(self, first: Array, plant: Plant) -> Array:
+        neutral = getattr(plant, "initial_contraction", None)  # an actuator of another kind need not have one
+        return first if neutral is None else first + (1.0 - self.settled) * (neutral - first)
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Relax towards the contraction."""
@@ -62,8 +70,14 @@ class Creep(Effect):
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the springs' rest positions along each trajectory, without a loop over time."""
-        taus = (self.time_constant, self.slow_time_constant)
-        return np.stack([relax_along(s.position, dt, tau, starts) for tau in taus])
+        x, taus = np.asarray(s.position, dtype=float), (self.time_constant, self.slow_time_constant)
+        rest = np.stack([relax_along(x, dt, tau, starts) for tau in taus])
+        ahead = self._began(x[starts], plant) - x[starts]
+        if np.any(ahead):
+            run = np.searchsorted(starts, np.arange(len(x)), side="right") - 1
+            since = ((np.arange(len(x)) - np.asarray(starts)[run]) * dt).reshape(-1, *[1] * (x.ndim - 1))
+            rest += np.stack([ahead[run] * np.exp(-since / tau) for tau in taus])
+        return rest
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of both springs, N."""

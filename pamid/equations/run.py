@@ -37,8 +37,7 @@ SIGNS = np.array([1.0, -1.0])
 _GAP = 1.5  # in sampling intervals: a longer step of time is a gap, which no window crosses
 _JITTER = 0.25  # in sampling intervals
 _SETTLING = 0.1  # s: what effects remember from before a log is not known; windows at its ends are left out
-
-
+_STILL = 0.5  # of the angle's noise, of which a local fit leaves a third: motion within it counts as rest
 _REMEMBERED = 8  # memories of paths that are kept for fits to come
 
 
@@ -208,7 +207,7 @@ class Run:
         """Return the joint angle with its noise taken off: noise is motion to and fro, which memory would believe."""
         key = ("still", 0)
         if key not in self.smoothed:
-            self.smoothed[key] = play(self.smooth("q", 0), self.noises["q"][0].white)
+            self.smoothed[key] = play(self.smooth("q", 0), _STILL * self.noises["q"][0].white)
         return self.smoothed[key]
 
     def _signals(self, effect: Effect) -> Signals:

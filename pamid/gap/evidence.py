@@ -243,7 +243,8 @@ class Evidence:
             run = self.runs[i].under(model)
             for name, slot in slots:
                 with np.errstate(all="ignore"):  # a lag undone may leave a pressure below zero: its fit is then poor
-                    yield slot, self._equations[name].residual(run)
+                    residual = self._equations[name].residual(run)
+                yield slot, residual
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.

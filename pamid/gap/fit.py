@@ -18,6 +18,8 @@ ROUNDS = 3
 """Most times that the linear model of the tolerances is laid anew where a fit has come to."""
 NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
+MIX = 0.4
+"""How far a share of another form may go in one step."""
 LOST = 300.0
 """Log-likelihood below that without an effect at which a fit with it does not come back."""
 
@@ -250,7 +252,9 @@ class Fitter:
             moved[k] += h
             D[:, k] = (self.evidence.tangent(_spec(slots, moved), x) - z) / h
             lower[k], upper[k] = p.lower - v, p.upper - v
-            if not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
+            if _mixes(p):
+                lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
+            elif not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
                 lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(h)))
             elif not p.linear:
                 reach = 0.1 * (p.upper - p.lower)
@@ -272,6 +276,11 @@ def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
     """Return the parameters of a spec's effects, in order."""
     library = all_effects()
     return [(name, p) for name in spec for p in library[name].parameters]
+
+
+def _mixes(p: Parameter) -> bool:
+    """Tell whether a parameter says how much of another form an effect has, from none on: it has no order of size."""
+    return not p.linear and p.unit == "-" and p.lower == 0.0 and (p.nominal == 0.0 or p.upper == 1.0)
 
 
 def _spec(slots: list[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:

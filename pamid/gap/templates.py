@@ -89,7 +89,7 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
-    if p.nominal == 0.0:
+    if p.nominal == 0.0 or (p.unit, p.lower, p.upper) == ("-", 0.0, 1.0):
         return [0.0, p.upper]
     low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
     points = _POINTS.get(n_nonlinear, 3)

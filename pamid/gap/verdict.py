@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..effects import all_effects
 from .closure import shapley
 from .evidence import AnyEvidence
 from .fit import Fit, Fitter
@@ -140,11 +141,13 @@ def _left(search: Search, verdict: Verdict) -> float:
 def _patched(part_of: dict[str, float]) -> bool:
     """Tell whether an account is patched up: then a cause beyond the library is likelier.
 
-    That is three causes of weight, or causes whose forms are known, such as gains, that need another for a scrap.
+    That is three causes of weight, or causes whose forms are known, such as gains, that need another for a scrap. A
+    second fault of one sensor is no such scrap: a gain that is a little bent reads like a gain with an offset.
     """
     weighty = [name for name, share in part_of.items() if share >= WHISPER]
-    scraps = len(weighty) < len(part_of)
-    return len(weighty) >= MAX_CAUSES or (scraps and not any(has_form(name) for name in weighty))
+    sensors = {all_effects()[name].channel for name in weighty} - {""}
+    scraps = [name for name in part_of if name not in weighty and all_effects()[name].channel not in sensors]
+    return len(weighty) >= MAX_CAUSES or (bool(scraps) and not any(has_form(name) for name in weighty))
 
 
 def _weights(rivals: list[tuple[Rival, float]]) -> dict[str, float]:
