@@ -94,10 +94,18 @@ def test_a_parameter_at_its_bound_stays_there_held_out() -> None:
     fitter = Fitter(Evidence(log, NOMINAL))
     fit = fitter.refine({"coulomb_friction": {"amplitude": 4.0, "per_pressure": 0.0, "presliding": 2e-4}})
     clusters = Clusters(fitter, fit)
-    held = [p.name for v, (_, p) in zip(fit.spec["coulomb_friction"].values(), clusters.slots, strict=True) if v == 0.0]
-    columns = clusters.A[:, len(fitter.evidence.free) :]
-    for k, (_, p) in enumerate(clusters.slots):
-        assert np.any(columns[:, k]) == (p.name not in held)
+    m = len(fitter.evidence.free)
+    held = {p.name for moves, (_, p) in zip(clusters.moving[m:], clusters.slots, strict=True) if not moves}
+    assert held == {p.name for _, p in clusters.slots if fit.spec["coulomb_friction"][p.name] in (p.lower, p.upper)}
+    assert held, "the friction of this bench does not grow with the pressure"
+    for k in range(len(fitter.evidence.trajectories)):
+        rest = clusters.H.sum(axis=0) - clusters.H[k] + clusters.prior
+        step = clusters._solve(rest, clusters.g.sum(axis=0) - clusters.g[k], clusters.moving)
+        assert not step[~clusters.moving].any()
+    amplitude = clusters.parameters()["coulomb_friction"]["amplitude"]
+    assert amplitude.ci90[0] < 4.0 < amplitude.ci90[1]
+    for name in held:  # which may be known well, all the same
+        assert np.isfinite(clusters.parameters()["coulomb_friction"][name].ci90).all()
 
 
 def test_few_windows_are_found_and_named(evidence: Evidence) -> None:

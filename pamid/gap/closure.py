@@ -40,9 +40,10 @@ class Clusters:
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
         z = evidence.tangent(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
+        self.A = np.column_stack([evidence.J, D])
         # A parameter at the end of its tolerance, or at a bound, stays there, whichever trajectory is left out.
-        within = [p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)]
-        self.A = np.column_stack([evidence.J * fit.inside, D * np.array(within, dtype=bool)])
+        within = np.array([p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)], dtype=bool)
+        self.moving = np.concatenate([fit.inside, within])
         self.z = z + evidence.J @ fit.x
         w = np.empty(len(z))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
@@ -57,9 +58,12 @@ class Clusters:
         self.prior = np.diag(np.concatenate([np.full(evidence.J.shape[1], 3.0), np.zeros(len(self.slots))]))
         self.size = np.sqrt(np.maximum(np.diag(self.H.sum(axis=0) + self.prior), 1e-300))
 
-    def _solve(self, H: np.ndarray, g: np.ndarray) -> np.ndarray:
-        C = H / np.outer(self.size, self.size)
-        return np.linalg.lstsq(C + 1e-10 * np.eye(len(C)), g / self.size, rcond=None)[0] / self.size
+    def _solve(self, H: np.ndarray, g: np.ndarray, moving: np.ndarray) -> np.ndarray:
+        """Return the step of those parameters that may move."""
+        size, step = self.size[moving], np.zeros(len(moving))
+        C = H[np.ix_(moving, moving)] / np.outer(size, size)
+        step[moving] = np.linalg.lstsq(C + 1e-10 * np.eye(len(C)), g[moving] / size, rcond=None)[0] / size
+        return step
 
     def held_out(self) -> np.ndarray:
         """Return residuals of every trajectory under the fit of all others, in units of the noise."""
@@ -70,7 +74,7 @@ class Clusters:
         for t in range(n):
             rows = self.evidence.block == t
             H = self.H.sum(axis=0) - self.H[t] + self.prior
-            out[rows] += self.A[rows] @ self._solve(H, self.g.sum(axis=0) - self.g[t])
+            out[rows] += self.A[rows] @ self._solve(H, self.g.sum(axis=0) - self.g[t], self.moving)
         return out
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
@@ -80,7 +84,10 @@ class Clusters:
         n, m = len(self.evidence.trajectories), self.evidence.J.shape[1]
         total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
         if n > 2:
-            without = np.array([self._solve(total_H - H, total_g - g) for H, g in zip(self.H, self.g, strict=True)])
+            # How far one at a bound could be from it, too, is asked here.
+            moving = np.concatenate([self.moving[:m], np.ones(len(self.slots), dtype=bool)])
+            pairs = zip(self.H, self.g, strict=True)
+            without = np.array([self._solve(total_H - H, total_g - g, moving) for H, g in pairs])
             error = np.sqrt((n - 1.0) / n * np.sum(np.square(without - without.mean(axis=0)), axis=0))
         else:
             error = np.full(self.A.shape[1], np.inf)

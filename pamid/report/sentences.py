@@ -36,14 +36,20 @@ class Answers(NamedTuple):
     Examples
     --------
     >>> from pamid.report import Answers
-    >>> Answers("No gap beyond the noise", "Nowhere.", "None.", "There is nothing to close.").verdict
-    'No gap beyond the noise'
+    >>> print(Answers("No gap beyond the noise", "Nowhere.", "None.", "There is nothing to close."))
+    No gap beyond the noise
+    Nowhere.
+    None.
+    There is nothing to close.
     """
 
     verdict: str
     where: str
     which: str
     how_far: str
+
+    def __str__(self) -> str:
+        return "\n".join(sentence for sentence in self if sentence)
 
 
 def answers(diagnosis: Diagnosis) -> Answers:
