@@ -119,6 +119,22 @@ def test_an_asperity_is_elastic_until_it_slides() -> None:
     np.testing.assert_allclose(force, -2.0 * z, atol=1e-9)
 
 
+def test_elements_slip_as_maxwell_says() -> None:
+    rng = np.random.default_rng(3)
+    x = 0.12 + 0.004 * np.cumsum(rng.normal(size=300))
+    s = Signals(position=x)
+    effect = make_effect("hysteresis", amplitude=0.0, slip=6.0, displacement=0.01, spread=0.8)
+    force = effect.force(s, effect.trace(s, PLANT, DT, np.array([0])), PLANT)
+    yields, z = 0.01 * np.exp(0.8 * np.arange(-2, 3) / np.sqrt(2)), np.zeros((300, 5))
+    for k in range(1, 300):
+        z[k] = np.clip(z[k - 1] + (x[k] - x[k - 1]) / yields, -1.0, 1.0)
+    np.testing.assert_allclose(force, -6.0 * z.mean(axis=1), atol=1e-9)
+    both = make_effect("hysteresis", amplitude=2.0, slip=6.0, displacement=0.01, spread=0.8)
+    alone = make_effect("hysteresis", amplitude=2.0, displacement=0.01, spread=0.8)
+    parts = [e.force(s, e.trace(s, PLANT, DT, np.array([0])), PLANT) for e in (both, alone)]
+    np.testing.assert_allclose(parts[0], parts[1] + force, atol=1e-9)
+
+
 def test_springs_remember_where_the_bench_stood() -> None:
     t = np.arange(400) * DT
     x = np.stack([0.15 + 0.02 * np.sin(9 * t), 0.09 - 0.02 * np.sin(9 * t)], axis=1)

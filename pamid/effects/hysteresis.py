@@ -14,32 +14,35 @@ _ELEMENTS = np.arange(-2, 3) / np.sqrt(2.0)
 
 
 class Hysteresis(Effect):
-    r"""Bouc–Wen hysteresis: after a reversal the force goes over gradually, whatever the speed.
+    r"""Elements that go over gradually after a reversal, whatever the speed: Bouc–Wen, Maxwell slip, or both.
 
-    .. math:: \Delta F = -\frac{A}{5} \sum_{k=-2}^{2} z_k, \qquad \frac{\mathrm{d}z_k}{\mathrm{d}x} = \frac{1}{\delta_k}
-        \left(1 - |z_k| \left(\beta\,\mathrm{sgn}(z_k\,\dot x) + 1 - \beta\right)\right), \qquad
-        \delta_k = \delta\,e^{k \sigma / \sqrt{2}}
+    .. math:: \Delta F = -\frac{1}{5} \sum_{k=-2}^{2} (A\,z_k + S\,s_k), \qquad
+        \delta_k = \delta\,e^{k \sigma / \sqrt{2}}, \qquad
+        \frac{\mathrm{d}z_k}{\mathrm{d}x} = \frac{1}{\delta_k} \left(1 - |z_k| \left(\beta\,
+        \mathrm{sgn}(z_k\,\dot x) + 1 - \beta\right)\right)
 
-    with z in [−1, 1] (Bouc–Wen of exponent 1, normalised). Without spread σ all elements are one. With it they go over
-    one after the other, as do the fibres of a braid and the elements of a Maxwell slip or Prandtl–Ishlinskii model.
+    with z in [−1, 1] (Bouc–Wen of exponent 1, normalised) and s, which moves straight by x / δ until it slips at ±1.
+    Without spread σ all elements are one. With it they go over one after the other, as do the fibres of a braid: the
+    smoother loops of Prandtl–Ishlinskii and Maxwell slip models.
 
     Parameters
     ----------
     **values : float
-        ``amplitude`` A (N), ``displacement`` δ (unit of the position), ``shape`` β and ``spread`` σ (dimensionless).
+        ``amplitude`` A of the Bouc–Wen elements and ``slip`` S of those that slip (N), ``displacement`` δ (unit of the
+        position), ``shape`` β and ``spread`` σ (dimensionless).
 
     References
     ----------
     M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of Computational Methods
     in Engineering 16, 2009. https://doi.org/10.1007/s11831-009-9031-8; F. Al-Bender, V. Lampaert, J. Swevers, "The
     generalized Maxwell-slip model: a novel model for friction simulation and compensation", IEEE Transactions on
-    Automatic Control 50(11), 2005, for elements side by side. https://doi.org/10.1109/TAC.2005.858676
+    Automatic Control 50(11), 2005, for elements that slip. https://doi.org/10.1109/TAC.2005.858676
 
     Examples
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("hysteresis", amplitude=8)
-    hysteresis(amplitude=8 N, displacement=0.01, shape=0.5, spread=0)
+    hysteresis(amplitude=8 N, slip=0 N, displacement=0.01, shape=0.5, spread=0)
     """
 
     name = "hysteresis"
@@ -47,15 +50,17 @@ class Hysteresis(Effect):
     equations = ("force",)
     roles = ("position",)
     source = "10.1007/s11831-009-9031-8"
-    n_states = len(_ELEMENTS)
+    n_states = 2 * len(_ELEMENTS)
     path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
+        Parameter("slip", "N", 0.0, 1e4, 0.0, "the same of the elements that slip", linear=True),
         Parameter("displacement", "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True),
         Parameter("shape", "-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl"),
         Parameter("spread", "-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements"),
     )
     amplitude: float
+    slip: float
     displacement: float
     shape: float
     spread: float
@@ -65,13 +70,18 @@ class Hysteresis(Effect):
         return np.zeros((self.n_states, *np.shape(s.position)))
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Move along the loop by the displacement between the two instants."""
-        moved = s1.position - s0.position
-        if self.spread == 0.0:
-            return np.broadcast_to(bouc_wen(x[:1], moved, self.displacement, self.shape), x.shape)
-        lengths = self.displacement * np.exp(self.spread * _ELEMENTS)
-        return bouc_wen(x, moved, lengths.reshape(-1, *[1] * np.ndim(moved)), self.shape)
+        """Move along the loops by the displacement between the two instants."""
+        moved, half = s1.position - s0.position, len(_ELEMENTS)
+        out = np.empty((self.n_states, *np.broadcast_shapes(x.shape[1:], np.shape(moved))))
+        alike = self.spread == 0.0
+        lengths = np.full(1, self.displacement) if alike else self.displacement * np.exp(self.spread * _ELEMENTS)
+        lengths = lengths.reshape(-1, *[1] * np.ndim(moved))
+        rows = 1 if alike else half
+        out[:half] = bouc_wen(x[:rows], moved, lengths, self.shape)
+        out[half:] = np.clip(x[half : half + rows] + moved / lengths, -1.0, 1.0)
+        return out
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return −A times the elements' mean, N."""
-        return -self.amplitude * (x[0] if self.spread == 0.0 else x.mean(axis=0))
+        """Return what the elements of both kinds hold against the motion, N."""
+        half = len(_ELEMENTS)
+        return -self.amplitude * x[:half].mean(axis=0) - self.slip * x[half:].mean(axis=0)
