@@ -103,7 +103,11 @@ class Clusters:
 
 
 def closures(
-    evidence: AnyEvidence, before: np.ndarray, after: np.ndarray, random_state: np.random.RandomState
+    evidence: AnyEvidence,
+    before: np.ndarray,
+    after: np.ndarray,
+    fitted: np.ndarray,
+    random_state: np.random.RandomState,
 ) -> list[Closure]:
     """Return how far each equation's gap shrinks on held-out trajectories.
 
@@ -113,6 +117,9 @@ def closures(
         The log.
     before, after : array, shape (n_windows,)
         Held-out residuals without and with the causes, in units of the noise.
+    fitted : array, shape (n_windows,)
+        The same with the causes where they were fitted to all trajectories. The correction is that one: it closes no
+        less than what is held out says of one from fewer trajectories, and no more than it does here.
     random_state : RandomState
         Draws trajectories with replacement.
     """
@@ -131,17 +138,19 @@ def closures(
                 for v in (
                     np.square(before[part]) * noise2,
                     np.square(after[part]) * noise2,
+                    np.square(fitted[part]) * noise2,
                     noise2,
                     np.ones(len(block)),
                 )
             ]
         )
-        b, a, floor, count = sums[:, draws].sum(axis=2)
+        b, a, least, floor, count = sums[:, draws].sum(axis=2)
         count = np.maximum(count, 1.0)
         # The floor is known to a few per cent itself, which is what the share of a faint gap hangs on.
         floor = floor * np.exp(2.0 * NOISE_KNOWN * np.concatenate([[0.0], random_state.standard_normal(DRAWS)]))
         share = _closed(b / count, a / count, floor / count)
-        ci = tuple(float(v) for v in np.nanquantile(share[1:], (0.05, 0.95))) if n > 1 else (0.0, 1.0)
+        most = _closed(b / count, np.minimum(least, a) / count, floor / count)
+        ci = (float(np.quantile(share[1:], 0.05)), float(np.quantile(most[1:], 0.95))) if n > 1 else (0.0, 1.0)
         rms_before, rms_after, rms_noise = (float(np.sqrt(v[0] / count[0])) for v in (b, a, floor))
         point = float(np.median(share))
         wide = _rescaled((min(ci[0], point), max(ci[1], point)), point, n)

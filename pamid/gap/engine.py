@@ -177,7 +177,7 @@ def _written(
     gap = before - after if known else before
     power = np.square(gap) if known else np.maximum(np.square(before) - 1.0, 0.0)
     energy = power * np.square(evidence.noise)
-    closure = closures(evidence, before, held_out, random_state)
+    closure = closures(evidence, before, held_out, after, random_state)
     equations = _equations(evidence, before, after, verdict)
     loud = [e.equation for e in equations if e.share > 0.1] or [equations[0].equation] if equations else []
     causes = _causes(evidence, verdict, clusters, closure) if known else []
