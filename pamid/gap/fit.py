@@ -12,7 +12,7 @@ from ..effects import Parameter, all_effects
 from .evidence import AnyEvidence, Spec
 from .likelihood import Solution, solve
 
-SLACK = 1.03
+SLACK = 1.005
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
 ROUNDS = 3
 """Most times that the linear model of the tolerances is laid anew where a fit has come to."""
