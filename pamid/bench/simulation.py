@@ -32,8 +32,8 @@ def as_effects(effects: Sequence[EffectLike]) -> list[Effect]:
     Examples
     --------
     >>> from pamid.bench.simulation import as_effects
-    >>> as_effects(["leakage", ("coulomb_friction", {"amplitude": 6.0})])
-    [leakage(conductance=1e-10 m^3/(s Pa)), coulomb_friction(amplitude=6 N, per_pressure=0 N/Pa, presliding=0.0002)]
+    >>> as_effects(["leakage", ("viscous_friction", {"coefficient": 40.0})])
+    [leakage(conductance=1e-10 m^3/(s Pa)), viscous_friction(coefficient=40 N s)]
     """
     if isinstance(effects, (str, Effect)):
         raise ParameterError(f"effects is {effects!r}.", "a sequence of effects", "Put it in a list.")
