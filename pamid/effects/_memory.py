@@ -95,6 +95,6 @@ def drawn_along(target: Array, decay: Array, starts: Array) -> Array:
     reach = 1
     while reach < len(x) and np.max(keep) > 1e-15:
         x[reach:] += keep[reach:] * x[:-reach]
-        keep[reach:] *= keep[:-reach].copy()
+        keep[reach:] *= keep[:-reach]
         reach *= 2
     return x

@@ -88,6 +88,11 @@ class Parameter:
     linear: bool = False
     essential: bool = False
 
+    @property
+    def share(self) -> bool:
+        """Whether it is a share from 0 to 1 between two forms of one effect."""
+        return (self.unit, self.lower, self.upper) == ("-", 0.0, 1.0)
+
 
 @dataclass(slots=True)
 class Signals:

@@ -280,7 +280,7 @@ def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
 
 def _mixes(p: Parameter) -> bool:
     """Tell whether a parameter says how much of another form an effect has, from none on: it has no order of size."""
-    return not p.linear and p.unit == "-" and p.lower == 0.0 and (p.nominal == 0.0 or p.upper == 1.0)
+    return not p.linear and (p.share or (p.unit == "-" and p.nominal == p.lower == 0.0))
 
 
 def _spec(slots: list[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:

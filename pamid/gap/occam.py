@@ -32,7 +32,7 @@ def width(p: Parameter, value: float) -> float:
 
     A share from 0 to 1 chooses between two forms of one effect and is expected near either end.
     """
-    if p.unit == "-" and p.lower == 0.0 and p.upper == 1.0:
+    if p.share:
         return SHARE
     if p.lower >= 0.0 and value > p.lower:
         return value - p.lower

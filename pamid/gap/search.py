@@ -180,16 +180,15 @@ class Search:
         weights = window_weights(plain, self.evidence.parts, self.fitter.weights)
         if soft is not None:
             weights = weights / np.square(soft)
+        likely = plain.loglik - unlikely
         if not k:
-            likely = plain.loglik - unlikely
             return Rival(added, fit, likely, likely, self.scales(plain.z), weights, plain.z)
         s = self.fitter.linear(z, columns, -bounds, bounds, prior, 4, fit.x, wide, widening)
         scaled = columns if wide is None else columns / wide[:, None]
         loose = s.loglik - form_cost(scaled, s, self.evidence.parts, prior, self.fitter.weights)
         own = self.softness(fit)
         left = s.z if own is None else s.z * (1.0 if soft is None else soft) / own
-        likely, loose = plain.loglik - unlikely, max(plain.loglik, loose) - unlikely
-        return Rival(added, fit, likely, loose, self.scales(left), weights, left)
+        return Rival(added, fit, likely, max(likely, loose - unlikely), self.scales(left), weights, left)
 
     def _with_spread(self, soft: np.ndarray | None, fit: Fit) -> np.ndarray | None:
         """Return a softness with the noise as it is under a fit."""

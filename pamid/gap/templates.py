@@ -47,7 +47,7 @@ class Template:
         if self.linear:
             return [{**self.fixed, **{name: float(v) for name, v in zip(self.linear, x, strict=False)}}]
         found = [dict(self.fixed)]
-        sizes = [p for p in all_effects()[self.effect].parameters if (p.lower, p.upper, p.unit) != (0.0, 1.0, "-")]
+        sizes = [p for p in all_effects()[self.effect].parameters if not p.share]
         if len(sizes) == 1 and 0.0 < x[0] < 0.7 and sizes[0].lower >= 0.0:
             # Part of an effect that vanishes with its only size, or with its inverse, is the effect with part of it.
             [p], share = sizes, float(max(x[0], 0.005))
@@ -89,7 +89,7 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
-    if p.nominal == 0.0 or (p.unit, p.lower, p.upper) == ("-", 0.0, 1.0):
+    if p.nominal == 0.0 or p.share:
         return [0.0, p.upper]
     low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
     points = _POINTS.get(n_nonlinear, 3)
