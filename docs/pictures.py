@@ -20,7 +20,7 @@ from pamid.bench import hold, isobaric, isometric, multisine, sealed_hold, sine,
 from pamid.bench.references import Trajectory
 from pamid.effects import all_effects
 from pamid.gap import diagnose
-from pamid.gap.evidence import Evidence
+from pamid.gap.residuals.bench import Evidence
 from pamid.plots.style import BLUE, FAINT, GREY, INK, ORANGE, save_figure, style
 from pamid.report.quantities import effect as called
 

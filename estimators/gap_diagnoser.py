@@ -86,7 +86,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
     effects_ : dict
         The causes with the values of their parameters: newton stands for the unit of y, pascal for that of the
         pressure, a displacement is in strains.
-    scaling_ : pamid.gap.scaling.Scaling
+    scaling_ : pamid.gap.residuals.scaling.Scaling
         The units in which the log looks like that of a muscle.
     findings_, windows_ : dict
         What `diagnosis_` is made of.
@@ -374,7 +374,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         return signals
 
     def _strain(self, signals: dict[str, np.ndarray]) -> float:
-        from pamid.gap.scaling import strain_scale
+        from pamid.gap.residuals.scaling import strain_scale
 
         if self.position_scale is not None:
             return float(self.position_scale)

@@ -12,7 +12,7 @@ import pytest
 from pamid.bench import BenchParameters, hold, isometric, sealed_hold, simulate, sine, step
 from pamid.cli import main
 from pamid.errors import EmptyLogError
-from pamid.gap.evidence import Evidence
+from pamid.gap.residuals.bench import Evidence
 from pamid.survey import survey_html
 from pamid.survey.answerable import RULES
 from pamid.survey.separation import _responses, _told

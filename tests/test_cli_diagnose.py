@@ -13,7 +13,7 @@ import pytest
 from pamid.bench import BenchParameters, simulate
 from pamid.bench.references import sine, step, triangle
 from pamid.cli import main
-from pamid.gap.diagnosis import VERDICTS
+from pamid.gap.diagnosis.result import VERDICTS
 from pamid.signals import write_log
 
 FRICTION = ("coulomb_friction", {"amplitude": 8.0, "presliding": 5e-4})

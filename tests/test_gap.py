@@ -15,15 +15,15 @@ from pamid.effects import all_effects, make_effect
 from pamid.equations import evaluate_log
 from pamid.errors import ExcitationError, MissingColumnError, UnknownOptionError
 from pamid.gap import diagnose, state_table
-from pamid.gap.evidence import Evidence
-from pamid.gap.fit import Fitter
-from pamid.gap.likelihood import bounded, form_cost, loglik, scale, solve
-from pamid.gap.notes import notes_on
-from pamid.gap.occam import occam
-from pamid.gap.search import Search, degenerate
-from pamid.gap.significance import library_test
-from pamid.gap.templates import templates
-from pamid.gap.where import regions
+from pamid.gap.diagnosis.localise import regions
+from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.occam import occam
+from pamid.gap.inference.search import Search, degenerate
+from pamid.gap.inference.sensitivity import templates
+from pamid.gap.inference.significance import library_test
+from pamid.gap.inference.student_t import bounded, form_cost, loglik, scale, solve
+from pamid.gap.residuals.bench import Evidence
+from pamid.gap.residuals.checks import notes_on
 from pamid.signals.paths import play, reversals
 
 NOMINAL = BenchParameters.for_muscle("B").replace(

@@ -7,7 +7,7 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.gap import diagnose, engine
-from pamid.gap.verdict import _patched
+from pamid.gap.diagnosis.decide import _patched
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
     tolerance={"rest_diameter": 0.005, "sonic_conductance": 0.02, "viscous_damping": 0.1, "inertia": 0.02}

@@ -8,11 +8,11 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.gap import diagnose
-from pamid.gap.closure import Clusters, _rescaled
-from pamid.gap.evidence import Evidence
-from pamid.gap.fit import Fitter
-from pamid.gap.search import Search
-from pamid.gap.where import regions
+from pamid.gap.diagnosis.closure import Clusters, _rescaled
+from pamid.gap.diagnosis.localise import regions
+from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.search import Search
+from pamid.gap.residuals.bench import Evidence
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
     tolerance={"rest_diameter": 0.005, "sonic_conductance": 0.02, "inertia": 0.02, "viscous_damping": 0.1}

@@ -14,7 +14,7 @@ from pamid.bench import BenchParameters, simulate
 from pamid.bench.references import sine, step, triangle
 from pamid.equations import all_equations, residuals
 from pamid.errors import OutputError, ParameterError, UnknownOptionError
-from pamid.gap.diagnosis import (
+from pamid.gap.diagnosis.result import (
     Band,
     Candidate,
     Cause,

@@ -8,10 +8,10 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.equations import residuals
-from pamid.gap.evidence import Evidence
-from pamid.gap.fit import Fitter
-from pamid.gap.likelihood import loglik
-from pamid.gap.whitening import Whitening
+from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.student_t import loglik
+from pamid.gap.residuals.bench import Evidence
+from pamid.gap.residuals.whitening import Whitening
 
 BENCH = BenchParameters.for_muscle("B").replace(tolerance={})
 

@@ -1,6 +1,7 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
-from .diagnosis import (
+from .diagnosis.localise import state_table
+from .diagnosis.result import (
     Band,
     Candidate,
     Cause,
@@ -13,7 +14,6 @@ from .diagnosis import (
     TrajectoryShare,
 )
 from .engine import diagnose
-from .where import state_table
 
 __all__ = [
     "Band",

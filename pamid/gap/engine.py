@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects.registry import chosen_effects
-from .closure import Clusters, closures, main_equation
-from .diagnosis import Candidate, Cause, Diagnosis, EquationFinding
-from .evidence import STATE, Evidence
-from .experiment import next_experiment
-from .fit import Fit, Fitter
-from .leftover import leftover
-from .notes import check, notes_on, without_stuck
-from .search import Search
-from .signal_evidence import SignalEvidence
-from .significance import excess
-from .verdict import Verdict, decide
-from .where import bands, regions, shares, trajectories
+from .diagnosis.closure import Clusters, closures, main_equation
+from .diagnosis.decide import Verdict, decide
+from .diagnosis.localise import bands, regions, shares, trajectories
+from .diagnosis.next_experiment import next_experiment
+from .diagnosis.remainder import leftover
+from .diagnosis.result import Candidate, Cause, Diagnosis, EquationFinding
+from .inference.gauss_newton import Fit, Fitter
+from .inference.search import Search
+from .inference.significance import excess
+from .residuals.bench import Evidence
+from .residuals.checks import check, notes_on, without_stuck
+from .residuals.protocol import STATE, ResidualSource
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,18 +96,18 @@ def diagnose(
 
 
 def explain(
-    evidence: Evidence | SignalEvidence,
+    evidence: ResidualSource,
     library: Sequence[str],
     random_state: np.random.RandomState,
     notes: list[str],
     say: Callable[[str], None] = lambda _: None,
-    searched: Evidence | SignalEvidence | None = None,
+    searched: ResidualSource | None = None,
 ) -> Diagnosis:
     """Decide on evidence and write down what it says.
 
     Parameters
     ----------
-    evidence : Evidence or SignalEvidence
+    evidence : ResidualSource
         The log, held against its model.
     library : sequence of str
         Effects that may be causes.
@@ -117,7 +117,7 @@ def explain(
         What the reader must know.
     say : callable, optional
         Called with a short text at each step.
-    searched : Evidence or SignalEvidence, optional
+    searched : ResidualSource, optional
         The part of it in which causes are searched; all by default.
     """
     from threadpoolctl import threadpool_limits
@@ -208,7 +208,7 @@ def _written(
     )
 
 
-def _balanced(evidence: Evidence | SignalEvidence, power: np.ndarray) -> np.ndarray:
+def _balanced(evidence: ResidualSource, power: np.ndarray) -> np.ndarray:
     """Return the power with each equation's weighed by how clearly it shows there, not by its unit."""
     out = np.zeros(len(power))
     for part in evidence.parts:
@@ -219,9 +219,9 @@ def _balanced(evidence: Evidence | SignalEvidence, power: np.ndarray) -> np.ndar
 
 
 def _equations(
-    evidence: Evidence | SignalEvidence, before: np.ndarray, after: np.ndarray, verdict: Verdict
+    evidence: ResidualSource, before: np.ndarray, after: np.ndarray, verdict: Verdict
 ) -> list[EquationFinding]:
-    from .likelihood import scale
+    from .inference.student_t import scale
 
     sizes = [scale(before[part], 0.0) for part in evidence.parts]
     over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
@@ -243,7 +243,7 @@ def _equations(
 
 
 def _causes(
-    evidence: Evidence | SignalEvidence,
+    evidence: ResidualSource,
     verdict: Verdict,
     clusters: Clusters,
     closure: list[Any],
@@ -350,7 +350,7 @@ def _leads(shares_of: dict[str, float]) -> dict[str, float]:
     return {name: w / sum(weight.values()) for name, w in weight.items()}
 
 
-def _explained(base: Fit, fit: Fit, evidence: Evidence | SignalEvidence) -> float:
+def _explained(base: Fit, fit: Fit, evidence: ResidualSource) -> float:
     """Return the share of the explainable gap that a fit closes where the gap is largest."""
     raw = evidence.raw(base.z), evidence.raw(fit.z)
     b, a = (np.array([float(np.mean(np.square(z[p]))) - 1.0 for p in evidence.parts]) for z in raw)
@@ -358,7 +358,7 @@ def _explained(base: Fit, fit: Fit, evidence: Evidence | SignalEvidence) -> floa
     return float(np.clip((b[k] - a[k]) / b[k], 0.0, 1.0)) if b[k] > 0.02 else 0.0
 
 
-def _windows(evidence: Evidence | SignalEvidence, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
+def _windows(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
     import pandas as pd
 
     names = np.empty(len(before), dtype=object)

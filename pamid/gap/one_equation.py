@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..effects import Plant, all_effects
-from .diagnosis import Diagnosis
-from .floor import explainable_floor, sense_of
-from .scaling import Scaling, Table, scaling_of
-from .signal_evidence import SignalEvidence
-from .templates import Template, templates
+from .diagnosis.result import Diagnosis
+from .inference.floor import explainable_floor, sense_of
+from .inference.sensitivity import Template, templates
+from .residuals.scaling import Scaling, Table, scaling_of
+from .residuals.single import SignalEvidence
 
 _STUCK = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 

@@ -12,7 +12,7 @@ from .sentences import answers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..gap.diagnosis import Diagnosis
+    from ..gap.diagnosis.result import Diagnosis
 
 KINDS = ("map", "loop", "ranking", "spectrum", "closure")
 """What can be drawn."""

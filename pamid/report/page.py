@@ -16,7 +16,7 @@ from .sections import Source, all_sections
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from ..gap.diagnosis import Diagnosis
+    from ..gap.diagnosis.result import Diagnosis
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

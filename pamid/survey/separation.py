@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
-    from ..gap.evidence import Evidence
+    from ..gap.residuals.bench import Evidence
 
 SEEN = 5.0
 """Standard deviations of the noise that an effect must stand out by."""
@@ -75,7 +75,7 @@ def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separat
         Kind and parameters of the run to record next, the effects that it would show or split in ``splits``; None where
         none would.
     """
-    from ..gap.evidence import Evidence
+    from ..gap.residuals.bench import Evidence
 
     evidence = Evidence(_shortened(log), params)
     names, D = _responses(evidence)
@@ -149,8 +149,8 @@ def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
 def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
     """Return the run of the diagnosis's own choices that would show or split most of what this log leaves open."""
     from ..bench import simulate
-    from ..gap.evidence import Evidence
-    from ..gap.experiment import CHOICES
+    from ..gap.diagnosis.next_experiment import CHOICES
+    from ..gap.residuals.bench import Evidence
 
     if not names:
         return None

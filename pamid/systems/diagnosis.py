@@ -13,7 +13,7 @@ from .base import System
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..gap.diagnosis import Diagnosis
+    from ..gap.diagnosis.result import Diagnosis
 
 
 def diagnose_system(

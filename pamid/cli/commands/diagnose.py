@@ -27,7 +27,7 @@ from ..common import (
 )
 
 if TYPE_CHECKING:
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
     from ...report.sections import Source
 
 FILES = ("diagnosis.json", "corrected.toml", "report.html")

@@ -12,7 +12,7 @@ from ..quantities import effect, listed, residual
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Closure, Diagnosis
+    from ...gap.diagnosis.result import Closure, Diagnosis
 
 _WORDS = 26  # letters of a label that fit beside the bars
 

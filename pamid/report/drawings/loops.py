@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 _ACROSS = {
     "force": ("eps", "x", "P"),

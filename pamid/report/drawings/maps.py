@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 AXES = {
     "force": (("eps", "deps"), ("eps", "P"), ("deps", "P"), ("x", "velocity"), ("x", "P"), ("velocity", "P")),

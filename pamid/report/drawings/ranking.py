@@ -10,7 +10,7 @@ from ..quantities import effect
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 
 def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:

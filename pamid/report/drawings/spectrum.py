@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 _SEGMENT = 128  # windows of one periodogram
 _SHORTEST = 16

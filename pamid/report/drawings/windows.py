@@ -11,7 +11,7 @@ from ...errors import UnknownOptionError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 400_000  # windows of a map; more change no cell's mean visibly
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis import Diagnosis
+    from ...gap.diagnosis.result import Diagnosis
 
 
 class Source(NamedTuple):

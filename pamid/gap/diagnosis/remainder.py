@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .evidence import AnyEvidence
+from ..residuals.protocol import ResidualSource
 
 _TERMS = 3
 """Terms of the closest formula."""
@@ -14,7 +14,7 @@ _LEAST = 200
 """Windows below which nothing is said."""
 
 
-def leftover(evidence: AnyEvidence, equation: str, z: np.ndarray) -> dict[str, Any]:
+def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str, Any]:
     r"""Describe the residual of one equation.
 
     A flexible learner on the state predicts it for trajectories that it has not seen; the share that it predicts is
@@ -23,7 +23,7 @@ def leftover(evidence: AnyEvidence, equation: str, z: np.ndarray) -> dict[str, A
 
     Parameters
     ----------
-    evidence : Evidence or SignalEvidence
+    evidence : ResidualSource
         The log.
     equation : str
         The equation.
@@ -78,7 +78,7 @@ def _learned(state: dict[str, np.ndarray], y: np.ndarray, block: np.ndarray, exc
     return {"predictable_share": float(np.clip(share, 0.0, 1.0)), "depends_on": names if share > 0.1 else []}
 
 
-def _rhythm(y: np.ndarray, evidence: AnyEvidence, part: slice) -> dict[str, Any]:
+def _rhythm(y: np.ndarray, evidence: ResidualSource, part: slice) -> dict[str, Any]:
     """Return the frequency at which all runs together have a line, and its share of the power."""
     run, side, time = evidence.run[part], evidence.side[part], evidence.time[part]
     step = float(np.median(np.diff(time[(run == run[0]) & (side == side[0])])))

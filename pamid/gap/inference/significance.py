@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .evidence import AnyEvidence
-from .fit import Fit
-from .likelihood import NU
+from ..residuals.protocol import ResidualSource
+from .gauss_newton import Fit
 from .search import least_penalty
-from .templates import Template
+from .sensitivity import Template
+from .student_t import NU
 
 REPLICATES = 199
 
@@ -35,7 +35,7 @@ class Significance(NamedTuple):
 
 
 def library_test(
-    evidence: AnyEvidence, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
+    evidence: ResidualSource, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
 ) -> Significance:
     r"""Test whether any effect of the library explains more than noise would let it.
 
@@ -95,7 +95,7 @@ def library_test(
     return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
 
 
-def _signs(evidence: AnyEvidence, random_state: np.random.RandomState) -> np.ndarray:
+def _signs(evidence: ResidualSource, random_state: np.random.RandomState) -> np.ndarray:
     """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
     stretch = np.floor(evidence.time / evidence.stretch).astype(int)
     _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
@@ -124,7 +124,7 @@ NOISE_KNOWN = 0.04
 """How well the noise of an equation is known from its own signals, as a share."""
 
 
-def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Excess:
+def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) -> Excess:
     """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
     from scipy.stats import norm
 
@@ -141,7 +141,7 @@ def excess(evidence: AnyEvidence, z: np.ndarray, part: slice, size: float) -> Ex
     return Excess(size, float(norm.sf((mean - 1.0) / np.hypot(error, known))))
 
 
-def outliers(evidence: AnyEvidence, z: np.ndarray) -> float:
+def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
     """Return the probability of as many windows far beyond their noise, which a robust scale does not hear of.
 
     Only equations without derivatives count: others may err where a command jumps between two samples.

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
+    from ...bench.parameters import BenchParameters
 
 SCHEMA = 1
 VERDICTS = ("cause", "class", "several", "unknown", "none")

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..constants import ATMOSPHERIC_PRESSURE
-from ..effects import Effect, Plant, Signals, all_effects, make_effect
-from ..equations.noise import channel_noise
-from ..signals.paths import play, reversals
-from .evidence import STATE, Spec
+from ...constants import ATMOSPHERIC_PRESSURE
+from ...effects import Effect, Plant, Signals, all_effects, make_effect
+from ...equations.noise import channel_noise
+from ...signals.paths import play, reversals
+from .protocol import STATE, Spec
 
 Table = Mapping[str, np.ndarray]
 """Signals by role, see `pamid.effects.Signals`."""
@@ -50,7 +50,7 @@ def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], n
 class SignalEvidence:
     """Residuals of one equation under effects that its model leaves out.
 
-    It has what the search over the library reads of `pamid.gap.evidence.Evidence`.
+    A `pamid.gap.residuals.protocol.ResidualSource` without tolerances.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class SignalEvidence:
     """Share of the gap that a cause may leave: a real friction is never quite the library's."""
     exact = False
     """Any model may be wrong in several small ways at once."""
-    sharp: Sequence[slice] = ()
+    sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 6.0
     """Gain in log-likelihood that a first effect must bring at least: how the noise of any target depends on its past

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import all_effects
-from .evidence import Spec
+from ...effects import all_effects
+from .protocol import Spec
 
 Table = Mapping[str, np.ndarray]
 

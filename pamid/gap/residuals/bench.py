@@ -3,32 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects import all_effects
-from ..equations.base import Equation, Residual
-from ..equations.evaluate import allowed_equations, window_residual
-from ..equations.run import SIGNS, Model, Run, columns_of, runs
+from ...effects import all_effects
+from ...equations.base import Equation, Residual
+from ...equations.evaluate import allowed_equations, window_residual
+from ...equations.run import SIGNS, Model, Run, columns_of, runs
+from .protocol import STATE, Spec
 from .whitening import Whitening
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
-
-if TYPE_CHECKING:
-    from .signal_evidence import SignalEvidence
-
-AnyEvidence: TypeAlias = "Evidence | SignalEvidence"
-
-Spec = Mapping[str, Mapping[str, float]]
-"""Effects by name, with the values of their parameters."""
-
-STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
-"""The state at the centre of a window: contraction ratio and its rate (1/s), absolute pressure (Pa) and its rate
-(Pa/s), valve command, joint angle (rad) and its rate (rad/s)."""
+    from ...bench.parameters import BenchParameters
 
 CHANNELS = ("P", "F", "mdot", "u")
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..signals.paths import reversals
-from .likelihood import bounded
-from .signal_evidence import SignalEvidence
-from .templates import Template
+from ...signals.paths import reversals
+from ..residuals.single import SignalEvidence
+from .sensitivity import Template
+from .student_t import bounded
 
 LAGS = (0.02, 0.1, 0.5, 2.0)
 """Ages of the past signals that the learner reads, s."""

@@ -7,8 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from ..effects import all_effects
-from .fit import Fit
+from ...effects import all_effects
+from .gauss_newton import Fit
 from .search import MAX_CAUSES, Rival, Search, Stage, cross, has_form
 
 LEAST_GAIN = 10.0

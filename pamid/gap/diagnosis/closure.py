@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..effects import all_effects
-from .diagnosis import Closure, Interval, ParameterEstimate
-from .evidence import AnyEvidence
-from .fit import Fit, Fitter, slots_of
-from .likelihood import NU
-from .significance import NOISE_KNOWN
+from ...effects import all_effects
+from ..inference.gauss_newton import Fit, Fitter, slots_of
+from ..inference.significance import NOISE_KNOWN
+from ..inference.student_t import NU
+from ..residuals.protocol import ResidualSource
+from .result import Closure, Interval, ParameterEstimate
 
 DRAWS = 400
 FEW = 2
@@ -103,7 +103,7 @@ class Clusters:
 
 
 def closures(
-    evidence: AnyEvidence,
+    evidence: ResidualSource,
     before: np.ndarray,
     after: np.ndarray,
     fitted: np.ndarray,
@@ -208,7 +208,7 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
     return {name: float(np.clip(v / total, 0.0, 1.0)) for name, v in share.items()}
 
 
-def main_equation(evidence: AnyEvidence, effect: str, contribution: np.ndarray) -> str:
+def main_equation(evidence: ResidualSource, effect: str, contribution: np.ndarray) -> str:
     """Return the equation in which an effect is loudest."""
     loud = {
         name: float(np.mean(np.square(contribution[part])))

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..equations.run import columns_of, trajectory_rows
-from ..errors import ExcitationError
-from .evidence import Evidence
+from ...equations.run import columns_of, trajectory_rows
+from ...errors import ExcitationError
+from .bench import Evidence
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
+    from ...bench.parameters import BenchParameters
 
 _STUCK = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
 _MOVED = 0.02  # rad
@@ -29,8 +29,8 @@ def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
     ExcitationError
         Neither angle nor pressure moves.
     """
-    from ..equations.evaluate import allowed_equations
-    from ..errors import MissingColumnError
+    from ...equations.evaluate import allowed_equations
+    from ...errors import MissingColumnError
 
     allowed, skipped = allowed_equations(log)
     if not allowed:

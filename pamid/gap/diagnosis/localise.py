@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .diagnosis import Band, Region, TrajectoryShare
-from .evidence import AnyEvidence
+from ..residuals.protocol import ResidualSource
+from .result import Band, Region, TrajectoryShare
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
+    from ...bench.parameters import BenchParameters
 
 BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 25.0))
 """Bands of frequency, Hz; windows of 20 ms see no more than 25 Hz."""
@@ -56,7 +56,7 @@ def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from ..equations.run import SIGNS, Model, columns_of, runs
+    from ...equations.run import SIGNS, Model, columns_of, runs
 
     channels = ["P"] if all(c in log.columns for c in columns_of("P")) else []
     p = params
@@ -81,7 +81,7 @@ def shares(values: np.ndarray) -> np.ndarray:
     return values / total if total > 0 else np.full(len(values), 1.0 / max(len(values), 1))
 
 
-def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int = 24) -> list[Region]:
+def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: int = 24) -> list[Region]:
     """Return the regions of the state that together hold most of an equation's gap in few of its samples.
 
     The fewest windows that hold `ENERGY` of the gap are told from the others by a tree on the state; its leaves that
@@ -89,7 +89,7 @@ def regions(evidence: AnyEvidence, equation: str, power: np.ndarray, most: int =
 
     Parameters
     ----------
-    evidence : Evidence or SignalEvidence
+    evidence : ResidualSource
         The log.
     equation : str
         The equation.
@@ -197,7 +197,7 @@ def _path(tree: Any, node: int, columns: list[str]) -> str:
     return " and ".join(terms)
 
 
-def bands(evidence: AnyEvidence, equation: str, gap: np.ndarray) -> list[Band]:
+def bands(evidence: ResidualSource, equation: str, gap: np.ndarray) -> list[Band]:
     """Return how the power of an equation's gap is spread over frequency."""
     part = evidence.parts[evidence.equations.index(equation)]
     g, run, side, time = gap[part], evidence.run[part], evidence.side[part], evidence.time[part]
@@ -215,7 +215,7 @@ def bands(evidence: AnyEvidence, equation: str, gap: np.ndarray) -> list[Band]:
     return [Band(equation, *b, share=float(s)) for b, s in zip(BANDS, shares(power), strict=True)]
 
 
-def trajectories(evidence: AnyEvidence, power: np.ndarray) -> list[TrajectoryShare]:
+def trajectories(evidence: ResidualSource, power: np.ndarray) -> list[TrajectoryShare]:
     """Return how a gap's power is spread over the trajectories, the largest share first."""
     sums = np.bincount(evidence.block, power, minlength=len(evidence.trajectories))
     found = [TrajectoryShare(n, float(s)) for n, s in zip(evidence.trajectories, shares(sums), strict=True)]

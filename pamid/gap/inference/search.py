@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import all_effects
-from .evidence import AnyEvidence
-from .fit import Fit, Fitter, joined, slots_of
-from .likelihood import form_cost, scale, window_weights
+from ...effects import all_effects
+from ..residuals.protocol import ResidualSource
+from .gauss_newton import Fit, Fitter, joined, slots_of
 from .occam import occam
-from .templates import Template, templates
+from .sensitivity import Template, templates
+from .student_t import form_cost, scale, window_weights
 
 SHORT_LIST = 5, 8
 """Effects that are refitted at each stage: at least so many, and at most so many that come close to the best."""
@@ -103,7 +103,7 @@ class Search:
 
     def __init__(
         self,
-        evidence: AnyEvidence,
+        evidence: ResidualSource,
         fitter: Fitter,
         library: Sequence[str],
         progress: Callable[[str], None] | None = None,
@@ -331,7 +331,7 @@ def _raw_scale(z: np.ndarray) -> float:
     return scale(z, 0.0)
 
 
-def least_penalty(k: int, evidence: AnyEvidence) -> float:
+def least_penalty(k: int, evidence: ResidualSource) -> float:
     """Return what k parameters of one effect cost at first sight: Schwarz's price, once; others may bend little."""
     return 0.5 * float(np.log(max(len(evidence.z0), 2))) + 1.5 * (k - 1)
 

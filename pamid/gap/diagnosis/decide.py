@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..effects import all_effects
+from ...effects import all_effects
+from ..inference.gauss_newton import Fit, Fitter
+from ..inference.growth import grow
+from ..inference.search import MAX_CAUSES, Rival, Search, Stage, has_form
+from ..inference.significance import Excess, Significance, excess, library_test, outliers
+from ..residuals.protocol import ResidualSource
 from .closure import shapley
-from .evidence import AnyEvidence
-from .fit import Fit, Fitter
-from .growth import grow
-from .search import MAX_CAUSES, Rival, Search, Stage, has_form
-from .significance import Excess, Significance, excess, library_test, outliers
 
 FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
@@ -76,7 +76,7 @@ class Verdict:
 
 
 def decide(
-    evidence: AnyEvidence,
+    evidence: ResidualSource,
     library: Sequence[str],
     random_state: np.random.RandomState,
     progress: Callable[[str], None] | None = None,

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..effects import Parameter, all_effects
-from .evidence import AnyEvidence, Spec
-from .likelihood import Solution, solve
+from ...effects import Parameter, all_effects
+from ..residuals.protocol import ResidualSource, Spec
+from .student_t import Solution, solve
 
 SLACK = 1.005
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
@@ -66,7 +66,7 @@ class Fitter:
         The log.
     """
 
-    def __init__(self, evidence: AnyEvidence) -> None:
+    def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
         self.low, self.high = np.full(self.n, -SLACK), np.full(self.n, SLACK)

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects import Parameter
+from ...effects import Parameter
 
 SHARE = 0.05
 """How far from either end a share between two forms is expected."""

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
-from .diagnosis import NextExperiment
-from .evidence import Evidence
+from ...bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
+from ..residuals.bench import Evidence
+from .result import NextExperiment
 
 if TYPE_CHECKING:
-    from ..bench.parameters import BenchParameters
-    from ..bench.references import Trajectory
-    from .search import Search
-    from .verdict import Verdict
+    from ...bench.parameters import BenchParameters
+    from ...bench.references import Trajectory
+    from ..inference.search import Search
+    from .decide import Verdict
 
 SAMPLES = 2000
 CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [

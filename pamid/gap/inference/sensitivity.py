@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import Effect, Parameter, all_effects
-from .evidence import AnyEvidence
+from ...effects import Effect, Parameter, all_effects
+from ..residuals.protocol import ResidualSource
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -56,7 +56,7 @@ class Template:
         return found
 
 
-def templates(evidence: AnyEvidence, effect: type[Effect]) -> list[Template]:
+def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
     """Return an effect's templates; none if it changes no equation that the log allows."""
     if not evidence.touched([effect.name]):
         return []
@@ -100,7 +100,7 @@ def _unit(p: Parameter) -> float:
     return p.nominal if p.nominal else 0.01 * p.upper
 
 
-def _small_change(evidence: AnyEvidence, name: str, p: Parameter) -> list[Template]:
+def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Template]:
     """Return the template of a parameter that changes the equations themselves, to first order."""
     h = 0.1 * p.nominal if p.nominal else 0.01 * p.upper
     D = (evidence.z({name: {p.name: h}}) - evidence.z0) / h

@@ -1,0 +1,1 @@
+"""The answer: verdict, place, closure, remainder, next experiment."""

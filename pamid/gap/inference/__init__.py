@@ -1,0 +1,1 @@
+"""Which effects explain residuals: likelihood, fits, sensitivities, search, significance."""

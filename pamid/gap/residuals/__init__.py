@@ -1,0 +1,1 @@
+"""Residual sources: a log held against a simulator, as one vector of windows."""

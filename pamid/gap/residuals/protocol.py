@@ -1,0 +1,125 @@
+"""What the inference reads of a log: windowed residuals in units of their noise, whatever simulator they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+Spec = Mapping[str, Mapping[str, float]]
+"""Effects by name, with the values of their parameters."""
+
+STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
+"""The state at the centre of a window: contraction ratio and its rate (1/s), absolute pressure (Pa) and its rate
+(Pa/s), valve command, joint angle (rad) and its rate (rad/s)."""
+
+
+class ResidualSource(Protocol):
+    """A log held against a simulator, as one vector of windows.
+
+    A bench, a single equation and any other simulator are sources; nothing behind this protocol knows which.
+
+    Attributes
+    ----------
+    equations : list of str
+        The equations (of a simulator: its ports) that the log allows.
+    parts : list of slice
+        The windows of each.
+    units : dict of str to str
+        The unit of each.
+    skipped : dict of str to str
+        Equations that were left out, and why.
+    z0 : array, shape (n_windows,)
+        Residuals of the simulator as given, in units of their noise and white, equation after equation.
+    noise : array, shape (n_windows,)
+        Standard deviation of each window's noise, in the unit of its equation.
+    measured : array, shape (n_windows,)
+        The measured side of each window's equation.
+    J : array, shape (n_windows, n_free)
+        Change of the residuals by one tolerance of each free parameter.
+    free : list of str
+        Parameters that have a tolerance.
+    weights : array, shape (n_equations,)
+        What a window of each equation counts for, less than one where neighbours repeat each other.
+    run, side, block : array of int, shape (n_windows,)
+        Stretch of the log, muscle (or joint) and trajectory of each window.
+    time : array, shape (n_windows,)
+        Centres of the windows, s.
+    trajectories : list of str
+        Names of the trajectories.
+    stretch : float
+        Length of time beyond which residuals forget, s.
+    sharp : sequence of slice
+        Windows in which none may be far out by chance.
+    """
+
+    equations: list[str]
+    parts: list[slice]
+    units: dict[str, str]
+    skipped: dict[str, str]
+    z0: np.ndarray
+    noise: np.ndarray
+    measured: np.ndarray
+    J: np.ndarray
+    free: list[str]
+    weights: np.ndarray
+    run: np.ndarray
+    side: np.ndarray
+    block: np.ndarray
+    time: np.ndarray
+    trajectories: list[str]
+    sharp: list[slice]
+    stretch: float
+    form_left: float
+    audible: float
+    exact: bool
+    least_gain: float
+    decisive: float
+
+    @property
+    def state(self) -> dict[str, np.ndarray]:
+        """The state at each window, by the names of `STATE`; NaN where it has none."""
+        ...
+
+    def z(
+        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    ) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in units of the noise and white."""
+        ...
+
+    def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
+        ...
+
+    def raw(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals as the windows have them, in units of each window's noise."""
+        ...
+
+    def white(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals with noise that is independent from window to window: the inverse of `raw`."""
+        ...
+
+    def touched(self, names: Collection[str]) -> list[str]:
+        """Return the equations that effects change."""
+        ...
+
+    def widening(self, spec: Spec) -> np.ndarray | None:
+        """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
+        ...
+
+    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
+        """Return how wide the noise is under a changed simulator, as a share of the nominal one's; None if the same."""
+        ...
+
+    def prior(self, name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected."""
+        ...
+
+    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
+        """Return what causes may leave for their form, in noise, of residuals of a scale."""
+        ...
+
+    def column(self, name: str, side: int = 0) -> str:
+        """Return the name under which a reader knows a signal of the state."""
+        ...
