@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 import tomllib
 
 import numpy as np
@@ -15,7 +14,8 @@ import scipy.io
 from pamid.bench import BenchParameters, simulate, sine
 from pamid.cli import main
 from pamid.signals import LogMapping, read_log
-from pamid.signals.guess import guess_columns, guess_kind, split_name
+from pamid.signals.guess import guess_columns, guess_kind
+from pamid.signals.headers import read_header
 from pamid.systems import all_systems, read_system
 from pamid.systems.draft import kinds
 
@@ -84,18 +84,27 @@ def test_a_column_is_recognised(name, values, kind, signal, unit):
 
 
 def test_gauge_and_absolute_are_told_apart_where_they_can_be():
-    def guess(name: str, low: float, high: float):
-        return guess_columns(pd.DataFrame({name: np.linspace(low, high, 99)}), kind="muscle")[0]
+    def gauge(name: str, low: float, high: float):
+        found = guess_columns(pd.DataFrame({name: np.linspace(low, high, 99)}), kind="muscle")[0]
+        return found.gauge if found.settled else "open"
 
-    assert (guess("P [bar]", 0.0, 6.0).gauge, guess("P [bar]", 0.0, 6.0).sure) == (True, True)
-    assert (guess("P [bar]", 1.01, 7.0).gauge, guess("P [bar]", 1.01, 7.0).sure) == (False, True)
-    assert (guess("P [bar]", 2.0, 6.0).gauge, guess("P [bar]", 2.0, 6.0).sure) == (True, False)
-    assert guess("P [bara]", 2.0, 6.0).gauge is None
+    assert gauge("pressure [bar]", 0.0, 6.0) is True
+    assert gauge("P [bar]", 0.0, 6.0) is True  # no absolute pressure falls so low
+    assert gauge("pressure [bar]", 0.94, 7.06) == "open"
+    assert gauge("pressure [bar]", 1.19, 2.82) == "open"
+    assert gauge("P", 1.2e5, 4e5) is False
+    assert gauge("p", 1.2e5, 4e5) is True
+    assert gauge("Überdruck [bar]", 2.0, 6.0) is True
+    assert gauge("pressure abs [bar]", 2.0, 6.0) is False
+    assert gauge("pressure [bara]", 2.0, 6.0) is None  # the unit says it
+    assert gauge("Druck [bar(ü)]", 2.0, 6.0) is None
 
 
 def test_one_signal_is_taken_from_one_column():
     found = guess_columns(pd.DataFrame({"pressure": BAR, "pressure_2": BAR, "P": 1e5 * BAR}), kind="muscle")
-    assert [g.signal for g in found] == ["P", "", ""]
+    assert [g.signal for g in found] == ["", "", "P"]
+    found = guess_columns(pd.DataFrame({"Druck A [bar]": BAR, "Druck B [bar]": BAR}), kind="muscle")
+    assert found[0].question == "'Druck A [bar]' and 'Druck B [bar]' may each be P"
 
 
 def test_kinds_follow_from_signals():
@@ -107,16 +116,46 @@ def test_kinds_follow_from_signals():
     assert set(kinds()) == {"bench", *all_systems()}
 
 
-def test_words_and_units_of_names():
-    assert split_name("stroke_mm") == (["stroke"], "mm")
-    assert split_name("F in N") == (["f"], "N")
-    assert split_name("valve_2") == (["valve", "2"], None)
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("stroke_mm", "stroke", "mm"),
+        ("F in N", "f", "N"),
+        ("valve_2", "valve 2", None),
+        ("Kraft [daN]", "kraft", "daN"),
+        ("p/bar", "p", "bar"),
+        ("v / (m/s)", "v", "m/s"),
+        ("flow_l_min", "flow", "L/min"),
+        ("Druck (gefiltert) [mbar]", "druck gefiltert", "mbar"),
+        ("Drehzahl in U/min", "drehzahl", "rpm"),
+        ("Winkel (Grad)", "winkel", "deg"),
+        ("Spannung [N/mm²]", "spannung", "MPa"),
+        ("pressure_kPa_gauge_1", "pressure gauge 1", "kPa"),
+        ("/joint_states/position[0]", "joint states position 0", None),
+        ("[ms]", "", "ms"),
+        ("Dev1/ai0", "dev 1 ai 0", None),
+    ],
+)
+def test_words_and_units_of_headers(name, words, unit):
+    found = read_header(name)
+    assert (" ".join(found.words), found.unit, found.unread) == (words, unit, "")
+
+
+def test_a_unit_that_is_not_known_is_named():
+    assert read_header("Kraft [Nx]").unread == "Nx"
+    (guess,) = guess_columns(pd.DataFrame({"Kraft [Nx]": BAR}), kind="cylinder")
+    assert "'Nx'" in guess.question
+    (guess,) = guess_columns(pd.DataFrame({"flow [l/min]": BAR}), kind="muscle")
+    assert "at which conditions" in guess.question
+    (guess,) = guess_columns(pd.DataFrame({"Druck [V]": BAR}), kind="cylinder")
+    assert (guess.signal, guess.why) == ("", "its unit V is one of voltage, not of P")
 
 
 # --- writing ----------------------------------------------------------------------------------------------------
 def test_a_muscle_from_flags(muscle, tmp_path):
     numbers = ["--set", "rest_length=200 mm", "--set", "rest_diameter=20 mm"]
-    log = made(tmp_path / "a", muscle, "--kind", "muscle", *numbers, "--yes")
+    flags = ["--signal", "F=load cell:N", "--assume", "gauge"]
+    log = made(tmp_path / "a", muscle, "--kind", "muscle", *numbers, *flags, "--yes")
     assert log["P"].to_numpy() == pytest.approx(101_325 + 1e5 * BAR)
     assert log["eps"].to_numpy() == pytest.approx(0.1 + 0.04 * np.sin(4 * TIME))
     page = read_system(tmp_path / "a" / "sim.toml")
@@ -128,9 +167,10 @@ def test_a_muscle_from_flags(muscle, tmp_path):
 
 
 def test_what_is_not_given_is_marked(muscle, tmp_path, capsys):
-    assert main(["init", str(muscle), "--kind", "muscle", "--json", "--out", str(tmp_path / "a")]) == 0
+    argv = ["init", str(muscle), "--kind", "muscle", "--json", "--assume", "gauge", "--out", str(tmp_path / "a")]
+    assert main(argv) == 0
     report = json.loads(capsys.readouterr().out)
-    assert report["assumed"] == {"units": ["P"], "numbers": ["rest_length", "rest_diameter"]}
+    assert report["assumed"] == {"units": ["F"], "numbers": ["rest_length", "rest_diameter"]}
     assert (tmp_path / "a" / "sim.toml").read_text().count("ASSUMED") == 2
     assert "ASSUMED" in (tmp_path / "a" / "columns.toml").read_text()
     assert report["next"].startswith("pamid check ")
@@ -152,7 +192,8 @@ def test_a_bench_with_its_own_names(tmp_path):
         }
     )
     renamed.to_csv(tmp_path / "bench.csv", index=False)
-    again = made(tmp_path / "a", tmp_path / "bench.csv", "--set", "rest_length=200 mm", "--set", "name=mine", "--yes")
+    flags = ["--set", "rest_length=200 mm", "--set", "name=mine", "--assume", "gauge", "--yes"]
+    again = made(tmp_path / "a", tmp_path / "bench.csv", *flags)
     for name in ("q", "P1", "P2", "F1", "F2", "time"):
         assert again[name].to_numpy() == pytest.approx(log[name].to_numpy(), rel=1e-6, abs=1e-6)
     bench = BenchParameters.from_toml(tmp_path / "a" / "sim.toml")
@@ -199,15 +240,16 @@ def test_runs_as_variables_of_a_matlab_file(tmp_path):
     assert LogMapping.load(tmp_path / "a" / "columns.toml").zero_run == "Offset"
 
 
-def test_a_number_beside_the_samples_of_a_json_log(tmp_path):
+def test_a_number_beside_the_samples_of_a_json_log(tmp_path, capsys):
     entries = [{"timestamp": t, "position": 0.3 * np.sin(t), "goal_position": 0.4 * np.sin(t)} for t in TIME]
     (tmp_path / "servo.json").write_text(json.dumps({"kp": 8, "trajectory": "sine", "entries": entries}))
     log = made(tmp_path / "a", tmp_path / "servo.json", "--kind", "joint", "--signal", "gain=kp*0.5", "--yes")
     assert log["gain"].unique().tolist() == [4.0]
     assert log["trajectory"].iloc[0] == "sine-servo"
     assert "ASSUMED" not in (tmp_path / "a" / "sim.toml").read_text()
-    made(tmp_path / "b", tmp_path / "servo.json", "--kind", "joint", "--yes")
-    assert re.search("gain = 0 .*ASSUMED", (tmp_path / "b" / "sim.toml").read_text())
+    argv = ["init", str(tmp_path / "servo.json"), "--kind", "joint", "--yes", "--out", str(tmp_path / "b")]
+    assert main(argv) == 2
+    assert "--set gain=NUMBER" in capsys.readouterr().err
 
 
 def test_hostile_names_stay_text(tmp_path, capsys):
@@ -215,13 +257,130 @@ def test_hostile_names_stay_text(tmp_path, capsys):
     pd.DataFrame({"time": TIME, evil: BAR, "stroke": 9 * BAR, "F": BAR, "#\n[x]": BAR}).to_parquet(
         tmp_path / "log.parquet"
     )
-    made(tmp_path / "a", tmp_path / "log.parquet", "--kind", "cylinder", "--yes")
+    flags = ["--signal", f"P={evil}:bar:gauge", "--signal", "x=stroke:mm"]
+    made(tmp_path / "a", tmp_path / "log.parquet", "--kind", "cylinder", "--yes", *flags)
     assert main(["check", str(tmp_path / "log.parquet"), "--columns", str(tmp_path / "a" / "columns.toml")]) == 0
     assert main(["init", str(tmp_path / "log.parquet"), "--kind", "bench", "--yes", "--out", str(tmp_path / "b")]) == 2
     assert "\x1b" not in "".join(capsys.readouterr())
     text = (tmp_path / "a" / "columns.toml").read_text()
     assert tomllib.loads(text)["signals"]["P"]["column"] == evil
     assert "\x1b" not in text.replace("\\u001b", "")
+
+
+# --- gauge or absolute ------------------------------------------------------------------------------------------
+def cylinder(folder, *, bias: float = 0.0, above: float = 0.0, force_unit: float = 1.0, name: str = "Druck [bar]"):
+    """A cylinder of 25 mm whose pressure sensor reads `bias` bar more than gauge pressure."""
+    gauge = 0.3 + above + 2 * np.sin(2 * TIME) ** 2
+    newton = 49.09 * gauge + 8 * np.tanh(30 * np.cos(4 * TIME))
+    table = {
+        "Zeit [s]": TIME,
+        "Hub [mm]": 20 + 9 * np.sin(4 * TIME),
+        name: gauge + bias,
+        "Kraft [N]": newton / force_unit,
+    }
+    pd.DataFrame(table).to_csv(folder / "cylinder.csv", sep=";", decimal=",", index=False)
+    return folder / "cylinder.csv"
+
+
+BORE = ["--kind", "cylinder", "--set", "bore=25 mm", "--yes"]
+
+
+@pytest.mark.parametrize("bias", [0.0, 1.01325])
+def test_the_force_says_whether_pressure_is_gauge(bias, tmp_path):
+    log = made(tmp_path / "a", cylinder(tmp_path, bias=bias, above=0.7), *BORE)
+    assert log["P"].min() == pytest.approx(101_325 + 1e5, rel=1e-3)
+
+
+def test_the_question_is_asked_where_both_readings_are_possible(tmp_path, capsys, monkeypatch):
+    log = cylinder(tmp_path, bias=0.5, above=0.7)  # neither reading suits the force
+    assert main(["init", str(log), *BORE, "--out", str(tmp_path / "a")]) == 2
+    err = capsys.readouterr().err
+    assert "may be gauge or absolute" in err
+    assert "--assume gauge" in err
+    assert made(tmp_path / "b", log, *BORE, "--assume", "absolute")["P"].min() == pytest.approx(1.5e5, rel=1e-3)
+    assert made(tmp_path / "c", log, *BORE, "--assume", "gauge")["P"].min() == pytest.approx(251_325, rel=1e-3)
+    monkeypatch.setattr("sys.stdin", Terminal("absolute\n"))
+    assert main(["init", str(log), *BORE[:-1], "--out", str(tmp_path / "d"), "--quiet"]) == 0
+    assert read_log(log, tmp_path / "d" / "columns.toml")["P"].min() == pytest.approx(1.5e5, rel=1e-3)
+
+
+def test_a_name_and_a_force_that_contradict_each_other(tmp_path, capsys):
+    log = cylinder(tmp_path, above=0.9, name="P [bar]")
+    assert main(["init", str(log), *BORE, "--out", str(tmp_path / "a")]) == 2
+    assert "name says one, and its force the other" in capsys.readouterr().err
+    assert made(tmp_path / "b", log, *BORE, "--assume", "gauge")["P"].min() == pytest.approx(221_325, rel=1e-3)
+
+
+def test_the_name_of_the_project_is_absolute(tmp_path):
+    P = 101_325 + 1e5 * (0.2 + np.sin(TIME) ** 2)
+    table = {
+        "time": TIME,
+        "x": 0.02 + 0.01 * np.sin(4 * TIME),
+        "P": P,
+        "F": 4.909e-4 * (P - 101_325) + np.cos(4 * TIME),
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "own.csv", index=False)
+    assert made(tmp_path / "a", tmp_path / "own.csv", *BORE)["P"].to_numpy() == pytest.approx(P)
+
+
+def test_force_pressure_and_size_are_held_against_each_other(tmp_path, capsys):
+    log = cylinder(tmp_path, force_unit=10)
+    assert main(["init", str(log), *BORE, "--out", str(tmp_path / "a")]) == 0
+    assert "times smaller than pressure and size make it" in capsys.readouterr().err
+    log.write_text(log.read_text().replace("Kraft [N]", "Kraft"))
+    assert main(["init", str(log), *BORE, "--out", str(tmp_path / "b")]) == 2
+    assert "the unit of F is only assumed" in capsys.readouterr().err
+    log.write_text(log.read_text().replace("Kraft", "Kraft [daN]"))
+    assert made(tmp_path / "b", log, *BORE)["F"].max() == pytest.approx(104.9, abs=1.0)
+
+
+# --- runs, files, constants -------------------------------------------------------------------------------------
+def test_the_column_of_runs_is_found(tmp_path, capsys):
+    log = pd.read_csv(cylinder(tmp_path), sep=";", decimal=",")
+    log["Zeit [s]"] %= 1.0
+    log["Messung"] = np.repeat([1, 2, 3], 100)
+    log.to_csv(tmp_path / "runs.csv", index=False)
+    assert made(tmp_path / "a", tmp_path / "runs.csv", *BORE)["trajectory"].nunique() == 3
+    log.rename(columns={"Messung": "Nr"}).to_csv(tmp_path / "runs.csv", index=False)  # it changes where time goes back
+    assert made(tmp_path / "b", tmp_path / "runs.csv", *BORE)["trajectory"].nunique() == 3
+    log.drop(columns="Messung").to_csv(tmp_path / "runs.csv", index=False)
+    assert made(tmp_path / "c", tmp_path / "runs.csv", *BORE)["trajectory"].nunique() == 3
+    log.loc[150, "Zeit [s]"] = 0.1
+    log.rename(columns={"Messung": "Nr"}).to_csv(tmp_path / "runs.csv", index=False)
+    assert main(["init", str(tmp_path / "runs.csv"), *BORE, "--out", str(tmp_path / "d")]) == 2
+    assert "--signal trajectory=Nr" in capsys.readouterr().err
+
+
+def test_a_muscle_held_at_another_length_in_each_file(tmp_path, capsys):
+    logs = []
+    for name, eps in (("unkinked", 0.0), ("kinked25", 0.05)):
+        table = {"t [s]": TIME, "p [kPa]": 100 * (BAR - 2), "F [N]": 60 * (BAR - 2) * (1 - 4 * eps)}
+        pd.DataFrame(table).to_csv(tmp_path / f"{name}.csv", index=False)
+        logs.append(str(tmp_path / f"{name}.csv"))
+    argv = ["init", *logs, "--kind", "muscle", "--set", "rest_length=20 cm", "--set", "rest_diameter=10 mm", "--yes"]
+    assert main([*argv, "--out", str(tmp_path / "a")]) == 2
+    assert "--constant 'length=17.45 cm@*25*'" in capsys.readouterr().err
+    held = ["--constant", "length=20 cm@*unkinked*", "--constant", "length=19 cm@*kinked25*"]
+    assert main([*argv, *held, "--out", str(tmp_path / "a")]) == 0
+    log = read_log(logs, tmp_path / "a" / "columns.toml")
+    assert log.groupby("trajectory")["eps"].first().round(4).to_dict() == {"kinked25": 0.05, "unkinked": 0.0}
+
+
+def test_ranges_are_those_of_all_runs_and_overrides_are_shown(tmp_path, capsys):
+    for k in (1, 2):
+        pd.DataFrame({"t [s]": TIME, "a": k * BAR, "Hub [mm]": BAR, "Kraft [N]": BAR}).to_csv(
+            tmp_path / f"{k}.csv", index=False
+        )
+    argv = ["init", str(tmp_path / "1.csv"), str(tmp_path / "2.csv"), *BORE[:2], "--yes", "--out", str(tmp_path / "a")]
+    assert main([*argv, "--signal", "P=a:bar:absolute"]) == 0
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("a "))
+    assert row.split() == ["a", "2", "8", "P", "bar", "absolute", "given"]
+
+
+def test_a_joint_without_a_drive_is_refused(tmp_path, capsys):
+    pd.DataFrame({"t [s]": TIME, "angle [deg]": 30 * np.sin(TIME)}).to_csv(tmp_path / "joint.csv", index=False)
+    assert main(["init", str(tmp_path / "joint.csv"), "--kind", "joint", "--yes", "--out", str(tmp_path / "a")]) == 2
+    assert "--signal drive=COLUMN" in capsys.readouterr().err
 
 
 # --- refusing ---------------------------------------------------------------------------------------------------
@@ -277,7 +436,7 @@ def test_a_disk_that_is_full_leaves_no_half(muscle, tmp_path, monkeypatch, capsy
 
 # --- asking -----------------------------------------------------------------------------------------------------
 def test_questions_on_a_terminal(nameless, tmp_path, monkeypatch, capsys):
-    answers = ["sofa", "cylinder", "1:mm", "99", "2:bar", "3:N", "bar absolute", "25", "25 mm"]
+    answers = ["sofa", "cylinder", "1:mm", "99", "2:bar", "3:N", "ms", "25", "25 mm"]
     monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
     assert main(["init", str(nameless), "--out", str(tmp_path / "a")]) == 0
     err = capsys.readouterr().err
@@ -285,7 +444,7 @@ def test_questions_on_a_terminal(nameless, tmp_path, monkeypatch, capsys):
     assert "no column '99'" in err or "position from 0 to 3" in err
     assert "25 mm are 0.025" in err
     log = read_log(nameless, tmp_path / "a" / "columns.toml")
-    assert log["P"].max() == pytest.approx(4e5, abs=200)
+    assert log["P"].max() == pytest.approx(501_325, abs=200)  # the force vanishes with the reading: gauge
     assert read_system(tmp_path / "a" / "sim.toml").values["bore"] == pytest.approx(0.025)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,39 +10,21 @@ import numpy as np
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 
+from .headers import SIDES, Header, read_header
+from .unit_names import unit_name
 from .units import UNITS, base_name, dimension_of
+from .vocabulary import kinds_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_VOCABULARY = """
-time: t time zeit timestamp clock sec secs seconds tempo temps stamp ms
-P: p pressure press pres druck
-F: f force kraft loadcell cell tension zugkraft
-mdot: mdot flow massflow durchfluss massenstrom
-eps: eps epsilon contraction strain kontraktion
-L: l length len laenge länge
-x: x position pos stroke disp displacement weg hub travel shortening extension
-q: q angle theta phi winkel joint encoder
-u: u cmd command valve duty pwm stellsignal
-voltage: voltage volts volt vin spannung
-drive: torque tau drive current strom drehmoment effort
-enabled: enable enabled
-trajectory: trajectory run trial experiment test
-wanted: ref goal target set setpoint soll desired wanted demand
-rate: speed velocity vel rate omega dot geschwindigkeit dq deps dp
-"""
-_WORDS = {line.split(":")[0]: frozenset(line.split(":")[1].split()) for line in _VOCABULARY.strip().splitlines()}
-_NO_SIGNALS = ("trajectory", "enabled", "wanted", "rate")
-_SIDES = {
-    "1": 1, "2": 2, "a": 1, "b": 2, "left": 1, "right": 2, "agonist": 1, "antagonist": 2, "flexor": 1, "extensor": 2,
-}  # fmt: skip
+_SIGNALS = ("time", "P", "F", "mdot", "eps", "L", "x", "q", "u", "voltage", "drive")  # the first that fits counts
 _NUMBERED = frozenset(("P", "F", "mdot", "u"))
-_UNIT_WORDS = {
-    "degree": "deg", "degrees": "deg", "grad": "deg", "pct": "%", "prozent": "%", "newton": "N", "pascal": "Pa",
-    "sec": "s", "second": "s", "seconds": "s", "barg": "barg", "bara": "bara", "kpa": "kPa", "mpa": "MPa", "hpa": "hPa",
-    "pa": "Pa", "n": "N", "kn": "kN",
+_BY_DIMENSION = {
+    "time": "time", "pressure": "P", "force": "F", "mass flow": "mdot", "length": "x", "angle": "q", "torque": "drive",
 }  # fmt: skip
+_LOWEST = 0.8
+"""Share of the ambient pressure below which an absolute pressure of a pressurised system does not fall."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +48,15 @@ class Guess:
     allowed : tuple of float or None
         Values that count.
     sure : bool
-        Whether the unit follows from the name or is plain from the range.
+        Whether the unit follows from the name, not from the range alone.
     why : str
-        What speaks for it.
+        What speaks for it, or against it.
     low, high : float
         Range of the column.
+    question : str
+        What has to be answered before the column can be used at all; empty where nothing has to.
+    settled : bool
+        For pressures: whether gauge or absolute is said by the name, the unit or the user rather than by the range.
     """
 
     column: str | int
@@ -84,6 +70,8 @@ class Guess:
     why: str = ""
     low: float = float("nan")
     high: float = float("nan")
+    question: str = ""
+    settled: bool = False
 
     def settings(self) -> dict[str, Any]:
         """Return the entry of a mapping."""
@@ -94,8 +82,15 @@ class Guess:
                 entry[key] = list(value) if isinstance(value, tuple) else value
         return entry
 
+    @property
+    def is_pressure(self) -> bool:
+        """Whether its signal is a pressure."""
+        return self.source == "value" and dimension_of(self.signal) == "pressure"
 
-def guess_columns(frame: pd.DataFrame, named: bool = True, kind: str = "") -> list[Guess]:
+
+def guess_columns(
+    frame: pd.DataFrame, named: bool = True, kind: str = "", every: Callable[[str | int], pd.Series] | None = None
+) -> list[Guess]:
     """Say what each column of a raw table probably is.
 
     Parameters
@@ -106,11 +101,14 @@ def guess_columns(frame: pd.DataFrame, named: bool = True, kind: str = "") -> li
         Whether the columns have names of their own; without names only time is recognised.
     kind : str, default=""
         What the log is of: ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``, or not known.
+    every : callable, optional
+        Takes a column's name, returns its values in all runs; those of the table by default.
 
     Returns
     -------
     list of Guess
-        One a column, in order. No two have the same signal: the first column keeps it.
+        One a column, in order. No two have the same signal: the best described column keeps it, and where two are
+        described alike its `question` says so.
 
     Examples
     --------
@@ -120,18 +118,24 @@ def guess_columns(frame: pd.DataFrame, named: bool = True, kind: str = "") -> li
     >>> [(g.signal, g.unit) for g in guess_columns(table, kind="cylinder")]
     [('time', 'ms'), ('P', 'bar'), ('x', 'mm'), ('F', None)]
     """
-    found: list[Guess] = []
-    taken: set[str] = set()
-    for position, column in enumerate(frame.columns):
-        name: str | int = str(column) if named else position
-        guess = _guess(frame.iloc[:, position], name, named, kind)
-        if not named and guess.signal == "" and "time" not in taken and _is_clock(frame.iloc[:, position]):
-            guess = with_unit(replace(guess, signal="time", why="grows steadily"), frame.iloc[:, position])
-        if guess.signal in taken:
-            guess = replace(guess, signal="", why=f"another column is {guess.signal} already")
-        if guess.signal:
-            taken.add(guess.signal)
-        found.append(guess)
+    if not named:
+        return _nameless(frame)
+    headers = [read_header(str(column)) for column in frame.columns]
+    found = [
+        _guess(frame.iloc[:, k], str(column), header, kind, frame.iloc[:, k] if every is None else every(str(column)))
+        for k, (column, header) in enumerate(zip(frame.columns, headers, strict=True))
+    ]
+    for signal in dict.fromkeys(g.signal for g in found if g.signal):
+        rivals = [k for k, g in enumerate(found) if g.signal == signal]
+        ranks = {k: _rank(found[k], headers[k], frame.iloc[:, k]) for k in rivals}
+        best = min(rivals, key=lambda k: ranks[k])
+        alike = [k for k in rivals if ranks[k] == ranks[best]]
+        if len(alike) > 1 and signal != "time":
+            columns = " and ".join(repr(str(found[k].column)) for k in alike[:4])
+            found[best] = replace(found[best], question=f"{columns} may each be {signal}")
+        for k in rivals:
+            if k != best:
+                found[k] = replace(found[k], signal="", why=f"another column is {signal} already", question="")
     return found
 
 
@@ -149,117 +153,155 @@ def guess_kind(signals: set[str]) -> str:
 
 
 def with_unit(guess: Guess, column: pd.Series) -> Guess:
-    """Return a guess with the unit that its column's values look like, where its name does not say one."""
+    """Return a guess with the unit that its column's values look like, where its name does not say one.
+
+    Parameters
+    ----------
+    guess : Guess
+        What is known of the column.
+    column : Series
+        Its values, of all runs if possible.
+
+    Returns
+    -------
+    Guess
+        With range, unit, and for a pressure gauge or absolute where the range or the unit tells.
+    """
     values = _numbers(column)
     if not values.size:
         return guess
     low, high = (float(v) for v in np.quantile(values, [0.002, 0.998], method="inverted_cdf"))
-    guess = replace(guess, low=low, high=high)
+    guess = replace(guess, low=float(values.min()), high=float(values.max()))
     unit, sure, scale = (guess.unit, True, 1.0) if guess.unit else _unit_of(guess, values, low, high)
-    gauge = guess.gauge
-    if _dimension(guess) == "pressure" and gauge is None:
-        ambient = ATMOSPHERIC_PRESSURE / (UNITS[unit].factor if unit else 1.0)
-        of_unit = UNITS[unit].gauge if unit else None
-        gauge = of_unit if of_unit is not None else low < 0.8 * ambient or low > 1.2 * ambient
-        # A sensor that never sees the ambient pressure does not say which it is; most sensors read gauge pressure.
-        sure = sure and (of_unit is not None or low < 0.8 * ambient or low <= 1.2 * ambient)
-        if of_unit is not None:
-            gauge = None
-    return replace(
-        guess, unit=unit, gauge=gauge, sure=guess.sure and sure, scale=scale if scale != 1.0 else guess.scale
-    )
+    guess = replace(guess, unit=unit, sure=guess.sure and sure, scale=scale if scale != 1.0 else guess.scale)
+    if not guess.is_pressure:
+        return guess
+    if unit and UNITS[unit].gauge is not None:
+        return replace(guess, gauge=None, settled=True)
+    if guess.settled and guess.gauge is not None and guess.why == "given":
+        return guess
+    if low < _LOWEST * ATMOSPHERIC_PRESSURE / (UNITS[unit].factor if unit else 1.0):
+        return replace(guess, gauge=True, settled=True)  # whatever its name: no absolute pressure falls so low
+    return guess
 
 
-def _guess(column: pd.Series, name: str | int, named: bool, kind: str) -> Guess:
-    values = _numbers(column)
+# --- by name ------------------------------------------------------------------------------------------------
+def _nameless(frame: pd.DataFrame) -> list[Guess]:
+    """Return guesses for columns without names: the first that grows steadily is the clock."""
+    found: list[Guess] = []
+    for position in range(frame.shape[1]):
+        column, values = frame.iloc[:, position], _numbers(frame.iloc[:, position])
+        guess = Guess(position)
+        if values.size:
+            guess = replace(guess, low=float(values.min()), high=float(values.max()))
+        if not any(g.signal for g in found) and _is_clock(column):
+            guess = with_unit(replace(guess, signal="time", why="grows steadily"), column)
+        found.append(guess)
+    return found
+
+
+def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Series) -> Guess:
+    values = _numbers(every)
     guess = Guess(name)
     if values.size:
         guess = replace(guess, low=float(values.min()), high=float(values.max()))
-    if not named:
-        return guess
-    words, unit = split_name(str(name))
-    signal = _signal(str(name), words, column, kind)
+    signal = _signal(header, column, kind)
     if not signal:
         return guess
     if signal in ("trajectory", "enabled"):
-        allowed = (1.0,) if signal == "enabled" else None
-        return replace(guess, signal=signal, allowed=allowed, why="its name")
-    source = "value"
-    if kind == "muscle" and signal in ("L", "x"):
-        source = "length" if signal == "L" or "length" in words else "shortening"
+        return replace(guess, signal=signal, allowed=(1.0,) if signal == "enabled" else None, why="its name")
+    source, unit = "value", header.unit
+    if kind == "muscle" and (signal in ("L", "x") or (signal == "eps" and unit and UNITS[unit].dimension == "length")):
+        source = "length" if signal == "L" or "length" in header.words else "shortening"
         signal = "eps"
-    if unit and _dimension(replace(guess, signal=signal, source=source)) not in (None, UNITS[unit].dimension):
-        unit = None
-    gauge = True if re.fullmatch(r"p_?\d?|.*gauge.*", str(name)) else None
-    return with_unit(replace(guess, signal=signal, unit=unit, source=source, gauge=gauge, why="its name"), column)
+    guess = replace(guess, signal=signal, source=source, why="its name")
+    dimension = _dimension(guess)
+    if header.unread and dimension is not None:
+        return replace(guess, question=f"the unit {header.unread!r} of column {name!r} is not known")
+    if unit and dimension not in (None, UNITS[unit].dimension):
+        unit = unit_name(unit, dimension)
+        if unit and UNITS[unit].dimension != dimension:
+            return _of_another_dimension(guess, header, every)
+    gauge = header.gauge
+    if guess.is_pressure and gauge is None:
+        gauge = {"P": False, "p": True}.get(header.bare.rstrip("0123456789_"))
+    own = dimension_of(header.bare) is not None and header.bare == signal
+    told = with_unit(replace(guess, unit=unit, gauge=gauge, settled=gauge is not None), every)
+    return replace(told, sure=True) if own and told.unit is None and told.scale == 1.0 else told
 
 
-def split_name(name: str) -> tuple[list[str], str | None]:
-    """Split a column's name into words and the unit that it states.
-
-    Examples
-    --------
-    >>> from pamid.signals.guess import split_name
-    >>> split_name("Pressure_1 [bar]"), split_name("strokeMm"), split_name("F / kN")
-    ((['pressure', '1'], 'bar'), (['stroke'], 'mm'), (['f'], 'kN'))
-    """
-    unit = None
-    if bracket := re.search(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$|\s(?:/|in)\s*([^\s]+)\s*$", name):
-        unit = _known_unit(bracket[1] or bracket[2])
-        name = name[: bracket.start()]
-    spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])|(?<=[A-Za-z])(?=\d)", " ", name)
-    raw = [w for w in re.split(r"[^\w°%]+|_", spaced) if w]
-    if unit is None and len(raw) > 1 and (unit := _known_unit(raw[-1])) is not None and raw[-1] not in _SIDES:
-        raw = raw[:-1]
-    return [w.lower() for w in raw], unit
+def _of_another_dimension(guess: Guess, header: Header, every: pd.Series) -> Guess:
+    """Return what a column is whose unit does not belong to the signal of its name."""
+    dimension = UNITS[str(header.unit)].dimension
+    if not header.bracketed:  # the last word of the name is no unit after all
+        return with_unit(guess, every)
+    if guess.signal == "mdot" and dimension == "volume flow":
+        return replace(
+            guess,
+            question=f"the unit {header.unit!r} of column {guess.column!r} does not say at which conditions the volume "
+            "counts ('L/min ANR': 20 °C and 1 bar, 'NL/min': 0 °C and 1.013 bar)",
+        )
+    if base_name(guess.signal) == "u" and dimension == "voltage":
+        return with_unit(guess, every)
+    return replace(guess, signal="", why=f"its unit {header.unit} is one of {dimension}, not of {guess.signal}")
 
 
-def _known_unit(text: str) -> str | None:
-    text = text.strip()
-    for candidate in (text, text.lower(), _UNIT_WORDS.get(text.lower(), "")):
-        if candidate in UNITS and candidate not in ("1", "-"):
-            return candidate
-    return None
-
-
-def _signal(name: str, words: list[str], column: pd.Series, kind: str) -> str:
-    own = base_name(name)
-    if own != "p" and dimension_of(name) is not None and own not in ("length", "rest_length", "T", "load_mass", "dq"):
-        return name if own not in ("x", "L", "stroke") else _by_kind(own.replace("stroke", "x"), kind)
-    every = set(words)
-    if every & _WORDS["enabled"]:
+def _signal(header: Header, column: pd.Series, kind: str) -> str:
+    own = base_name(header.bare)
+    if own != "p" and dimension_of(header.bare) is not None and own not in (
+        "length", "rest_length", "T", "load_mass", "dq", "deps", "dP", "P_supply",
+    ):  # fmt: skip
+        return header.bare if own not in ("x", "L", "stroke") else _by_kind(own.replace("stroke", "x"), header, kind)
+    kinds = kinds_of(header.words)
+    if "enabled" in kinds:
         return "enabled" if _is_switch(column) else ""
-    if every & _WORDS["rate"]:
-        return ""
-    if every & _WORDS["trajectory"] and _names_runs(column):
+    if "trajectory" in kinds and _names_runs(column):
         return "trajectory"
-    signal = next((s for s in _WORDS if s not in _NO_SIGNALS and every & _WORDS[s]), "")
-    if "load" in every and not signal and kind != "joint":
+    if kinds & {"rate", "elsewhere"} and "time" not in kinds:
+        return ""
+    signal = next((s for s in _SIGNALS if s in kinds), "")
+    if "load" in header.words and signal in ("", "u") and kind != "joint":
         signal = "F"
-    signal = _by_kind(signal, kind)
-    if every & _WORDS["wanted"]:
+    if not signal and header.unit and not kinds & {"trajectory"}:
+        signal = _BY_DIMENSION.get(UNITS[header.unit].dimension, "")
+    commanded = bool({"cmd", "command", "commanded"} & set(header.words)) and signal not in ("u", "drive", "voltage")
+    wanted = "wanted" in kinds or commanded
+    signal = _by_kind(signal, header, kind)
+    if wanted:
         return "q_ref" if signal == "q" else ""
     if signal in _NUMBERED and kind in ("", "bench"):
-        side = next((_SIDES[w] for w in words if w in _SIDES), 0)
+        side = next((SIDES[w] for w in header.words if w in SIDES), 0)
         return f"{signal}{side or ''}"
     return signal
 
 
-def _by_kind(signal: str, kind: str) -> str:
+def _by_kind(signal: str, header: Header, kind: str) -> str:
     """Return the signal that a word stands for in a log of a kind."""
+    angle = header.unit is not None and UNITS[header.unit].dimension == "angle"
     if kind == "joint":
         return {"x": "q", "F": "drive", "u": "drive"}.get(signal, signal)
+    if signal == "x" and angle:
+        return "q"
     if signal in ("voltage", "drive"):
         return ""
     return "x" if signal == "L" and kind == "cylinder" else signal
 
 
+def _rank(guess: Guess, header: Header, column: pd.Series) -> tuple[bool, bool, bool, int]:
+    """Return how badly a column is described as its signal; the lowest takes it."""
+    treated = "treated" in kinds_of(header.words)
+    if guess.signal == "time":
+        return (not _is_clock(column), treated, header.unit is None, 0)
+    return (header.bare != guess.signal, treated, header.unit is None, len(header.words))
+
+
+# --- by range -----------------------------------------------------------------------------------------------
 def _dimension(guess: Guess) -> str | None:
     return "length" if guess.source != "value" else dimension_of(guess.signal)
 
 
 def _unit_of(guess: Guess, values: np.ndarray, low: float, high: float) -> tuple[str | None, bool, float]:
-    """Return unit, whether it is plain, and a factor, by the values."""
+    """Return unit, whether no other is likely, and a factor, by the values."""
     size = max(abs(low), abs(high))
     dimension = _dimension(guess)
     if dimension == "time":
@@ -269,24 +311,24 @@ def _unit_of(guess: Guess, values: np.ndarray, low: float, high: float) -> tuple
             return "ns", False, 1.0
         if step > 500:
             return "us", False, 1.0
-        return ("ms", True, 1.0) if step >= 0.99 else (None, True, 1.0)
+        return ("ms", False, 1.0) if step >= 0.99 else (None, step <= 0.05, 1.0)
     if dimension == "pressure":
-        limits = ((1.5, "MPa", True), (25.0, "bar", True), (1_500.0, "kPa", size > 200), (20_000.0, "mbar", False))
-        return next(((u, sure, 1.0) for limit, u, sure in limits if size < limit), (None, True, 1.0))
+        limits = ((1.5, "MPa"), (25.0, "bar"), (1_500.0, "kPa"), (20_000.0, "mbar"))
+        return next(((u, False, 1.0) for limit, u in limits if size < limit), (None, True, 1.0))
     if dimension == "length":
-        return ("mm", size > 5.0, 1.0) if size > 2.0 else (None, size < 1.0, 1.0)
+        return ("mm", False, 1.0) if size > 2.0 else (None, False, 1.0)
     if dimension == "angle":
-        return ("deg", True, 1.0) if size > 3.5 else (None, size > 0.02, 1.0)
+        return ("deg", False, 1.0) if size > 3.5 else (None, False, 1.0)
     if dimension == "ratio" and base_name(guess.signal) == "eps":
-        return ("%", True, 1.0) if size >= 1.0 else (None, True, 1.0)
+        return ("%", False, 1.0) if size >= 1.0 else (None, True, 1.0)
     if dimension == "ratio":
         if size <= 1.5:
             return None, True, 1.0
-        return (None, False, 0.1) if size <= 12.0 else ("%", size <= 101.0, 1.0)
+        return (None, False, 0.1) if size <= 12.0 else ("%", False, 1.0)
     if dimension == "mass flow":
-        return (None, True, 1.0) if size < 0.05 else ("g/s", False, 1.0) if size < 5.0 else ("L/min ANR", False, 1.0)
+        return (None, False, 1.0) if size < 0.05 else ("g/s", False, 1.0) if size < 5.0 else ("L/min ANR", False, 1.0)
     if dimension == "force":
-        return ("mN", True, 1.0) if size > 1e5 else (None, True, 1.0)
+        return ("mN", False, 1.0) if size > 1e5 else (None, False, 1.0)
     return None, True, 1.0
 
 

@@ -150,6 +150,10 @@ class SignalMapping:
             return None
         return find_unit(self.unit, signal if self.source == "value" else "length")
 
+    def dimension(self, signal: str) -> str | None:
+        """Name the physical dimension of the source column; None where the signal's name says nothing."""
+        return dimension_of(signal) if self.source == "value" else "length"
+
     def is_gauge(self, signal: str) -> bool:
         """Say whether the source is gauge pressure.
 

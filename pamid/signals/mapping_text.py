@@ -21,7 +21,7 @@ def mapping_text(
     signals : mapping of str to mapping
         Settings of each signal, as in `SignalMapping`.
     settings : mapping of str to object
-        Other settings of `LogMapping`; ``constants`` is a table.
+        Other settings of `LogMapping`; ``constants`` is a table, ``files`` a list of tables.
     comments : mapping of str to str
         What to say beside a signal.
     unused : sequence of str
@@ -42,7 +42,7 @@ def mapping_text(
     """
     lines = [f"# {_plain(title)}"] if title else []
     lines.append("# Names and units of this log; what is left out is as the log has it. All settings: docs/logs.md")
-    plain = {k: v for k, v in settings.items() if not isinstance(v, Mapping)}
+    plain = {k: v for k, v in settings.items() if not isinstance(v, Mapping) and k != "files"}
     lines += [f"{key} = {_value(value)}" for key, value in plain.items()]
     if signals:
         lines += ["", "[signals]"]
@@ -53,6 +53,9 @@ def mapping_text(
     for key, table in settings.items():
         if isinstance(table, Mapping) and table:
             lines += ["", f"[{key}]", *(f"{_key(name)} = {_value(value)}" for name, value in table.items())]
+    for entry in settings.get("files", ()):
+        inside = ", ".join(f"{_key(name)} = {_value(value)}" for name, value in entry["constants"].items())
+        lines += ["", "[[files]]", f"match = {_value(entry['match'])}", f"constants = {{ {inside} }}"]
     if unused:
         lines += ["", "# Not used:", *(f"#   {_plain(text)}" for text in unused)]
     return "\n".join(lines) + "\n"

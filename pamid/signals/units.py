@@ -52,14 +52,20 @@ SI_UNITS = {
     "pressure rate": "Pa/s",
     "force": "N",
     "mass flow": "kg/s",
+    "volume flow": "m3/s",
     "mass": "kg",
     "temperature": "K",
     "voltage": "V",
     "current": "A",
     "torque": "N m",
     "speed": "m/s",
+    "acceleration": "m/s2",
+    "frequency": "Hz",
 }
 """The SI unit of each dimension."""
+
+_INCH, _POUND, _DEGREE = 0.0254, 4.4482216152605, 0.017453292519943295
+_NORMAL_LITRE, _REFERENCE_LITRE = _NORMAL_DENSITY * 1e-3, REFERENCE_DENSITY * 1e-3
 
 _TABLE: dict[str, dict[str, float]] = {
     "time": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60, "h": 3600},
@@ -73,35 +79,68 @@ _TABLE: dict[str, dict[str, float]] = {
         "psi": 6894.757293168,
         "atm": 101_325,
         "kgf/cm2": GRAVITY * 1e4,
+        "N/cm2": 1e4,
+        "mmHg": 133.322387415,
+        "inHg": 3386.388640341,
+        "mmH2O": GRAVITY,
+        "cmH2O": GRAVITY * 10,
+        "mH2O": GRAVITY * 1e3,
+        "inH2O": GRAVITY * 25.4,
     },
-    "length": {"m": 1, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "inch": 0.0254},
-    "angle": {"rad": 1, "mrad": 1e-3, "deg": 0.017453292519943295, "°": 0.017453292519943295, "rev": 6.283185307179586},
-    "angular rate": {
-        "rad/s": 1,
-        "deg/s": 0.017453292519943295,
-        "°/s": 0.017453292519943295,
-        "rpm": 0.10471975511965977,
+    "length": {
+        "m": 1,
+        "dm": 0.1,
+        "cm": 1e-2,
+        "mm": 1e-3,
+        "um": 1e-6,
+        "µm": 1e-6,
+        "in": _INCH,
+        "inch": _INCH,
+        "mil": _INCH * 1e-3,
+        "ft": _INCH * 12,
     },
-    "ratio": {"-": 1, "1": 1, "%": 1e-2, "percent": 1e-2},
+    "angle": {"rad": 1, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "gon": 0.9 * _DEGREE, "rev": 360 * _DEGREE},
+    "angular rate": {"rad/s": 1, "deg/s": _DEGREE, "°/s": _DEGREE, "rpm": 6 * _DEGREE},
+    "ratio": {"-": 1, "1": 1, "%": 1e-2, "percent": 1e-2, "‰": 1e-3},
     "ratio rate": {"1/s": 1, "%/s": 1e-2},
     "pressure rate": {"Pa/s": 1, "kPa/s": 1e3, "bar/s": 1e5, "MPa/s": 1e6},
-    "force": {"N": 1, "mN": 1e-3, "kN": 1e3, "kgf": GRAVITY, "gf": GRAVITY * 1e-3, "lbf": 4.4482216152605},
+    "force": {
+        "N": 1,
+        "mN": 1e-3,
+        "cN": 1e-2,
+        "daN": 10,
+        "kN": 1e3,
+        "MN": 1e6,
+        "kgf": GRAVITY,
+        "gf": GRAVITY * 1e-3,
+        "lbf": _POUND,
+        "ozf": _POUND / 16,
+    },
     "mass flow": {
         "kg/s": 1,
         "g/s": 1e-3,
+        "mg/s": 1e-6,
         "kg/h": 1 / 3600,
         "kg/min": 1 / 60,
         "g/min": 1e-3 / 60,
-        "L/min ANR": REFERENCE_DENSITY * 1e-3 / 60,
+        "L/min ANR": _REFERENCE_LITRE / 60,
+        "L/s ANR": _REFERENCE_LITRE,
         "m3/h ANR": REFERENCE_DENSITY / 3600,
-        "NL/min": _NORMAL_DENSITY * 1e-3 / 60,
+        "NL/min": _NORMAL_LITRE / 60,
+        "NL/s": _NORMAL_LITRE,
+        "NL/h": _NORMAL_LITRE / 3600,
+        "Nm3/h": _NORMAL_DENSITY / 3600,
+        "sccm": _NORMAL_LITRE * 1e-3 / 60,
     },
-    "mass": {"kg": 1, "g": 1e-3},
+    "volume flow": {"m3/s": 1, "m3/h": 1 / 3600, "L/s": 1e-3, "L/min": 1e-3 / 60, "L/h": 1e-3 / 3600},
+    "mass": {"kg": 1, "g": 1e-3, "lb": 0.45359237},
     "temperature": {"K": 1},
-    "voltage": {"V": 1, "mV": 1e-3},
+    "voltage": {"V": 1, "mV": 1e-3, "µV": 1e-6},
     "current": {"A": 1, "mA": 1e-3},
-    "torque": {"N m": 1, "Nm": 1, "N mm": 1e-3, "Nmm": 1e-3},
-    "speed": {"m/s": 1, "mm/s": 1e-3, "cm/s": 1e-2},
+    "torque": {"N m": 1, "Nm": 1, "N cm": 1e-2, "Ncm": 1e-2, "N mm": 1e-3, "Nmm": 1e-3, "lbf in": _POUND * _INCH},
+    "speed": {"m/s": 1, "mm/s": 1e-3, "cm/s": 1e-2, "m/min": 1 / 60, "in/s": _INCH},
+    "acceleration": {"m/s2": 1, "mm/s2": 1e-3},
+    "frequency": {"Hz": 1, "kHz": 1e3},
 }
 
 UNITS: dict[str, Unit] = {
@@ -114,6 +153,7 @@ UNITS |= {
     for suffix in "ga"
 }
 UNITS["degC"] = UNITS["°C"] = Unit("temperature", 1.0, 273.15)
+UNITS["°F"] = Unit("temperature", 5 / 9, 273.15 - 32 * 5 / 9)
 """Every known unit by name. ``L/min ANR`` follows ISO 8778 (1.185 kg/m³), ``NL/min`` DIN 1343 (1.2929 kg/m³)."""
 
 _DIMENSIONS = {
@@ -214,20 +254,25 @@ def find_unit(name: str, signal: str | None = None) -> Unit:
     >>> find_unit("kPa").factor
     1000.0
     """
-    unit = UNITS.get(str(name).strip())
-    if unit is None:
+    from .unit_names import unit_name
+
+    wanted = dimension_of(signal) if signal else None
+    known = unit_name(str(name), wanted)
+    if known is None:
         near = difflib.get_close_matches(str(name), UNITS, n=3, cutoff=0.5)
         raise UnitError(
             f"Unknown unit '{name}'{f' for the signal {signal}' if signal else ''}.",
             f"one of the known units ({', '.join(near or list(UNITS)[:12])}, ...)",
             "Correct the unit, or give the factor to SI as scale and leave the unit out.",
         )
-    wanted = dimension_of(signal) if signal else None
+    unit = UNITS[known]
     if wanted is not None and unit.dimension != wanted:
         raise UnitError(
             f"The unit '{name}' of the signal {signal} is a unit of {unit.dimension}.",
             f"a unit of {wanted}, such as {', '.join(list(_TABLE[wanted])[:5])}",
-            "Correct the unit, or rename the signal.",
+            "Say at which conditions the volume counts: 'L/min ANR' (20 °C, 1 bar) or 'NL/min' (0 °C, 1.013 bar)."
+            if (unit.dimension, wanted) == ("volume flow", "mass flow")
+            else "Correct the unit, or rename the signal.",
         )
     return unit._replace(factor=float(unit.factor))
 

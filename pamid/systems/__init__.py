@@ -12,7 +12,7 @@ from typing import Any
 
 from .base import Input, Quantity, System
 
-_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file"}
+_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file", "raw", "reference"}
 _HOME = {
     "diagnose_system": "diagnosis",
     "read_system": "file",

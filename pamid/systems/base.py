@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ..errors import ImplausibleParameterError, MissingColumnError, MissingParameterError, UnknownParameterError
+from ..signals.unit_names import unit_name
 from ..signals.units import UNITS, parse_quantity
 
 if TYPE_CHECKING:
@@ -100,8 +101,8 @@ class Quantity(NamedTuple):
             return FIT
         text = f"{self.lower:g} to {self.upper:g} {self.unit}".removesuffix(" -")
         number = parse_quantity(value, f"{kind}.{self.name}")
-        words = value.split() if isinstance(value, str) else []
-        known, own = UNITS.get(" ".join(words[1:])), UNITS.get(self.unit)
+        written = unit_name(value.strip(" +-.,0123456789eE")) if isinstance(value, str) else None
+        known, own = UNITS.get(written or ""), UNITS.get(self.unit)
         if known is not None and own is not None and known.dimension != own.dimension:
             raise ImplausibleParameterError(
                 f"{kind}.{self.name} is {value!r}, a {known.dimension}.", f"a {own.dimension}", "Correct the unit."
@@ -144,6 +145,8 @@ class System(ABC):
     """What it is, in one line."""
     inputs: ClassVar[tuple[Input, ...]]
     """Signals of its log, beside ``trajectory`` and ``time``."""
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Groups of inputs of which it needs one each."""
     numbers: ClassVar[tuple[Quantity, ...]]
     """Numbers of its page."""
     law: ClassVar[str]

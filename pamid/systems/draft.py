@@ -7,26 +7,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..errors import ColumnTypeError, MappingError, UnknownOptionError
-from ..signals.formats import RawTable, format_of
+from ..errors import MappingError, UnknownOptionError
+from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
-from ..signals.log import MAX_BYTES, find_logs
-from ..signals.mapping import LogMapping, SignalMapping
+from ..signals.headers import read_header
+from ..signals.log import find_logs, read_log
+from ..signals.mapping import SignalMapping
 from ..signals.mapping_text import mapping_text
+from ..signals.unit_names import unit_name
 from ..signals.units import UNITS, parse_quantity
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
 from .file import system_text
+from .raw import clock_settings, read_raw, run_columns
+from .reference import disagreement, zero_of_force
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _TYPICAL = {"rest_length": 0.2, "rest_diameter": 0.02, "bore": 0.025}
-_JUMP = 20.0  # sampling intervals: a step of time this long within the first rows is the recorder, not the run
-_FIRST = 0.02
+_OF_KIND = {"bore": "cylinder", "rod": "cylinder", "rest_diameter": "muscle", "gravity": "joint", "limit": "joint"}
+_STROKE = frozenset(("x", "stroke", "hub", "kolbenhub", "kolbenweg", "piston", "cylinder", "zylinder", "rod"))
 
 
 def kinds() -> list[str]:
@@ -42,8 +44,8 @@ class Draft:
     ----------
     paths : list of Path
         The log files.
-    table : RawTable
-        The first of their tables, as it stands in the file.
+    tables : list of RawTable
+        Their tables as they stand in the files, the one to describe columns by first.
     kind : str
         What the log is of; empty where that is not known yet.
     guesses : list of Guess
@@ -54,15 +56,32 @@ class Draft:
         Numbers of the page that were given.
     constants : dict of str to str
         Constants of the mapping, such as ``rest_length``.
+    file_constants : dict of str to dict
+        Constants of the files that a pattern names.
     """
 
     paths: list[Path]
-    table: RawTable
+    tables: list[RawTable]
     kind: str
     guesses: list[Guess]
     settings: dict[str, Any] = field(default_factory=dict)
     numbers: dict[str, Any] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
+    file_constants: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    @property
+    def table(self) -> RawTable:
+        """The table by which the columns are described."""
+        return self.tables[0]
+
+    def column(self, name: str | int) -> pd.Series:
+        """Return a column of all runs, one after the other."""
+        import pandas as pd
+
+        frames = [t.frame for t in self.tables]
+        if isinstance(name, int):
+            return pd.concat([f.iloc[:, name] for f in frames if f.shape[1] > name], ignore_index=True)
+        return pd.concat([f[name] for f in frames if name in f.columns], ignore_index=True)
 
     # --- signals --------------------------------------------------------------------------------------------
     def inputs(self) -> tuple[Input, ...]:
@@ -74,10 +93,24 @@ class Draft:
         """Return the column that a signal comes from."""
         return next((g for g in self.guesses if g.signal == signal), None)
 
+    def fixed(self) -> set[str]:
+        """Return the signals that stand still, by a constant of the mapping."""
+        given = set(self.constants).union(*self.file_constants.values())
+        return given | ({"eps"} if "length" in given else set())
+
     def lacking(self) -> list[Input]:
-        """Return the signals that its kind needs and no column is known for."""
-        fixed = set(self.constants) | ({"eps"} if {"length", "rest_length"} <= set(self.constants) else set())
-        return [i for i in self.inputs() if i.needed and self.of(i.name) is None and i.name not in fixed]
+        """Return the signals that its kind needs and no column is known for; of alternatives the first."""
+        known = self.fixed() | {g.signal for g in self.guesses if g.signal}
+        if self.settings.get("sampling_period"):
+            known |= {"time"}
+        lacking = [i for i in self.inputs() if i.needed and i.name not in known]
+        if self.kind and self.kind != "bench":
+            by_name = {i.name: i for i in self.inputs()}
+            system = all_systems()[self.kind]
+            lacking += [by_name[group[0]] for group in system.one_of if not known & set(group)]
+            free = [name for name in system.own(known) if name not in self.numbers and name not in _TYPICAL]
+            lacking += [by_name[name] for name in free if name in by_name]  # a number without which nothing is known
+        return lacking
 
     def assign(self, signal: str, column: str, unit: str = "", reference: str = "", scale: float = 1.0) -> None:
         """Say which column a signal comes from.
@@ -104,25 +137,35 @@ class Draft:
         if signal in ("length", "shortening"):
             signal, source = "eps", signal
         position = self._position(column, signal)
-        self._clear(signal)
+        if signal == "trajectory" and position is not None:
+            self._clear(signal)
+            self.guesses[position] = replace(self.guesses[position], signal=signal, why="given", question="")
+            self.settings.pop("time_order", None)
+            return
         if position is None:  # a number beside the entries of a JSON log
             head = self.table.head[column]
+            self._clear(signal)
             self.guesses.append(
                 Guess(column, signal, unit or None, scale=scale, low=float(head), high=float(head), why="given")
             )
             return
         gauge = {"gauge": True, "absolute": False}.get(reference)
         name: str | int = str(self.table.frame.columns[position]) if self.table.named else position
-        told = Guess(name, signal, unit or None, gauge, source, scale, why="given")
+        stated = unit or (self._own_unit(name, signal, source) if scale == 1.0 else "")
+        told = Guess(name, signal, stated or None, gauge, source, scale, why="given", settled=gauge is not None)
         SignalMapping.from_value(signal, told.settings())
-        guess = with_unit(told, self.table.frame.iloc[:, position])
+        guess = with_unit(replace(told, unit=unit_name(stated) if stated else None), self.column(name))
         if scale != 1.0 and not unit:  # a calibration that ends in SI
-            guess = replace(guess, unit=None, scale=scale, sure=True)
-        if gauge is not None:
-            guess = replace(guess, gauge=gauge, sure=guess.sure or bool(unit))
-        if unit and UNITS[unit].dimension != "pressure":
-            guess = replace(guess, sure=True)
-        self.guesses[position] = guess
+            guess = replace(guess, unit=None, scale=scale)
+        self._clear(signal)
+        self.guesses[position] = replace(guess, sure=guess.sure or bool(stated) or scale != 1.0)
+
+    def _own_unit(self, name: str | int, signal: str, source: str) -> str:
+        """Return the unit in the header of a column, where it suits the signal that the column is said to be."""
+        unit = read_header(name).unit if isinstance(name, str) else None
+        wanted = SignalMapping(source=source).dimension(signal)
+        unit = unit_name(unit, wanted) if unit else None
+        return unit if unit and wanted in (None, UNITS[unit].dimension) else ""
 
     def _position(self, column: str, signal: str) -> int | None:
         names = [str(c) for c in self.table.frame.columns]
@@ -139,26 +182,87 @@ class Draft:
         )
 
     def _clear(self, signal: str) -> None:
-        self.guesses = [replace(g, signal="") if g.signal == signal else g for g in self.guesses]
+        self.guesses = [replace(g, signal="", question="") if g.signal == signal else g for g in self.guesses]
 
     def settle(self) -> None:
         """Leave out what its kind does not know, and note what only its kind can say."""
         if not self.kind:
             return
         wanted = {i.name for i in self.inputs()} | {"trajectory"}
-        self.guesses = [replace(g, signal="") if g.signal and g.signal not in wanted else g for g in self.guesses]
-        if (eps := self.of("eps")) is not None and eps.source != "value":
-            rest = self.constants.setdefault("rest_length", str(self.numbers.get("rest_length", "")))
-            if not rest:
-                self.constants["rest_length"] = f"{_TYPICAL['rest_length']} m"
+        self.guesses = [
+            replace(g, signal="", question="") if g.signal and g.signal not in wanted else g for g in self.guesses
+        ]
+        needs_rest = any(g.signal == "eps" and g.source != "value" for g in self.guesses)
+        if needs_rest or "length" in set(self.constants).union(*self.file_constants.values()):
+            rest = self.numbers.get("rest_length", _TYPICAL["rest_length"])
+            self.constants.setdefault("rest_length", f"{rest} m")
+        if (clock := self.of("time")) is not None:
+            self._look_at_clock(clock.column)
+
+    def _look_at_clock(self, column: str | int) -> None:
+        """Note what the clock says of the runs."""
+        for table in self.tables:
+            frame = table.frame
+            try:
+                time = (frame.iloc[:, column] if isinstance(column, int) else frame[column]).to_numpy(dtype=float)
+            except (KeyError, IndexError, TypeError, ValueError):
+                continue  # another table, or stamps of date and time: whoever reads them says what is wrong
+            if self.of("trajectory") is None and (names := run_columns(frame, time)):
+                self.assign("trajectory", names[0])
+            found = clock_settings(time, self.of("trajectory") is None)
+            self.settings |= found if table is self.table else {k: v for k, v in found.items() if k == "time_order"}
+
+    def pressures(self) -> list[Guess]:
+        """Return the columns of pressures."""
+        return [g for g in self.guesses if g.is_pressure]
+
+    def refer(self, gauge: bool, why: str, also: Sequence[Guess] = ()) -> None:
+        """Say of the pressures that do not tell themselves, and of some others, whether they are gauge or absolute."""
+        self.guesses = [
+            replace(g, gauge=gauge, settled=True, why=why) if g.is_pressure and (not g.settled or g in also) else g
+            for g in self.guesses
+        ]
+
+    def reference(self) -> bool | None:
+        """Return whether the pressure is gauge, by the force that it makes; None where that does not tell."""
+        wanted = self.mapping()
+        entry = wanted["signals"].get("P")
+        if entry is None or "F" not in wanted["signals"]:
+            return None
+        entry["gauge"] = False
+        zero = zero_of_force(read_log(self.paths, wanted, nan="keep", sampling="ignore", check_units=False))
+        return None if zero is None else zero == 0.0
+
+    def read(self) -> pd.DataFrame:
+        """Read the logs with the mapping."""
+        return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore")
+
+    def run_names(self) -> list[str]:
+        """Return the columns whose values change in long stretches, as the names or numbers of runs do."""
+        frame = self.table.frame
+        changes = {
+            str(c): int((frame[c] != frame[c].shift()).sum()) for c in frame.columns if not frame[c].isna().all()
+        }
+        known = {str(g.column) for g in self.guesses if g.signal}
+        return [name for name, n in changes.items() if 1 < n < len(frame) / 20 and name not in known][:3]
+
+    def doubt(self, log: pd.DataFrame) -> str:
+        """Return what force, pressure and the given numbers say against each other; empty where they agree."""
+        if self.kind == "bench" or set(self.assumed()) & set(_TYPICAL):
+            return ""
+        return disagreement(log, all_systems()[self.kind](**self.numbers))
 
     # --- the files ------------------------------------------------------------------------------------------
     def mapping(self) -> dict[str, Any]:
         """Return the mapping as `read_log` takes it."""
         signals = {g.signal: g.settings() for g in self.guesses if g.signal and g.signal != "trajectory"}
+        if self.settings.get("zero_run") and "F" in signals:
+            signals["F"]["subtract_zero_run"] = True
         settings = dict(self.settings)
         if (run := self.of("trajectory")) is not None:
             settings["trajectory"] = run.column
+        if self.file_constants:
+            settings["files"] = [{"match": m, "constants": dict(c)} for m, c in self.file_constants.items()]
         return {"signals": signals, **settings, **({"constants": dict(self.constants)} if self.constants else {})}
 
     def columns_text(self) -> str:
@@ -177,7 +281,7 @@ class Draft:
         """Return the numbers of the page that nobody has given and nobody else can know."""
         if self.kind == "bench":
             return tuple(name for name in OWN if name not in self.numbers)
-        known = {i.name for i in self.inputs() if self.of(i.name) is not None} | set(self.constants)
+        known = {i.name for i in self.inputs() if self.of(i.name) is not None} | self.fixed()
         return tuple(name for name in all_systems()[self.kind].own(known) if name not in self.numbers)
 
     def page_text(self) -> str:
@@ -192,7 +296,7 @@ class Draft:
         return system_text(cls, cls(**values).values, self.assumed())
 
 
-def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "") -> Draft:
+def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "", numbers: Sequence[str] = ()) -> Draft:
     """Look at logs and propose a mapping.
 
     Parameters
@@ -201,6 +305,8 @@ def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "") -> Draft
         Logs of one kind, as for `pamid.read_log`.
     kind : str, default=""
         ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``; guessed from the columns by default.
+    numbers : sequence of str, optional
+        Names of the numbers that are given: a bore is that of a cylinder.
 
     Returns
     -------
@@ -228,82 +334,39 @@ def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "") -> Draft
         raise UnknownOptionError(f"There is no kind {kind!r}.", f"one of {', '.join(kinds())}", "Correct it.")
     files = find_logs(paths)
     settings: dict[str, Any] = {}
-    table, tables = _first_table(files[0], settings)
-    if len(tables) > 1:
-        settings |= _variables(tables)
-    guesses = guess_columns(table.frame, table.named, kind)
-    kind = kind or guess_kind({g.signal for g in guesses})
-    guesses = guess_columns(table.frame, table.named, kind)
-    draft = Draft(files, table, kind, guesses, settings)
-    clock = draft.of("time")
-    if clock is not None and (skip := _jump(table.frame, clock)):
-        settings["skip_rows"] = skip
+    tables = read_raw(files, settings)
+    table = tables[0]
+    draft = Draft(files, tables, kind or _kind_of_numbers(numbers), [], settings)
+    draft.guesses = guess_columns(table.frame, table.named, draft.kind, draft.column)
+    if not draft.kind and (told := _told_kind(draft.guesses)):
+        draft.kind = told
+        draft.guesses = guess_columns(table.frame, table.named, told, draft.column)
     if isinstance(table.head.get("trajectory"), str):
         settings["name"] = "{trajectory}-{stem}"
     return draft
 
 
-def _first_table(path: Path, settings: dict[str, Any]) -> tuple[RawTable, list[RawTable]]:
-    """Read the first file; thousands points are tried where the numbers look like it."""
-    mapping = LogMapping()
-    try:
-        tables, _ = format_of(path).read(path, mapping, MAX_BYTES)
-    except ColumnTypeError as error:
-        mark = "." if "thousands = '.'" in error.remedy else "," if "thousands = ','" in error.remedy else ""
-        if not mark:
-            raise
-        settings["thousands"] = mark
-        tables, _ = format_of(path).read(path, replace(mapping, thousands=mark), MAX_BYTES)
-    largest = max(tables, key=lambda t: t.frame.shape[1])
-    return largest if largest.frame.shape[1] > tables[0].frame.shape[1] else _not_zero(tables), tables
+def _kind_of_numbers(numbers: Sequence[str]) -> str:
+    """Return the kind that only has the numbers that are given."""
+    kinds_ = {_OF_KIND[name] for name in numbers if name in _OF_KIND}
+    return kinds_.pop() if len(kinds_) == 1 else ""
 
 
-def _not_zero(tables: list[RawTable]) -> RawTable:
-    return next((t for t in tables if not _is_zero_run(t)), tables[0])
-
-
-def _is_zero_run(table: RawTable) -> bool:
-    return any(word in (table.variable or "").lower() for word in ("offset", "zero", "tare"))
-
-
-def _variables(tables: list[RawTable]) -> dict[str, Any]:
-    """Return settings that take the variables of one file as runs."""
-    names = [str(t.variable) for t in tables if t.variable and not _is_zero_run(t)]
-    if len(names) < 2:
-        return {"trajectories": names[0]} if names else {}
-    head, tail = _shared(names), _shared([n[::-1] for n in names])[::-1]
-    found: dict[str, Any] = {"trajectories": f"{head}*{tail[: max(0, min(map(len, names)) - len(head))]}"}
-    if zero := next((str(t.variable) for t in tables if _is_zero_run(t)), ""):
-        found["zero_run"] = zero
-    return found
-
-
-def _shared(names: Sequence[str]) -> str:
-    """Return the letters that all names begin with."""
-    n = next((k for k, letters in enumerate(zip(*names, strict=False)) if len(set(letters)) > 1), min(map(len, names)))
-    return names[0][:n]
-
-
-def _jump(frame: pd.DataFrame, clock: Guess) -> int:
-    """Return the rows before a jump of time at the very start, where a recorder has not begun to record."""
-    column = frame.iloc[:, clock.column] if isinstance(clock.column, int) else frame[clock.column]
-    try:
-        time = column.to_numpy(dtype=float)
-    except (TypeError, ValueError):
-        return 0
-    steps = np.diff(time)
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    early = steps[: max(3, int(_FIRST * len(steps)))]
-    jumps = np.flatnonzero((early > _JUMP * usual) & (usual > 0))
-    return int(jumps[-1]) + 1 if len(jumps) else 0
+def _told_kind(guesses: Sequence[Guess]) -> str:
+    """Return the kind that the columns tell; a position alone does not tell a cylinder from a muscle."""
+    kind = guess_kind({g.signal for g in guesses})
+    if kind != "cylinder":
+        return kind
+    words = {w for g in guesses if g.signal == "x" for w in read_header(str(g.column)).words}
+    return kind if words & _STROKE else ""
 
 
 def _comment(guess: Guess, meaning: str) -> str:
     said = [meaning or guess.signal]
-    if guess.why == "its name" and not guess.sure:
-        said.append("unit or reference ASSUMED: check it")
-    elif not guess.sure:
-        said.append("ASSUMED: check it")
+    if not guess.sure:
+        said.append("unit ASSUMED: check it")
+    if guess.is_pressure and guess.why not in ("its name", "given"):
+        said.append(guess.why)
     if guess.high == guess.high:
         said.append(f"raw {guess.low:.4g} to {guess.high:.4g}")
     return "; ".join(said)

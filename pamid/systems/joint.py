@@ -39,6 +39,7 @@ class Joint(System):
         Input("voltage", "V", "supply voltage, where the controller sets a duty", needed=False),
         Input("enabled", "-", "1 while the drive is on", needed=False),
     )
+    one_of = (("drive", "q_ref"),)
     numbers = (
         Quantity("gain", "1/rad", 0.0, 1e9, "drive for 1 rad of control error; 0: the log has drive, or gain", 0.0),
         Quantity("limit", "-", 0.0, 1e9, "largest drive the controller can set, before the voltage; 0: none", 1.0),

@@ -39,6 +39,7 @@ class Muscle(System):
         Input("F", "N", "tension", needed=False),
         Input("mdot", "kg/s", "mass flow into the muscle", needed=False),
     )
+    one_of = (("F", "mdot"),)
     numbers = (
         Quantity(
             "rest_length",

@@ -6,14 +6,25 @@ import argparse
 import contextlib
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingColumnError, OutputError, PamidError, ParameterError
+from ...errors import (
+    MappingError,
+    MissingColumnError,
+    OutputError,
+    PamidError,
+    ParameterError,
+    PressureReferenceError,
+    TimeOrderError,
+    UnitError,
+)
 from .._ask import Asker
 from ..common import add_command, note, print_json, table
 
 if TYPE_CHECKING:
+    from ...signals.guess import Guess
     from ...systems.base import Input
     from ...systems.draft import Draft
 
@@ -25,9 +36,10 @@ Look at a log of any names and units, and write the two files that every other c
   columns.toml   which column is which signal, and in which unit it is
   sim.toml       the numbers of the bench, cylinder, joint or muscle that was recorded, with comments
 
-Names and units are guessed from the columns' names and ranges. On a terminal you are asked what cannot be known;
-elsewhere, or with --yes, what is not given is assumed and marked ASSUMED in the files. The log is read once with the
-new mapping before anything is written.
+Names and units are read from the columns' names, English or German, and guessed from their ranges. On a terminal you
+are asked what cannot be known. Elsewhere, or with --yes, a unit or number that is not given is assumed and marked
+ASSUMED in the files; what two readings are possible of (gauge or absolute, two columns for one signal, an unknown unit)
+is an error that says which option settles it. The log is read with the new mapping before anything is written.
 """
 _EXAMPLES = """\
   pamid init run1.csv                                              asks what it cannot know
@@ -66,10 +78,16 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--constant",
-        metavar="NAME=VALUE",
+        metavar="NAME=VALUE[@FILES]",
         action="append",
         default=[],
-        help="signal that stands still in this log, such as eps=0.04 or length='17.45 cm'; repeatable",
+        help="signal that stands still in this log, such as eps=0.04 or length='17.45 cm', or in files that a pattern "
+        "names: length='17.45 cm@*kinked25*'; repeatable",
+    )
+    parser.add_argument(
+        "--assume",
+        choices=("gauge", "absolute"),
+        help="what pressures are that do not tell themselves (by name, unit, range or the force that they make)",
     )
     parser.add_argument("--out", metavar="DIR", default=".", help="folder for the two files (default: this one)")
     parser.add_argument("--yes", action="store_true", help="ask nothing, take what is proposed")
@@ -90,10 +108,11 @@ def _run(args: argparse.Namespace) -> int:
 
     folder = _checked_folder(args)
     ask = Asker(sys.stdin.isatty() and not (args.yes or args.json))
-    draft = draft_for(args.log, args.kind)
-    if not args.json:
-        _show(draft)
+    given = _pairs(args.set, "--set")
+    draft = draft_for(args.log, args.kind, list(given))
     if not draft.kind:
+        if not args.json:
+            _show(draft)
         if not ask.interactive:
             raise ParameterError(
                 f"The columns {_names(draft)} do not tell what was recorded.",
@@ -103,18 +122,35 @@ def _run(args: argparse.Namespace) -> int:
         draft = draft_for(args.log, ask.choice("What was recorded?", kinds(), "muscle"))
     for pair in args.signal:
         _assign(draft, pair)
-    draft.numbers = given_numbers(_pairs(args.set, "--set"), draft.kind)
-    draft.constants = _pairs(args.constant, "--constant")
-    if "length" in draft.constants and "rest_length" in draft.numbers:
-        draft.constants.setdefault("rest_length", f"{draft.numbers['rest_length']} m")
-    _ask_for_columns(draft, ask)
-    _ask_for_units(draft, ask)
+    draft.numbers = given_numbers(given, draft.kind)
+    _hold(draft, _pairs(args.constant, "--constant"))
+    draft.settle()
+    if ask.interactive:
+        _show(draft)
+    try:
+        _ask_for_columns(draft, ask)
+        draft.settle()
+        _ask_for_units(draft, ask)
+        _refer(draft, ask, args.assume)
+    finally:
+        if not (ask.interactive or args.json):
+            _show(draft)
     _ask_for_numbers(draft, ask)
     draft.settle()
-    log = _tried(draft)
+    log = _tried(draft, draft.read)
+    doubt = _doubt(draft, log)
     files = _write(draft, folder)
-    _tell(args, draft, log, files)
+    _tell(args, draft, log, files, doubt)
     return 0
+
+
+def _hold(draft: Draft, constants: dict[str, str]) -> None:
+    """Take the signals that stand still, in all files or in those that a pattern names."""
+    for name, text in constants.items():
+        for entry in text.split("\0"):
+            value, at, pattern = entry.partition("@")
+            place = draft.file_constants.setdefault(pattern.strip(), {}) if at else draft.constants
+            place[name] = value.strip()
 
 
 # --- asking -------------------------------------------------------------------------------------------------
@@ -127,7 +163,7 @@ def _show(draft: Draft) -> None:
             f"{g.high:.4g}" if g.high == g.high else "",
             g.signal or "-",
             _unit(g),
-            "" if g.sure else "assumed",
+            "given" if g.why == "given" else "?" if g.question else "" if g.sure else "assumed",
         ]
         for g in draft.guesses
     ]
@@ -155,24 +191,95 @@ def _ask_for_columns(draft: Draft, ask: Asker) -> None:
         ask.text(f"Which column is {wanted.name}, the {wanted.meaning}? (column[:unit], or none)", "none", known)
     if lacking := draft.lacking():
         first = lacking[0]
+        against = [
+            f"{g.column!r} is none: {g.why}" for g in draft.guesses if not g.signal and g.why.startswith("its unit")
+        ]
         raise MissingColumnError(
             f"No column is known to be {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; the log has "
-            f"{_names(draft)}.",
+            f"{_names(draft)}.{' ' + '; '.join(against) + '.' if against else ''}",
             f"the signals of a {draft.kind}: {', '.join(i.name for i in draft.inputs() if i.needed)}",
-            f"Say which it is, for instance --signal {first.name}=COLUMN:UNIT, or choose another --kind.",
+            _way_out(draft, first),
         )
 
 
+def _way_out(draft: Draft, wanted: Input) -> str:
+    """Return what to do about a signal that no column is known for."""
+    if draft.kind == "muscle" and wanted.name == "eps":
+        each = (
+            "'length=17.45 cm@*25*' for each file, with the pattern of its name"
+            if draft.paths[1:]
+            else "length='17.45 cm'"
+        )
+        return (
+            "Say which it is, for instance --signal length=COLUMN:mm; if the muscle is held still, say its length by "
+            f"--constant {each}, and --set rest_length='18.2 cm'."
+        )
+    if draft.kind == "joint" and wanted.name in ("drive", "gain"):
+        return (
+            "Say what drives it: --signal drive=COLUMN, or the wanted angle of a controller and its gain: "
+            "--signal q_ref=COLUMN --set gain=NUMBER."
+        )
+    return f"Say which it is, for instance --signal {wanted.name}=COLUMN:UNIT, or choose another --kind."
+
+
 def _ask_for_units(draft: Draft, ask: Asker) -> None:
-    for guess in [g for g in draft.guesses if g.signal and not g.sure]:
+    for guess in [g for g in draft.guesses if g.signal and (g.question or not g.sure)]:
         shown = f"{guess.signal} (column {guess.column}) goes from {guess.low:.4g} to {guess.high:.4g}. Unit?"
+        if guess.question:
+            shown = (
+                f"{guess.question[:1].upper()}{guess.question[1:]}. Unit of column {guess.column} as {guess.signal}?"
+            )
 
         def usable(answer: str, guess: Any = guess) -> None:
-            unit, _, reference = answer.partition(" ")
+            unit, _, reference = (
+                answer.rpartition(" ") if answer.endswith((" gauge", " absolute")) else (answer, "", "")
+            )
             _assign(draft, f"{guess.signal}={guess.column}:{unit}:{reference}".rstrip(":"))
 
         if ask.interactive:
-            ask.text(shown, _unit(guess) if guess.unit else "", usable)
+            ask.text(shown, guess.unit or "", usable)
+    if left := [g for g in draft.guesses if g.signal and g.question]:
+        raise MappingError(
+            f"{'; '.join(_sentence(g.question) for g in left)}.",
+            "one column with a known unit for each signal",
+            f"Say it, for instance {_option(left[0])}.",
+        )
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _option(guess: Guess, unit: str = "") -> str:
+    return f"--signal {shlex.quote(f'{guess.signal}={guess.column}')}:{unit or guess.unit or 'UNIT'}"
+
+
+def _refer(draft: Draft, ask: Asker, assume: str | None) -> None:
+    """Settle whether pressures are gauge or absolute: by what they say, by their force, or by asking."""
+    open_ = [g for g in draft.pressures() if not g.settled]
+    named = [g for g in draft.pressures() if g.settled and g.why == "its name" and g.signal == "P"]
+    found = _tried(draft, draft.reference) if open_ or named else None
+    doubtful = [g for g in named if found is not None and g.gauge is not None and g.gauge != found]
+    if found is not None and not doubtful:
+        draft.refer(found, f"{'gauge' if found else 'absolute'}, by the force that it makes")
+    open_ = doubtful or [g for g in draft.pressures() if not g.settled]
+    if not open_:
+        return
+    if assume is not None:
+        draft.refer(assume == "gauge", "given", doubtful)
+        return
+    first = open_[0]
+    unit = "Pa" if first.unit is None else first.unit
+    said = "'s name says one, and its force the other" if doubtful else " may be gauge or absolute: both are possible"
+    text = f"{first.signal} (column {first.column!r}, {first.low:.4g} to {first.high:.4g} {unit}){said}"
+    answer = ask.choice(f"{text}. Which?", ("gauge", "absolute"), "") if ask.interactive else ""
+    if not answer:
+        raise PressureReferenceError(
+            f"{text}.",
+            "gauge (0 at ambient pressure) or absolute (1.013 bar there)",
+            f"Add --assume gauge or --assume absolute, or say it of the column: {_option(first, unit)}:gauge.",
+        )
+    draft.refer(answer == "gauge", "given", doubtful)
 
 
 def _ask_for_numbers(draft: Draft, ask: Asker) -> None:
@@ -216,12 +323,13 @@ def _assign(draft: Draft, pair: str) -> None:
 
 
 def _pairs(texts: list[str], option: str) -> dict[str, str]:
-    found = {}
+    found: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name.strip() or not value.strip():
             raise ParameterError(f"{option} got {text!r}.", "name=value", f"Write for instance {option} bore='25 mm'.")
-        found[name.strip()] = value.strip().strip("\"'")
+        clean = value.strip().strip("\"'")
+        found[name.strip()] = f"{found[name.strip()]}\0{clean}" if "@" in value and name.strip() in found else clean
     return found
 
 
@@ -240,18 +348,33 @@ def _checked_folder(args: argparse.Namespace) -> Path:
     return folder
 
 
-def _tried(draft: Draft) -> Any:
+def _tried(draft: Draft, read: Callable[[], Any]) -> Any:
     """Read the logs with the new mapping, before anything is written."""
-    from ...signals import read_log
-
     try:
-        return read_log(draft.paths, draft.mapping(), nan="keep", sampling="ignore")
+        return read()
     except PamidError as error:
+        runs = [f"--signal trajectory={shlex.quote(str(n))}" for n in draft.run_names()]
+        remedy = (
+            f"If a column numbers the runs: {' or '.join(runs)}." if isinstance(error, TimeOrderError) and runs else ""
+        )
         raise type(error)(
             f"With the proposed mapping: {error.found}",
             error.expected,
-            f"{error.remedy} --signal names column and unit.",
+            remedy or f"{error.remedy} --signal names column and unit.",
         ) from None
+
+
+def _doubt(draft: Draft, log: Any) -> str:
+    """Return what force, pressure and size say against each other; an error where a unit was only assumed."""
+    doubt = draft.doubt(log)
+    unsure = [g for g in draft.guesses if g.signal in ("P", "F") and not g.sure]
+    if doubt and unsure:
+        raise UnitError(
+            f"{doubt}; the unit of {' and '.join(g.signal for g in unsure)} is only assumed.",
+            "units under which force, pressure and size agree",
+            f"Say them: {' '.join(_option(g, 'UNIT') for g in unsure)}.",
+        )
+    return doubt
 
 
 def _write(draft: Draft, folder: Path) -> list[Path]:
@@ -277,7 +400,7 @@ def _write(draft: Draft, folder: Path) -> list[Path]:
     return written
 
 
-def _tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path]) -> None:
+def _tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str) -> None:
     unsure = [g.signal for g in draft.guesses if g.signal and not g.sure]
     assumed = list(draft.assumed())
     names = [Path(p) for p in args.log]
@@ -292,6 +415,7 @@ def _tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path]) -
                 "assumed": {"units": unsure, "numbers": assumed},
                 "rows": len(log),
                 "trajectories": [str(name) for name in log["trajectory"].unique()],
+                "doubts": [doubt] if doubt else [],
                 "next": follow,
             }
         )
@@ -308,6 +432,8 @@ def _tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path]) -
     if unsure or assumed:
         what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed])
         note(args, f"assumed: {what}. Look for ASSUMED in the files and correct it.")
+    if doubt:
+        note(args, f"{doubt}. Correct it before anything is made of this log.")
     print(f"\nnext: {follow}")
 
 

@@ -1,0 +1,155 @@
+"""What the header of a column says: words, unit, gauge or absolute."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from .unit_names import unit_name
+from .units import UNITS
+from .vocabulary import WORDS
+
+GAUGE = frozenset(("gauge", "gage", "rel", "relative", "relativ", "überdruck", "ueberdruck", "relativdruck"))
+ABSOLUTE = frozenset(("abs", "absolute", "absolut", "absolutdruck"))
+SIDES = {
+    "1": 1, "2": 2, "a": 1, "b": 2, "left": 1, "right": 2, "agonist": 1, "antagonist": 2, "flexor": 1, "extensor": 2,
+    "links": 1, "rechts": 2, "linker": 1, "rechter": 2, "l": 1, "r": 2,
+}  # fmt: skip
+"""Words that number the two muscles of a bench."""
+_ASIDES = {
+    *WORDS["treated"], *WORDS["wanted"], *"xyz", "in", "out", "cmd", "meas", "measured", "gemessen", "messwert", "ist",
+    "istwert", "actual", "cal", "calibrated", "kalibriert", "sim", "simulated",
+}  # fmt: skip
+"""What parentheses hold beside units."""
+_BRACKETS = re.compile(r"([\[({<])\s*([^\[\](){}<>]*(?:\([^()]*\))?)\s*[\])}>]")
+
+
+class Header(NamedTuple):
+    """What a header says.
+
+    Parameters
+    ----------
+    words : list of str
+        Its words in small letters, without unit.
+    unit : str or None
+        Unit that it states, as `pamid.signals.UNITS` names it.
+    unread : str
+        What stands where a unit should and is none that is known; empty otherwise.
+    gauge : bool or None
+        True for gauge, False for absolute pressure, None where it says neither.
+    bracketed : bool
+        Whether the unit stands in brackets or behind a slash: it is then meant as one beyond doubt.
+    bare : str
+        The name without its unit, letter by letter.
+
+    Examples
+    --------
+    >>> from pamid.signals.headers import read_header
+    >>> read_header("Kraft [daN]").unit, read_header("Kraft [foo]").unread
+    ('daN', 'foo')
+    """
+
+    words: list[str]
+    unit: str | None = None
+    unread: str = ""
+    gauge: bool | None = None
+    bracketed: bool = False
+    bare: str = ""
+
+
+def read_header(name: str) -> Header:
+    """Read words, unit and reference from a column's name.
+
+    A unit may stand in brackets of any kind, behind a slash, a comma or "in", or as the last word, behind a blank, an
+    underscore or a change to capitals.
+
+    Parameters
+    ----------
+    name : str
+        The column's name.
+
+    Returns
+    -------
+    Header
+        What it says.
+
+    Examples
+    --------
+    >>> from pamid.signals.headers import read_header
+    >>> [read_header(n)[:2] for n in ("Pressure_1 [bar]", "strokeMm", "F / kN", "flow_l_min")]
+    [(['pressure', '1'], 'bar'), (['stroke'], 'mm'), (['f'], 'kN'), (['flow'], 'L/min')]
+    """
+    rest, unit, unread, asides = _out_of_brackets(name)
+    bracketed = unit is not None or bool(unread)
+    if not bracketed:
+        rest, unit, unread = _behind_a_mark(rest)
+        bracketed = unit is not None or bool(unread)
+    tokens = _tokens(rest.strip().lstrip("%"))
+    bare = rest.strip()
+    if not bracketed:
+        tokens, unit = _last_word(tokens)
+        bare = "_".join(tokens) if unit else bare
+    words = [t.casefold() for t in [*tokens, *asides]]
+    said = set(words)
+    gauge = True if said & GAUGE else False if said & ABSOLUTE else None
+    return Header(words, unit, unread, gauge, bracketed, bare)
+
+
+def _out_of_brackets(name: str) -> tuple[str, str | None, str, list[str]]:
+    """Return what is left of a name, the unit in its brackets, what is none, and the words that stand in brackets."""
+    unit, unread, asides = None, "", []
+    for mark, inside in _BRACKETS.findall(name):
+        inside = inside.strip()
+        words = [w.casefold() for w in _tokens(inside)]
+        if (found := unit_name(inside)) is not None and not (inside.isdigit() and inside != "1"):
+            if inside == "1" and mark == "(":
+                asides.append(inside)
+            elif unit is None:
+                unit = found
+        elif not words or all(w.isdigit() or w in GAUGE or w in ABSOLUTE or w in _ASIDES or w in SIDES for w in words):
+            asides += words
+        elif mark == "(" and (len(inside) > 8 or ("/" not in inside and len(words) > 1)):
+            asides += words  # a remark rather than a unit
+        elif any(c in inside for c in ":") and re.search(r"[hH]{1,2}:[mM]{1,2}", inside):
+            continue  # how a time of day is written
+        else:
+            unread = unread or inside
+    rest = _BRACKETS.sub(" ", name) if unit or unread or asides or _BRACKETS.search(name) else name
+    return rest, unit, "" if unit else unread, asides
+
+
+def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
+    """Return what stands before a slash, a comma or "in", the unit behind it, and what is no unit."""
+    for mark in re.finditer(r"\s+in\s+|[/,;:]", name):
+        left, right = name[: mark.start()].strip(), name[mark.end() :].strip()
+        if left and right and (unit := unit_name(right)) is not None and not right.isdigit():
+            return left, unit, ""
+    slash = re.search(r"\s+/\s+(\S+)$", name)
+    return (name[: slash.start()], None, slash[1]) if slash else (name, None, "")
+
+
+def _tokens(text: str) -> list[str]:
+    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=[A-Za-zäöü])(?=\d)", " ", text)
+    return [w for w in re.split(r"[^\w°%µ]+|_", spaced) if w]
+
+
+def _last_word(tokens: list[str]) -> tuple[list[str], str | None]:
+    """Take a unit from the end of a name, before words of side, reference or treatment."""
+    end = len(tokens)
+    while end > 1 and _is_tail(tokens[end - 1]):
+        end -= 1
+    for count in (3, 2, 1):
+        if end - count < 1:
+            continue
+        last = tokens[end - count : end]
+        for joined in ("/".join(last), " ".join(last), "".join(last)):
+            unit = joined if len(joined) == 1 and joined in UNITS else unit_name(joined) if len(joined) > 1 else None
+            if unit is not None and unit not in ("-", "1"):
+                return [*tokens[: end - count], *tokens[end:]], unit
+    return tokens, None
+
+
+def _is_tail(token: str) -> bool:
+    word = token.casefold()
+    known = word in SIDES or word.isdigit() or word in GAUGE or word in ABSOLUTE or word in _ASIDES
+    return (known and unit_name(token) is None) or word.isdigit()

@@ -1,0 +1,152 @@
+"""How people spell units in headers, in English and German, and which unit of the table each spelling means."""
+
+from __future__ import annotations
+
+import re
+
+from .units import UNITS
+
+_SPELLINGS = """
+s: sec secs second seconds sek sekunde sekunden
+ms: msec msecs millisecond milliseconds millisekunde millisekunden
+us: µsec usec microsecond microseconds mikrosekunde mikrosekunden
+ns: nsec nsecs nanosecond nanoseconds nanosekunde nanosekunden
+min: minute minutes minuten
+h: hr hrs hour hours std stunde stunden
+Pa: pascal pascals n/m2
+kPa: kilopascal kn/m2
+MPa: megapascal n/mm2
+hPa: hektopascal hectopascal
+mbar: millibar
+psi: lb/in2 lbs/in2 lbf/in2 pound/in2
+psig: psi(g)
+psia: psi(a)
+kgf/cm2: kg/cm2 kp/cm2 at ata
+mmHg: torr
+mmH2O: mmws kgf/m2 kp/m2
+cmH2O: cmws
+mH2O: mws
+inH2O: inwc
+m: meter metre metres meters
+cm: centimeter centimetre zentimeter
+mm: millimeter millimetre millimeters millimetres
+um: micron microns micrometer micrometre mikrometer
+in: " zoll inches
+ft: feet foot
+mil: mils thou
+rad: radian radians bogenmaß bogenmass
+mrad: milliradian
+deg: degree degrees grad altgrad winkelgrad
+gon: gradian neugrad
+rev: turn turns revolution revolutions umdrehung umdrehungen u umdr
+rad/s: rad/sec
+deg/s: deg/sec degree/s degrees/s grad/s
+rpm: u/min 1/min upm umin rev/min r/min umdr/min min-1 turn/min umdrehungen/min
+-: ratio dimensionless dimensionslos einheitenlos unitless none ohne m/m mm/mm n/a
+%: pct prozent percent %fs
+‰: promille
+1/s: s-1
+N: newton newtons
+mN: millinewton
+daN: dekanewton decanewton
+kN: kilonewton
+kgf: kp kilopond kilogramforce kg-f kg_f
+gf: pond
+lbf: lbsf poundforce
+ozf: ounceforce
+kg/s: kg/sec
+g/s: g/sec gramm/s
+L/min ANR: l/min(anr) lanr/min l(anr)/min anrl/min
+L/s ANR: l/s(anr) lanr/s
+m3/h ANR: m3/h(anr) m3anr/h
+NL/min: nl/min ln/min l(n)/min nlpm slpm sl/min nlmin slm stdl/min l/min(n) l/min(ntp) l/min(stp) normliter/min
+NL/s: nl/s ln/s
+NL/h: nl/h ln/h
+Nm3/h: nm3/h nm3h
+sccm: scc/min smlpm nml/min mln/min
+L/min: lpm liter/min litre/min dm3/min
+L/s: liter/s dm3/s
+kg: kilogram kilogramm
+g: gram gramm
+lb: lbs pound pounds pfund
+K: kelvin
+degC: c celsius
+°F: f fahrenheit degf
+V: volt volts
+mV: millivolt
+µV: uv microvolt
+A: amp amps ampere
+mA: milliampere
+Nm: n*m n-m newtonmeter
+Nmm: n*mm
+Ncm: n*cm
+lbf in: lbf*in in-lb in-lbs lb-in inlb lbin
+m/s: m/sec
+mm/s: mm/sec
+m/s2: m/s/s
+Hz: hertz
+"""
+_ALIASES = {
+    spelling: line.split(": ")[0]
+    for line in _SPELLINGS.strip().splitlines()
+    for spelling in line.split(": ")[1].split()
+}
+_FOLDED = {
+    folded: names[0]
+    for folded in {name.casefold().replace(" ", "") for name in UNITS}
+    if len(names := [name for name in UNITS if name.casefold().replace(" ", "") == folded]) == 1 or folded[0] != "m"
+}  # m and M are milli and mega: where the table has both, case decides
+_AS_FORCE = {"kg": "kgf", "g": "gf", "lb": "lbf"}
+_GAUGE = r"(?:g|ga|gauge|ü|ue|u|rel|relative?|überdruck|ueberdruck|manometric)"
+_ABSOLUTE = r"(?:a|abs|absolute?|absolut)"
+_REFERENCE = re.compile(
+    rf"^(?P<unit>.+?)[\s_.,(\-]*(?:(?P<gauge>{_GAUGE})|(?P<absolute>{_ABSOLUTE}))[.)]*$", re.IGNORECASE
+)
+_SIGNS = str.maketrans("μ²³·⋅−–—º˚⁻¹", "µ23**---°°-1")
+
+
+def unit_name(text: str, dimension: str | None = None) -> str | None:
+    """Return the name under which `pamid.signals.UNITS` holds a unit that somebody has written.
+
+    Spelling follows the table first, letter by letter (``mN`` and ``MN`` differ), then without regard to case, blanks
+    and powers (``N/mm²``, ``L/MIN``, ``Grad``, ``bar (abs)``). A closed list is kept rather than a grammar of prefixes:
+    in a header ``cell`` or ``Pos`` must not become a unit by chance, and gauge pressure, normal litres and German words
+    are what general libraries of units lack.
+
+    Parameters
+    ----------
+    text : str
+        What stands in a header or a mapping.
+    dimension : str, optional
+        Dimension that is meant: kg, g and lb of a force are kgf, gf and lbf.
+
+    Returns
+    -------
+    str or None
+        A key of `UNITS`; None where no unit is meant.
+
+    Examples
+    --------
+    >>> from pamid.signals.unit_names import unit_name
+    >>> unit_name("PSI"), unit_name("N/mm²"), unit_name("bar (abs)"), unit_name("U/min"), unit_name("sofa")
+    ('psi', 'MPa', 'bara', 'rpm', None)
+    """
+    text = text.strip().translate(_SIGNS).replace("Â", "").replace("℃", "°C")
+    found = _plain(text)
+    if found is None and (match := _REFERENCE.match(text)):
+        base = _plain(match["unit"])
+        if base is not None and UNITS[base].dimension == "pressure" and UNITS[base].gauge is None:
+            suffixed = base + ("g" if match["gauge"] else "a")
+            found = suffixed if suffixed in UNITS else None
+    if dimension == "force" and found in _AS_FORCE:
+        return _AS_FORCE[found]
+    return found
+
+
+def _plain(text: str) -> str | None:
+    if text in UNITS:
+        return text
+    folded = re.sub(r"\s*\b(?:per|pro)\b\s*", "/", text.casefold())
+    folded = re.sub(r"\s+|\^|\.$", "", folded).replace("**", "")
+    folded = re.sub(r"^\((.+)\)$", r"\1", folded)
+    return _ALIASES.get(folded) or _FOLDED.get(folded)

@@ -1,0 +1,138 @@
+"""Whether a pressure is gauge or absolute, by the force that it makes; whether force, pressure and size agree."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ..errors import PamidError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .base import System
+
+_TIMES = 3.0
+"""How many times larger the error under one reading has to be than under the other: offsets of load cells and the
+threshold of a bladder, a few tenths of a bar each, stay below that in runs that tell."""
+_GOOD = 0.15  # of the force's standard deviation: what a reading may leave that is to be believed
+_LEAST = 50  # rows
+_MOST = 20_000
+_FAR = 3.0  # times: units are off by 9.8 and more, shapes of muscles by less
+
+
+def zero_of_force(log: pd.DataFrame, zeros: tuple[float, float] = (0.0, ATMOSPHERIC_PRESSURE)) -> float | None:
+    r"""Say at which reading of the pressure the force vanishes.
+
+    The force of a muscle or a cylinder is proportional to the gauge pressure, :math:`F = (P - P_0)\,a(\varepsilon)`,
+    beside friction, whose sign is that of the motion. Both candidates of :math:`P_0` are fitted, with a free
+    :math:`a` (quadratic in the contraction, constant for a cylinder) and friction with a part that grows with the
+    pressure; one is believed if it leaves little and the other several times as much.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log with ``P``, ``F`` and ``eps`` or ``x``; the pressure as it is read.
+    zeros : tuple of float
+        Candidates of P₀, Pa.
+
+    Returns
+    -------
+    float or None
+        The candidate that holds, Pa: 0 where the reading is gauge, the ambient pressure where it is absolute; None
+        where the log does not tell the two apart.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.systems.reference import zero_of_force
+    >>> t = np.arange(0, 5, 0.01)
+    >>> gauge = 1e5 * (3 + np.sin(t))
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": gauge, "F": 5e-4 * gauge})
+    >>> zero_of_force(log)
+    0.0
+    """
+    position = next((name for name in ("eps", "x") if name in log.columns), None)
+    if position is None or not {"P", "F"} <= set(log.columns):
+        return None
+    known = log.dropna(subset=["time", "P", "F", position])
+    known = known.iloc[:: max(1, len(known) // _MOST)]
+    F = known["F"].to_numpy(dtype=float)
+    if len(known) < _LEAST or np.std(F) == 0:
+        return None
+    P, place = known["P"].to_numpy(dtype=float), known[position].to_numpy(dtype=float)
+    way = _way(known, position)
+    powers = [np.ones(len(F))]
+    if position == "eps" and np.ptp(place) > 0.01:
+        powers += [place, np.square(place)]
+    left = []
+    for zero in zeros:
+        p = P - zero
+        A = np.column_stack([*(p * power for power in powers), way, way * p])
+        A /= np.maximum(np.abs(A).max(axis=0), 1e-300)
+        left.append(float(np.sqrt(np.mean(np.square(F - A @ np.linalg.lstsq(A, F, rcond=None)[0])))))
+    best = int(np.argmin(left))
+    sure = left[best] < _GOOD * np.std(F) and left[1 - best] > _TIMES * left[best]
+    return zeros[best] if sure else None
+
+
+def _way(log: pd.DataFrame, position: str) -> np.ndarray:
+    """Return the direction of the motion, zero at rest."""
+    parts = []
+    for _, run in log.groupby("trajectory", sort=False):
+        x = run[position].to_numpy(dtype=float)
+        width = max(1, len(x) // 100)
+        mean = np.convolve(np.pad(x, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
+        rate = np.gradient(mean) if len(x) > 1 else np.zeros(len(x))
+        top = float(np.quantile(np.abs(rate), 0.99)) if len(x) else 0.0
+        parts.append(np.tanh(rate / (0.1 * top)) if top > 0 else np.zeros(len(x)))
+    return np.concatenate(parts)
+
+
+def disagreement(log: pd.DataFrame, system: System) -> str:
+    """Say that the measured force is far from that of the nominal equation; nothing where the two roughly agree.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log.
+    system : System
+        A muscle or a cylinder.
+
+    Returns
+    -------
+    str
+        A sentence, empty where the two agree within a factor of three, or where the log does not tell.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> from pamid.systems.reference import disagreement
+    >>> t = np.arange(0, 5, 0.01)
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": 4e5 + 1e5 * np.sin(t)})
+    >>> log["F"] = 0.1 * 4.909e-4 * (log["P"] - 101_325)
+    >>> disagreement(log, Cylinder(bore=0.025))
+    'The force is 10 times smaller than pressure and size make it: a unit of F or P, or the bore, is wrong'
+    """
+    if not {"P", "F"} <= set(log.columns):
+        return ""
+    try:
+        problem = system.problem(log.dropna().reset_index(drop=True))
+        nominal = np.asarray(problem.nominal(problem.X), dtype=float)
+    except PamidError:
+        return ""
+    power = float(nominal @ nominal)
+    if len(nominal) < _LEAST or power == 0:
+        return ""
+    ratio = float(problem.y @ nominal) / power
+    left = float(np.sqrt(np.mean(np.square(problem.y - ratio * nominal))))
+    if left > 0.5 * float(np.sqrt(np.mean(np.square(problem.y)))) or 1 / _FAR < ratio < _FAR:
+        return ""
+    size = next((q.name for q in system.numbers if q.default is None and q.unit == "m"), "size")
+    if ratio < 0:
+        return "The force has the opposite sign of what the pressure makes: turn it with a factor of -1"
+    times = f"{ratio:.2g} times larger" if ratio > 1 else f"{1 / ratio:.2g} times smaller"
+    return f"The force is {times} than pressure and size make it: a unit of F or P, or the {size}, is wrong"
