@@ -6,6 +6,15 @@ so ``except ValueError`` keeps working and the command line can turn any `PamidE
 
 from __future__ import annotations
 
+_MOST = 2_000
+"""Characters of a part of a message: what a file holds, however long, must not fill the screen."""
+
+
+def _readable(text: str) -> str:
+    if len(text) <= _MOST:
+        return text
+    return f"{text[: _MOST // 2]} [... {len(text) - _MOST:,} characters ...] {text[-_MOST // 2 :]}"
+
 
 class PamidError(Exception):
     """Base of all errors of the package.
@@ -28,6 +37,7 @@ class PamidError(Exception):
     page: str = "docs/command-line.md"
 
     def __init__(self, found: str, expected: str = "", remedy: str = "") -> None:
+        found, expected, remedy = (_readable(part) for part in (found, expected, remedy))
         self.found = found
         self.expected = expected
         self.remedy = remedy

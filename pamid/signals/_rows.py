@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -86,6 +86,19 @@ def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
     bounds = [0, *edges.tolist(), len(names)]
     for a, b in itertools.pairwise(bounds):
         yield names[a], slice(a, b)
+
+
+def free_name(wanted: str, taken: Container[str]) -> str:
+    """Return a name that no run has yet: the one wanted, or that with a number behind it.
+
+    Examples
+    --------
+    >>> from pamid.signals._rows import free_name
+    >>> free_name("a", {"a", "a#2"})
+    'a#3'
+    """
+    numbered = (f"{wanted}#{k}" for k in itertools.count(2))
+    return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
 
 
 def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
@@ -211,12 +224,14 @@ def _require_contiguous(names: np.ndarray, where: str) -> None:
 
 def _split_at_resets(names: np.ndarray, time: np.ndarray) -> np.ndarray:
     names = names.copy()
+    taken = set(names)
     for name, rows in list(blocks(names)):
         resets = np.flatnonzero(np.diff(time[rows]) < 0) + 1
         bounds = [rows.start, *(rows.start + resets).tolist(), rows.stop]
         if len(bounds) > 2:
             for number, (a, b) in enumerate(itertools.pairwise(bounds), start=1):
-                names[a:b] = f"{name}.{number}"
+                names[a:b] = free_name(f"{name}.{number}", taken)
+                taken.add(names[a])
     return names
 
 

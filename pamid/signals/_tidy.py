@@ -17,6 +17,7 @@ from pamid.errors import (
     MissingColumnError,
 )
 
+from .formats import TRAJECTORY, names_column
 from .mapping import LogMapping, SignalMapping
 from .units import UNITS, base_name, dimension_of, is_gauge_name
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from .formats import RawTable
 
-TRAJECTORY = "trajectory"
 _CLOCK = 1e8
 _NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 
@@ -132,10 +132,10 @@ def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
 
 
 def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> int | None:
-    own = {str(c): i for i, c in enumerate(raw.columns)}
     if mapping.trajectory is not None:
+        own = {str(c): i for i, c in enumerate(raw.columns)}
         return _position(raw, mapping.trajectory, TRAJECTORY, path, own)
-    return own.get(TRAJECTORY)
+    return names_column(raw.columns, mapping)
 
 
 def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Path) -> dict[str, SignalMapping]:
@@ -299,14 +299,13 @@ def _names(
     stem = path.stem
     column = None
     if position is not None:
-        column = raw.iloc[:, position]
-        if column.isna().any():
+        column = as_names(raw.iloc[:, position])
+        if nameless := int((column == "").sum()):
             raise ColumnTypeError(
-                f"{path.name} names no trajectory in {int(column.isna().sum())} of {len(column)} rows.",
+                f"{path.name} names no trajectory in {nameless} of {len(column)} rows.",
                 "a trajectory in every row",
                 "Fill in the names or remove the rows.",
             )
-        column = column.map(lambda v: f"{v:g}" if isinstance(v, float) else str(v)) if column.dtype != "str" else column
     if mapping.name is not None:
         known: dict[str, Any] = {**table.head, "stem": stem, "variable": table.variable or ""}
         try:
@@ -325,6 +324,51 @@ def _names(
     return f"{stem}-{table.variable}" if table.variable and several else stem
 
 
+def as_names(column: pd.Series) -> pd.Series:
+    """Turn what names runs into text, exactly as written; numbers keep all their digits.
+
+    Parameters
+    ----------
+    column : Series
+        Text, numbers or anything else.
+
+    Returns
+    -------
+    Series of str
+        Whole numbers without a decimal point, as ``20240101``; empty where there is no name.
+
+    Raises
+    ------
+    ColumnTypeError
+        If a name is no Unicode text.
+    """
+    import pandas as pd
+
+    if pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:
+        return column.fillna("")
+    names = [_as_name(v) for v in column.to_numpy()]
+    try:
+        return pd.Series(names, index=column.index, dtype="str")
+    except UnicodeEncodeError as error:
+        raise ColumnTypeError(
+            f"The name of a trajectory holds half a character: {error.object[:40]!r}.", "Unicode text", "Rename it."
+        ) from None
+
+
+def _as_name(value: Any) -> str:
+    import pandas as pd
+
+    if isinstance(value, str):
+        return value
+    if pd.isna(value):
+        return ""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="replace")
+    if isinstance(value, float | np.floating):
+        return np.format_float_positional(value, trim="-")
+    return str(value)
+
+
 def _clock_to_run_time(frame: pd.DataFrame) -> pd.DataFrame:
     """Times of day or since 1970 become times from the start of each run."""
     time = frame["time"].to_numpy(dtype=float)
@@ -333,4 +377,4 @@ def _clock_to_run_time(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(time=frame["time"] - frame.groupby(TRAJECTORY, sort=False)["time"].transform("first"))
 
 
-__all__ = ["TRAJECTORY", "Part", "base_name", "tidy"]
+__all__ = ["TRAJECTORY", "Part", "as_names", "base_name", "tidy"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pamid.errors import (
+    ColumnTypeError,
     EmptyLogError,
     LogFormatError,
     LogNotFoundError,
@@ -18,8 +20,8 @@ from pamid.errors import (
     SamplingWarning,
 )
 
-from ._rows import Notes, handle_missing, handle_time, note_sampling, sampling_error
-from ._tidy import tidy
+from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
+from ._tidy import as_names, tidy
 from .formats import format_of, known_extensions
 from .formats._variables import natural
 from .mapping import LogMapping
@@ -267,14 +269,16 @@ def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd
     uses = Counter(name for _, parts in frames for part in parts for name in part["trajectory"].unique())
     labels = _labels([path for path, _ in frames])
     result = []
-    taken: Counter[str] = Counter()
+    taken: set[str] = {name for name, count in uses.items() if count == 1}
     for (_, parts), label in zip(frames, labels, strict=True):
         for part in parts:
             renamed = {}
             for name in part["trajectory"].unique():
-                new = f"{name}@{label}" if uses[name] > 1 and len(frames) > 1 else str(name)
-                taken[new] += 1
-                renamed[name] = new if taken[new] == 1 else f"{new}#{taken[new]}"
+                new = name
+                if uses[name] > 1:
+                    new = free_name(f"{name}@{label}" if len(frames) > 1 else name, taken)
+                    taken.add(new)
+                renamed[name] = new
             if any(k != v for k, v in renamed.items()):
                 part = part.assign(trajectory=part["trajectory"].map(renamed))
             result.append(part)
@@ -309,6 +313,8 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
     ------
     LogFormatError
         If the ending is none of these.
+    ColumnTypeError
+        If a trajectory has no name, or one that a file cannot hold.
     OutputError
         If the file cannot be written.
 
@@ -329,11 +335,13 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
         raise LogFormatError(
             f"{path.name} ends in '{suffix}'.", ".parquet, .csv or .h5", "Choose one of these endings."
         )
+    log = log.assign(trajectory=_storable(as_names(log["trajectory"]))) if "trajectory" in log else log
     try:
         if suffix == ".parquet":
             log.to_parquet(path, index=False)
         elif suffix == ".csv":
-            log.to_csv(path, index=False)
+            odd = "trajectory" in log and any(n != n.strip() or "\r" in n for n in log["trajectory"].unique())
+            log.to_csv(path, index=False, quoting=csv.QUOTE_NONNUMERIC if odd else csv.QUOTE_MINIMAL)
         else:
             import h5py
 
@@ -349,3 +357,13 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
             f"{path} cannot be written: {error.strerror or error}.", "a writable file", "Choose another place."
         ) from None
     return path
+
+
+def _storable(names: pd.Series) -> pd.Series:
+    """Raise on names that no file can hold, or that would not be read back."""
+    for name in names.unique():
+        if not name or "\0" in name:
+            raise ColumnTypeError(
+                f"A trajectory is named {name!r}.", "a text without null characters in every row", "Rename it."
+            )
+    return names

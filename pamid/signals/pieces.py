@@ -10,8 +10,9 @@ import numpy as np
 
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
 
+from ._rows import Notes, free_name, note_sampling
 from ._tidy import TRAJECTORY
-from .formats import RawTable, format_of
+from .formats import RawTable, flat_columns, format_of, names_column
 from .log import MAX_BYTES, PathLike, _labels, find_logs, log_settings, say_notes, tidy_tables
 from .mapping import LogMapping
 
@@ -88,23 +89,21 @@ def _pieces(
 ) -> Iterator[pd.DataFrame]:
     import pandas as pd
 
-    from ._rows import Notes, note_sampling
-
     notes, taken = Notes(), dict[str, Path]()
     for path, label in zip(files, _labels(files), strict=True):
         for tables, zero_run in _raw(path, settings, rows, max_bytes):
             parts = tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)
             frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
             names = frame[TRAJECTORY].unique()
-            if again := [n for n in names if taken.get(str(n)) == path]:
+            if again := [n for n in names if taken.get(n) == path]:
                 raise InterleavedTrajectoryError(
                     f"The rows of trajectory '{again[0]}' of {path.name} are not together.",
                     "each trajectory in one stretch of the file",
                     "Sort the log by trajectory and time, or read it as a whole with read_log.",
                 )
-            new = {n: f"{n}@{label}" if str(n) in taken else str(n) for n in names}
-            taken |= {str(n): path for n in names} | dict.fromkeys(new.values(), path)
-            if any(str(k) != v for k, v in new.items()):
+            new = {n: free_name(f"{n}@{label}", taken) if n in taken else n for n in names}
+            taken |= dict.fromkeys([*names, *new.values()], path)
+            if any(k != v for k, v in new.items()):
                 frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
             order = [TRAJECTORY, "time"]
             frame = frame[[*order, *[c for c in frame.columns if c not in order]]]
@@ -176,14 +175,6 @@ def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> 
         )
 
 
-def _own_column(columns: list[str], settings: LogMapping) -> str | None:
-    """Return the column that names trajectories, if there is one that can be found."""
-    wanted = settings.trajectory if settings.trajectory is not None else TRAJECTORY
-    if isinstance(wanted, int):
-        return columns[wanted] if 0 <= wanted < len(columns) else None
-    return wanted if wanted in columns else None
-
-
 def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -191,12 +182,11 @@ def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Ite
     try:
         with pq.ParquetFile(path, pre_buffer=False) as file:
             schema, total = file.schema_arrow, file.metadata.num_rows
-            flat = [f.name for f in schema if not pa.types.is_nested(f.type) and not pa.types.is_binary(f.type)]
-            flat = list(dict.fromkeys(flat))
-            named = _own_column(flat, settings)
+            flat = flat_columns(schema, settings)
+            named = names_column(flat, settings)
             ends = [total]
             if named is not None:
-                batches = file.iter_batches(batch_size=_BATCH, columns=[named], use_threads=False)
+                batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
                 ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _damaged(path, error) from None
@@ -240,24 +230,24 @@ def _damaged(path: Path, error: Exception) -> Exception:
 def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
     import h5py
 
-    from .formats.hdf5 import _collect, _is_matlab
+    from .formats.hdf5 import collect, is_matlab
 
     if settings.trajectories is not None or settings.zero_run is not None:
         return None
     try:
         with h5py.File(path, "r") as file:
             found: dict[str, Any] = {}
-            _collect(file, "", found, [], depth=0)
+            collect(file, "", found, [], depth=0)
             tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
-            if _is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
+            if is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
                 return None
             group, table = tables[0]
             if any(item.ndim != 1 for item in table.values()):
                 return None
-            named = _own_column(list(table), settings)
-            total = len(next(iter(table.values())))
-            ends = [total] if named is None else cuts(_vector(table[named]), rows)
             columns = list(table)
+            named = names_column(columns, settings)
+            total = len(next(iter(table.values())))
+            ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows)
     except OSError as error:
         raise _damaged(path, error) from None
     _require_size(path, ends, len(columns), max_bytes)

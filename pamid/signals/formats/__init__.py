@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ..mapping import LogMapping
 
+TRAJECTORY = "trajectory"
 HEAD_BYTES = 65_536
 """How much of a file is read to tell its format."""
 
@@ -69,6 +70,41 @@ class Format:
     recognises: Callable[[bytes], bool]
     read: Callable[[Path, LogMapping, int], tuple[list[RawTable], pd.DataFrame | None]]
     order: int = 0
+
+
+def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
+    """Return the position of the column that names each row's trajectory: what stands there is text, not a number.
+
+    Parameters
+    ----------
+    columns : iterable
+        Names of the columns, or their positions where the file names none.
+    mapping : LogMapping
+        May name the column.
+
+    Returns
+    -------
+    int or None
+        None where there is none.
+    """
+    labels = [str(c) if isinstance(c, str) else c for c in columns]
+    wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
+    if isinstance(wanted, int):
+        return wanted if 0 <= wanted < len(labels) else None
+    return labels.index(wanted) if wanted in labels else None
+
+
+def flat_columns(schema: Any, mapping: LogMapping) -> list[str]:
+    """Return the columns of an Arrow schema that can be signals or name runs; nested and binary ones stay closed."""
+    import pyarrow as pa
+
+    of_names = names_column(schema.names, mapping)
+    flat = [
+        field.name
+        for k, field in enumerate(schema)
+        if not pa.types.is_nested(field.type) and (k == of_names or not pa.types.is_binary(field.type))
+    ]
+    return list(dict.fromkeys(flat))
 
 
 @cache

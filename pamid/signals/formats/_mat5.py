@@ -1,4 +1,4 @@
-"""MATLAB 5 files: their table of contents and their plain numbers, and nothing else.
+"""MATLAB 5 files: their table of contents, their plain numbers and texts, and nothing else.
 
 `scipy.io` reads these files too, but it fails to list those that hold MATLAB objects, and a damaged or hostile file can
 end the whole process there (a segmentation fault in ``read_var_array`` of scipy 1.17). Every length is checked here.
@@ -18,10 +18,12 @@ from pamid.errors import HostileLogError, LogFormatError, TruncatedLogError
 
 _COMPRESSED, _MATRIX = 15, 14
 _CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function", 17: "opaque"}
-_STRUCT, _OPAQUE = 2, 17
+_CELL, _STRUCT, _CHAR, _OPAQUE = 1, 2, 4, 17
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_UINT16 = 4
+_ENCODINGS = {1: "latin-1", 2: "latin-1", 16: "utf-8"}
 _HEAD = 4096
 
 
@@ -108,14 +110,14 @@ def load(path: Path, variable: Variable, max_bytes: int) -> Any:
     path : Path
         The file.
     variable : Variable
-        One of its `contents`, a plain array or a struct of plain arrays.
+        One of its `contents`: a plain array, text, a cell of texts, or a struct of these.
     max_bytes : int
         Largest number of bytes to unfold.
 
     Returns
     -------
     ndarray, or dict of ndarrays
-        The array in its MATLAB shape; for a struct its numeric fields.
+        The array in its MATLAB shape; for text one entry a row; for a struct its fields of numbers and text.
 
     Raises
     ------
@@ -140,6 +142,8 @@ def load(path: Path, variable: Variable, max_bytes: int) -> Any:
             )
     if variable.kind == "struct":
         return _struct(body, order, path, variable.name)
+    if variable.kind in ("char", "cell"):
+        return _texts(body, order, path)
     return _array(body, order, path)
 
 
@@ -201,6 +205,42 @@ def _array(body: bytes, order: str, path: Path) -> np.ndarray:
     return values.astype(values.dtype.newbyteorder("=")).reshape(head.shape, order="F")
 
 
+def _texts(body: bytes, order: str, path: Path) -> np.ndarray:
+    """Return the rows of a character array without the blanks that fill them up, or the entries of a cell of texts."""
+    head = _head(body, order, path)
+    if head.mx_class == _CHAR:
+        return np.array([row.rstrip() for row in _characters(body, head, order, path)], dtype=object)
+    texts: list[str | None] = []
+    at = head.end
+    try:
+        for _ in range(math.prod(head.shape)):
+            _, inner, at = _element(body, at, order)
+            own = _head(inner, order, path)
+            row = _characters(inner, own, order, path) if own.mx_class == _CHAR else []
+            texts.append(row[0] if len(row) == 1 else None)
+    except (struct.error, IndexError):
+        raise _damaged(path, f"the cell '{head.name}' is not whole") from None
+    return np.array(texts, dtype=object)
+
+
+def _characters(body: bytes, head: _Head, order: str, path: Path) -> list[str]:
+    """Return the rows of a character array, which lies in the file column by column."""
+    rows = math.prod(head.shape[:-1])
+    if not rows or not head.shape[-1]:
+        return []
+    try:
+        kind, data, _ = _element(body, head.end, order)
+        wide = kind == _UINT16  # units of UTF-16, of which a character may take two
+        units = np.frombuffer(data, order + "u2") if wide else np.array(list(data.decode(_ENCODINGS[kind])))
+    except (struct.error, IndexError, KeyError, ValueError):
+        raise _damaged(path, f"the text of '{head.name}' is not whole") from None
+    if len(units) != rows * head.shape[-1]:
+        raise _damaged(path, f"'{head.name}' declares {rows * head.shape[-1]} characters and holds {len(units)}")
+    if wide:
+        return [units[k::rows].astype("<u2").tobytes().decode("utf-16-le", errors="replace") for k in range(rows)]
+    return ["".join(units[k::rows]) for k in range(rows)]
+
+
 def _struct(body: bytes, order: str, path: Path, name: str) -> dict[str, np.ndarray]:
     head = _head(body, order, path)
     if math.prod(head.shape) != 1:
@@ -223,6 +263,8 @@ def _struct(body: bytes, order: str, path: Path, name: str) -> dict[str, np.ndar
                 own = _head(inner, order, path)
                 if own.mx_class in _NUMERIC and not own.is_complex:
                     fields[key] = _array(inner, order, path)
+                elif own.mx_class in (_CELL, _CHAR) and math.prod(own.shape) > 1:
+                    fields[key] = _texts(inner, order, path)
     except (struct.error, IndexError):
         raise _damaged(path, f"the struct '{name}' is not whole") from None
     return fields

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import HostileLogError, PamidError, TruncatedLogError
+from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
-from . import Format, RawTable
+from . import TRAJECTORY, Format, RawTable
 from ._variables import as_frame, require_size, select, tables
 
 if TYPE_CHECKING:
@@ -25,10 +25,11 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
     try:
         with h5py.File(path, "r") as file:
-            matlab = _is_matlab(path, file)
+            matlab = is_matlab(path, file)
             found: dict[str, Any] = {}
             refused: list[str] = []
-            _collect(file, "", found, refused, depth=0)
+            collect(file, "", found, refused, depth=0)
+            of_names = _names_variable(file, mapping, path, max_bytes, matlab) if not _has_names(found, mapping) else {}
             if not found:
                 raise HostileLogError(
                     f"{path.name} holds no numeric data set{' but ' + ', '.join(refused[:4]) if refused else ''}.",
@@ -37,7 +38,10 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
                 )
             names = select(path, list(found), mapping.trajectories, mapping.zero_run)
             wanted = [*names, *([mapping.zero_run] if mapping.zero_run else [])]
-            values = {name: _load(found[name], name, path, max_bytes, matlab) for name in wanted}
+            values = {
+                name: _load(found[name], name, path, max_bytes, matlab) for name in wanted if name not in of_names
+            }
+            values |= of_names
     except PamidError:
         raise
     except Exception as error:
@@ -51,10 +55,54 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
 
 
-def _is_matlab(path: Path, file: h5py.File) -> bool:
+def is_matlab(path: Path, file: h5py.File) -> bool:
+    """Say whether MATLAB wrote the file."""
     with path.open("rb") as stream:
         marked = stream.read(6) == b"MATLAB"
     return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
+
+
+def _wanted(mapping: LogMapping) -> str | int:
+    return TRAJECTORY if mapping.trajectory is None else mapping.trajectory
+
+
+def _has_names(found: dict[str, Any], mapping: LogMapping) -> bool:
+    return any(isinstance(item, dict) and _wanted(mapping) in item for item in found.values())
+
+
+def _names_variable(
+    file: h5py.File, mapping: LogMapping, path: Path, max_bytes: int, matlab: bool
+) -> dict[str, np.ndarray]:
+    """Return the variable of text that names each row's run; a log is never read without the names that it gives."""
+    import h5py
+
+    wanted = _wanted(mapping)
+    item = _children(file).get(wanted) if isinstance(wanted, str) else None
+    if not isinstance(item, h5py.Dataset) or (_numeric(item.dtype) and not (matlab and _class_of(item) == "char")):
+        return {}
+    require_size(path, str(wanted), item.shape or (1,), item.id.get_storage_size(), max_bytes)
+    if matlab and not _is_virtual(item) and _class_of(item) in ("char", "cell"):
+        cells = [file[r] for r in item[()].T.ravel(order="F")] if _class_of(item) == "cell" else [item]
+        return {str(wanted): np.array([row for cell in cells for row in _characters(cell)], dtype=object)}
+    if _is_virtual(item) or not h5py.check_string_dtype(item.dtype) or not _vector(item):
+        raise ColumnTypeError(
+            f"{path.name} names its runs in '{wanted}', which is of the type {item.dtype}.",
+            "text or numbers, one a row",
+            "Save it as strings or numbers.",
+        )
+    return {str(wanted): np.ravel(item.asstr()[()])}
+
+
+def _class_of(item: h5py.Dataset) -> str:
+    found = item.attrs.get("MATLAB_class", b"")
+    return found.decode("latin-1") if isinstance(found, bytes) else str(found)
+
+
+def _characters(item: h5py.Dataset) -> list[str]:
+    """Return the rows of MATLAB's character array, which is stored transposed, one unit of UTF-16 an element."""
+    if item.ndim != 2 or item.dtype.kind != "u":
+        return [""]
+    return [row.astype("<u2").tobytes().decode("utf-16-le", errors="replace").rstrip() for row in item[()].T]
 
 
 def _children(group: h5py.Group) -> dict[str, Any]:
@@ -69,7 +117,7 @@ def _children(group: h5py.Group) -> dict[str, Any]:
     return own
 
 
-def _collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int) -> None:
+def collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int) -> None:
     """Note numeric data sets by their path; a group that holds only vectors is one table."""
     import h5py
 
@@ -93,7 +141,7 @@ def _collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: lis
             ):
                 found[path] = usable
             else:
-                _collect(item, f"{path}/", found, refused, depth + 1)
+                collect(item, f"{path}/", found, refused, depth + 1)
 
 
 def _numeric(dtype: np.dtype) -> bool:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read a JSON file as one table and the single values beside it."""
-    import pandas as pd
-
     if path.stat().st_size * 10 > max_bytes:
         raise HostileLogError(
             f"{path.name} has {path.stat().st_size / 2**20:.0f} MiB of JSON.",
@@ -28,7 +26,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         )
     try:
         document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a ValueError also of numbers of thousands of digits
         raise TruncatedLogError(
             f"{path.name} is not whole JSON: {error}.", "a whole JSON file", "Export or copy the log again."
         ) from None
@@ -43,13 +41,26 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         )
     if isinstance(entries, list) and not all(isinstance(e, dict) for e in entries):
         if all(isinstance(e, list) for e in entries):
-            return [RawTable(pd.DataFrame(entries), named=False, head=head)], None
+            return [RawTable(_frame(entries, path), named=False, head=head)], None
         raise LogFormatError(
             f"{path.name}: the entries are not all objects.", "a list of objects, one a sample", "Correct the file."
         )
-    frame = pd.DataFrame(entries)
+    frame = _frame(entries, path)
     scalar = [c for c in frame.columns if not frame[c].map(lambda v: isinstance(v, list | dict)).any()]
     return [RawTable(frame[scalar], head=head)], None
+
+
+def _frame(entries: Any, path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    try:
+        return pd.DataFrame(entries)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise LogFormatError(
+            f"The entries of {path.name} make no table: {' '.join(str(error).split())[:160]}.",
+            "the same keys in each entry, with numbers or text",
+            "Correct the file.",
+        ) from None
 
 
 def _entries(document: dict[str, Any], key: str | None, path: Path) -> Any:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pamid.errors import HostileLogError
+from pamid.errors import ColumnTypeError, HostileLogError
 
-from . import Format, RawTable
-from ._mat5 import contents, load
+from . import TRAJECTORY, Format, RawTable
+from ._mat5 import Variable, contents, load
 from ._variables import as_frame, require_size, select, tables
 
 if TYPE_CHECKING:
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read the numeric variables and structs of numeric vectors; objects and cells stay closed."""
+    """Read the numeric variables, structs of vectors and the names of runs; objects and other cells stay closed."""
     listing = {v.name: v for v in contents(path) if v.name}
+    of_names = _names_variable(listing, mapping, path)
     names = [v.name for v in listing.values() if v.kind == "number"]
     structs = [v.name for v in listing.values() if v.kind == "struct"]
     if mapping.trajectories is not None or not names:
@@ -32,12 +33,27 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "Objects, tables and cells are not read: save plain arrays, for instance with table2array.",
         )
     chosen = select(path, names, mapping.trajectories, mapping.zero_run)
-    wanted = [*chosen, *([mapping.zero_run] if mapping.zero_run else [])]
+    wanted = [*chosen, *of_names, *([mapping.zero_run] if mapping.zero_run else [])]
     for name in wanted:
         require_size(path, name, listing[name].shape, listing[name].stored, max_bytes)
     values = {name: load(path, listing[name], max_bytes) for name in wanted}
     zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
     return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
+
+
+def _names_variable(listing: dict[str, Variable], mapping: LogMapping, path: Path) -> list[str]:
+    """Return the variable of text that names each row's run; a log is never read without the names that it gives."""
+    wanted = TRAJECTORY if mapping.trajectory is None else mapping.trajectory
+    kind = listing[wanted].kind if isinstance(wanted, str) and wanted in listing else "number"
+    if kind in ("char", "cell"):
+        return [str(wanted)]
+    if kind not in ("number", "struct"):
+        raise ColumnTypeError(
+            f"{path.name} names its runs in '{wanted}', which is of the class {kind}.",
+            "numbers, a character array or a cell of character vectors",
+            f"Save it as text: {wanted} = cellstr({wanted}).",
+        )
+    return []
 
 
 FORMAT = Format("MATLAB", (".mat",), lambda head: head[:10] == b"MATLAB 5.0", read)

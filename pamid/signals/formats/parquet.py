@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pamid.errors import HostileLogError, TruncatedLogError
 
-from . import Format, RawTable
+from . import Format, RawTable, flat_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,8 +30,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
                     f"at most {max_bytes / 2**30:.3g} GiB",
                     "Split the log, or raise max_bytes if the file can be trusted.",
                 )
-            flat = [f.name for f in schema if not pa.types.is_nested(f.type) and not pa.types.is_binary(f.type)]
-            table = file.read(columns=list(dict.fromkeys(flat)))
+            table = file.read(columns=flat_columns(schema, mapping))
             frame = table.replace_schema_metadata(None).to_pandas()
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, HostileLogError):

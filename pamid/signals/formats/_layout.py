@@ -1,0 +1,249 @@
+"""How a text table is laid out: encoding, comments above it, delimiter, names of columns, fields in a row."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from pamid.errors import DuplicateColumnError, EmptyLogError, MappingError
+
+if TYPE_CHECKING:
+    from ..mapping import LogMapping
+
+NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
+MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "-nan", "infinity", "-infinity"}
+_LINES = 400
+_COMMENT = "#"
+
+
+class Layout(NamedTuple):
+    """How to read a text table.
+
+    Parameters
+    ----------
+    encoding : str
+        Of the file.
+    delimiter : str
+        Between fields; a blank stands for any white space.
+    names : tuple of str or None
+        Names of the columns; None where the file names none.
+    width : int
+        Fields of a row.
+    begins : int
+        Lines before the first row of samples.
+    decimal : str
+        Point or comma.
+    ends_with_delimiter : bool
+        Whether rows have a delimiter behind their last field.
+    """
+
+    encoding: str
+    delimiter: str
+    names: tuple[str, ...] | None
+    width: int
+    begins: int
+    decimal: str
+    ends_with_delimiter: bool
+
+
+def layout_of(path: Path, mapping: LogMapping) -> Layout:
+    """Find how a text table is laid out, from its first rows and what the mapping says.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    mapping : LogMapping
+        May give delimiter, decimal and header.
+
+    Returns
+    -------
+    Layout
+        The layout.
+
+    Raises
+    ------
+    EmptyLogError
+        The file holds no rows.
+    DuplicateColumnError
+        Two columns carry one name.
+    """
+    encoding = encoding_of(path)
+    lines = _first_lines(path, encoding)
+    above = len(list(itertools.takewhile(lambda line: _is_comment(line) or not line.strip(), lines)))
+    comments, rest = lines[:above], lines[above:]
+    if not any(line.strip() for line in rest):
+        comments, rest = [], lines  # every line begins with the mark: it is part of the first field
+    if not any(line.strip() for line in rest):
+        raise EmptyLogError(f"{path.name} holds no rows.", "a table with at least two rows", "Record the log again.")
+    delimiter = _given(mapping.delimiter) or _delimiter(rest)
+    rows = list(numbered_rows(rest, delimiter))
+    begins = len(comments)
+    header = _has_header(rows[0][1], mapping.header)
+    names = tuple(clean(t) for t in rows[0][1]) if header else None
+    if header:
+        begins, rows = begins + rows[0][0], rows[1:]
+    elif marked := _rows_among(comments, delimiter, len(rows[0][1])):
+        begins -= marked
+    if not rows:
+        raise EmptyLogError(f"{path.name} holds a header and no rows.", "a table of samples", "Record the log again.")
+    return _of_rows(path, mapping, encoding, delimiter, names, begins, [row for _, row in rows])
+
+
+def _of_rows(
+    path: Path,
+    mapping: LogMapping,
+    encoding: str,
+    delimiter: str,
+    names: tuple[str, ...] | None,
+    begins: int,
+    rows: list[list[str]],
+) -> Layout:
+    usual = Counter(len(row) for row in rows).most_common(1)[0][0]
+    behind = delimiter != " " and usual > 1 and all(not row[-1].strip() for row in rows if len(row) == usual)
+    if names is not None:
+        if behind and len(names) == usual and not names[-1]:
+            names = names[:-1]
+        behind = behind and usual == len(names) + 1
+        _require_unique(names, path)
+    decimal = mapping.decimal or _decimal(rows, delimiter)
+    width = len(names) if names is not None else usual - behind
+    return Layout(encoding, delimiter, names, width, begins, decimal, behind)
+
+
+def _given(delimiter: str | None) -> str | None:
+    """Return the mapping's delimiter; white space of any length is a blank."""
+    if delimiter is None or delimiter == r"\s+":
+        return delimiter and " "
+    if len(delimiter) != 1 or delimiter in '\r\n"':
+        raise MappingError(f"delimiter is {delimiter!r}.", "one character between fields, or '\\s+'", "Correct it.")
+    return delimiter
+
+
+def encoding_of(path: Path) -> str:
+    """Tell the encoding of a text file by its first bytes."""
+    with path.open("rb") as stream:
+        head = stream.read(65_536)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:
+            return "latin-1"
+    return "utf-8-sig"
+
+
+def numbered_rows(lines: Iterable[str], delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Split lines into rows of fields; blank lines are passed over.
+
+    Yields
+    ------
+    tuple of int and list of str
+        Number of the row's last line, from 1, and its fields.
+    """
+    if delimiter == " ":
+        for number, line in enumerate(lines, start=1):
+            if line.strip():
+                yield number, _at_blanks(line)
+        return
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    for row in reader:
+        if row and (len(row) > 1 or row[0].strip()):
+            yield reader.line_num, row
+
+
+def _at_blanks(line: str) -> list[str]:
+    if '"' not in line:
+        return line.split()
+    return next(csv.reader([" ".join(line.split("\t")).strip()], delimiter=" ", skipinitialspace=True))
+
+
+def clean(token: str) -> str:
+    """Return a field without blanks and quotes around it."""
+    return token.strip().strip("\"'").strip()
+
+
+def _first_lines(path: Path, encoding: str) -> list[str]:
+    """Return the first lines: as many as it takes for some of samples below any comments."""
+    lines: list[str] = []
+    left = _LINES
+    with path.open(encoding=encoding, errors="replace", newline=None) as stream:
+        for line in stream:
+            lines.append(line)
+            left -= bool(line.strip()) and not (left == _LINES and _is_comment(line))
+            if not left or len(lines) > 20 * _LINES:
+                break
+    return lines
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(_COMMENT)
+
+
+def _rows_among(comments: list[str], delimiter: str, width: int) -> int:
+    """Return how many of the last lines above a table without header are rows of it whose first field has the mark."""
+    count = 0
+    for line in reversed(comments):
+        fields = next(numbered_rows([line], delimiter), (0, []))[1]
+        if len(fields) != width or width < 2 or not all(NUMBER.match(clean(t)) for t in fields[1:]):
+            break
+        count += 1
+    return count
+
+
+def _delimiter(lines: list[str]) -> str:
+    """Choose the separator that splits header and rows into the same number of fields, more than one."""
+    lines = [line for line in lines if line.strip()]
+    best, score = " ", (False, 0.0, 0.0)
+    for candidate in (";", "\t", ",", "|", " "):
+        first, *rest = [len(row) for _, row in _tolerant_rows(lines, candidate)] or [0]
+        counts = Counter(rest or [first])
+        width, hits = counts.most_common(1)[0]
+        if width < 2:
+            continue
+        share = hits / sum(counts.values())
+        if candidate == "," and ";" in lines[-1]:
+            share *= 0.5  # a comma beside semicolons is a decimal comma
+        rank = (first == width, round(share, 1), float(width) if candidate not in " ," else 0.0)
+        if rank > score:
+            best, score = candidate, rank
+    return best
+
+
+def _tolerant_rows(lines: list[str], delimiter: str) -> list[tuple[int, list[str]]]:
+    """Return the rows that a trial delimiter gives; none where the text cannot be split by it."""
+    try:
+        return list(numbered_rows(lines, delimiter))
+    except csv.Error:
+        return []
+
+
+def _has_header(tokens: list[str], given: bool | None) -> bool:
+    if given is not None:
+        return given
+    return not any(NUMBER.match(clean(t)) for t in tokens) and any(clean(t).lower() not in MISSING for t in tokens)
+
+
+def _require_unique(names: tuple[str, ...], path: Path) -> None:
+    double = [n for n, k in Counter(names).items() if k > 1 and n]
+    if double:
+        raise DuplicateColumnError(
+            f"{path.name} has {Counter(names)[double[0]]} columns named '{double[0]}'.",
+            "each column's name once",
+            "Rename one of them in the header, or set header = false and map columns by position.",
+        )
+
+
+def _decimal(rows: list[list[str]], delimiter: str) -> str:
+    if delimiter == ",":
+        return "."
+    tokens = [clean(t) for row in rows for t in row]
+    commas = sum(bool(re.match(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$", t)) for t in tokens)
+    points = sum("." in t for t in tokens)
+    return "," if commas > points else "."
