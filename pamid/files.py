@@ -1,20 +1,64 @@
-"""Write a file whole or not at all."""
+"""Write a file whole or not at all, and see beforehand whether it can be written."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import secrets
+import stat
+from collections.abc import Iterator
 from pathlib import Path
 
-from .errors import OutputError
+from .errors import OutputError, PamidError
+
+PROBE = 1 << 16
+"""Bytes that are written to see whether there is room, unless the caller knows better."""
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Yield a draft beside a file; when the body ends, flush it to disk and move it into place.
+
+    A crash at any moment leaves either the old file or the new one, and of two processes that write one file the later
+    one wins. If the body raises, the draft is removed and the file stays as it was.
+
+    Parameters
+    ----------
+    path : path-like
+        The file; an existing one is replaced, and its mode is kept. A link stays a link to what is written.
+
+    Yields
+    ------
+    Path
+        An empty file in the same folder.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written, for instance because the disk is full.
+    """
+    path = Path(path)
+    draft: Path | None = None
+    try:
+        target = _regular(path)
+        draft = _empty_draft(target.parent)
+        yield draft
+        flush(draft)
+        if target.exists():
+            draft.chmod(stat.S_IMODE(target.stat().st_mode))
+        draft.replace(target)
+        draft = None
+        _flush_folder(target.parent)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    finally:
+        if draft is not None:
+            with contextlib.suppress(OSError):
+                draft.unlink()
 
 
 def write_whole(path: str | Path, data: bytes | str) -> Path:
-    """Write a file beside its destination, flush it to disk and move it into place.
-
-    A crash at any moment leaves either the old file or the new one, and of two processes that write one file the later
-    one wins; neither leaves half a file.
+    """Write a file beside its destination, flush it to disk and move it into place, see `replacing`.
 
     Parameters
     ----------
@@ -34,33 +78,107 @@ def write_whole(path: str | Path, data: bytes | str) -> Path:
         The file cannot be written, for instance because the disk is full.
     """
     path = Path(path)
-    content = data.encode("utf-8") if isinstance(data, str) else data
-    temporary: str | None = None
+    with replacing(path) as draft:
+        draft.write_bytes(encoded(data))
+    return path
+
+
+def encoded(data: bytes | str) -> bytes:
+    """Return text as UTF-8; what is no character, such as half of a surrogate pair in a log's names, as '?'."""
+    return data.encode("utf-8", errors="replace") if isinstance(data, str) else data
+
+
+def check_file(path: str | Path, size: int = PROBE) -> Path:
+    """Return the path of a file that can be written, before anything expensive starts.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to be.
+    size : int, default=65536
+        Bytes for which there must be room.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        Its folder is missing, full or read-only, or something else stands in its place.
+    """
+    target = Path(path)
+    folder = target.parent
+    if not folder.is_dir():
+        raise OutputError(f"The folder {folder} does not exist.", "an existing folder", "Create it first.")
+    if target.is_dir():
+        raise OutputError(f"{target} is a folder.", "the name of a file", "Add a file name.")
     try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(content)
+        probe(_regular(target).parent, size)
+    except OSError as error:
+        raise unwritable(target, error) from None
+    return target
+
+
+def probe(folder: Path, size: int = PROBE) -> None:
+    """Write and remove a draft of some bytes in a folder; raise what the system raises."""
+    draft = _empty_draft(folder)
+    try:
+        with draft.open("r+b") as stream:
+            stream.write(b"\1" * size)  # zeros may be kept as a hole, which takes no room
             stream.flush()
             os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)  # mkstemp keeps the file to its owner
-        Path(temporary).replace(path)
-        temporary = None
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror or error}.",
-            "a file name in a folder that can be written to",
-            "Create the folder, free some space, or choose another path.",
-        ) from None
     finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                Path(temporary).unlink()
-    with contextlib.suppress(OSError):  # the rename itself is durable only once the folder is flushed
-        folder = os.open(path.parent, os.O_RDONLY)
+        with contextlib.suppress(OSError):
+            draft.unlink()
+
+
+def draft_name() -> str:
+    """Return a hidden name that nothing else has."""
+    return f".pamid-{secrets.token_hex(6)}.tmp"
+
+
+def flush(file: Path) -> None:
+    """Wait until the content of a file is on disk."""
+    with file.open("rb") as stream:
+        os.fsync(stream.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make a rename durable; some file systems cannot flush a folder, and lose no content by it."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(folder)
+            os.fsync(handle)
         finally:
-            os.close(folder)
-    return path
+            os.close(handle)
+
+
+def unwritable(path: Path, error: OSError) -> Exception:
+    """Word an error of the system for whoever wants to write there."""
+    if isinstance(error, PamidError):
+        return error
+    return OutputError(
+        f"{path} cannot be written: {error.strerror or error}.",
+        "a file or folder that can be written to, with room on its disk",
+        "Create the folder, free some space, or choose another path.",
+    )
+
+
+def _empty_draft(folder: Path) -> Path:
+    draft = folder / draft_name()
+    os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # the user's umask decides on its mode
+    return draft
+
+
+def _regular(path: Path) -> Path:
+    """Return the file itself that a path leads to; a device, pipe or protected file is not replaced."""
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    if not target.exists() or target.is_dir():  # the system says best what is wrong with a folder
+        return target
+    if not target.is_file():
+        raise OutputError(f"{path} is a device or a pipe.", "the name of a file", "Choose another path.")
+    if not os.access(target, os.W_OK):
+        raise OutputError(f"{path} is protected against writing.", "a file that may be replaced", "Choose another one.")
+    return target

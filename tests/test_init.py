@@ -419,19 +419,20 @@ def test_what_cannot_be_is_explained(argv, words, muscle, tmp_path, capsys):
 
 
 def test_a_disk_that_is_full_leaves_no_half(muscle, tmp_path, monkeypatch, capsys):
-    import pamid.files
+    import pamid.cli.commands.init as command
 
-    whole = pamid.files.write_whole
+    whole = command.write_whole
 
     def full(path, data):
         if path.name == "sim.toml":
-            raise pamid.files.OutputError(f"{path} cannot be written: no space.", "space", "Make room.")
+            raise command.OutputError(f"{path} cannot be written: no space.", "space", "Make room.")
         return whole(path, data)
 
-    monkeypatch.setattr(pamid.files, "write_whole", full)
+    monkeypatch.setattr(command, "write_whole", full)
     assert main(["init", str(muscle), "--kind", "muscle", "--yes", "--out", str(tmp_path / "a")]) == 2
     assert "no space" in capsys.readouterr().err
-    assert not list((tmp_path / "a").iterdir())
+    assert not (tmp_path / "a").exists()
+    assert not list(tmp_path.glob(".pamid*"))
 
 
 # --- asking -----------------------------------------------------------------------------------------------------

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
-import os
-import tempfile
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import (
     MissingParameterError,
-    OutputError,
     OversizedSimulatorError,
     SimulatorFileError,
     SimulatorNotFoundError,
@@ -21,6 +17,7 @@ from ..errors import (
     SimulatorTypeError,
     UnknownParameterError,
 )
+from ..files import write_whole
 
 if TYPE_CHECKING:
     from .parameters import BenchParameters
@@ -166,23 +163,5 @@ def simulator_text(params: BenchParameters) -> str:
 
 
 def write_simulator_file(params: BenchParameters, path: Path) -> None:
-    """Write ``params`` to ``path`` through a file beside it, so that a reader never sees half of it."""
-    text = simulator_text(params)
-    temporary = None
-    try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent or ".")
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)  # mkstemp keeps the file to its owner
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                Path(temporary).unlink()
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror}.", "a folder that can be written to", "Choose another path."
-        ) from None
+    """Write ``params`` to ``path``, whole or not at all."""
+    write_whole(path, simulator_text(params))

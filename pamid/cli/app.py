@@ -7,7 +7,9 @@ import contextlib
 import importlib
 import os
 import pkgutil
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from types import ModuleType
@@ -17,7 +19,7 @@ from .. import __version__
 from ..errors import PamidError, PamidWarning
 from ._style import marked, plain
 
-DONE, OWN_ERROR, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
+DONE, OWN_ERROR, WRONG_USE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 
 _SAME_WARNINGS = 3
 """Warnings of one kind that are shown; the others are counted."""
@@ -38,7 +40,7 @@ examples:
   pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
   pamid evaluate log.parquet --sim log.sim.toml --model model.pamid
 
-exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted
+exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted, 143 ended
 
 'pamid COMMAND --help' explains one command.
 """
@@ -75,7 +77,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
     try:
-        with _plain_warnings("--quiet" in arguments):
+        with _terminable(), _plain_warnings("--quiet" in arguments):
             parser = build_parser()
             args = parser.parse_args(arguments)
             if args.command is None:
@@ -86,9 +88,9 @@ def run(argv: Sequence[str] | None = None) -> int:
             return code
     except SystemExit as stop:  # argparse has said what it had to
         return stop.code if isinstance(stop.code, int) else DONE if stop.code is None else WRONG_USE
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         _say("interrupted; nothing is left half written")
-        return INTERRUPTED
+        return TERMINATED if isinstance(stop, _Terminated) else INTERRUPTED
     except BrokenPipeError:
         _close_stdout()  # whoever read the output has seen enough
         return DONE
@@ -111,6 +113,27 @@ def run(argv: Sequence[str] | None = None) -> int:
             "This should not happen. Please report it; --debug shows the traceback to send along."
         )
         return OWN_ERROR
+
+
+class _Terminated(KeyboardInterrupt):
+    """The system asks the process to end."""
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """End on SIGTERM as on Ctrl-C, so that drafts of files are removed on the way out."""
+
+    def stop(*_: Any) -> None:
+        raise _Terminated
+
+    own = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if own:
+        signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        if own:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _say(text: str, kind: str = "") -> None:

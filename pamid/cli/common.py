@@ -8,11 +8,12 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, ParameterError, UnknownOptionError
+from ..files import PROBE, check_file
 from ._style import plain
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def add_command(subparsers: Any, name: str, summary: str, description: str, exam
         help=summary,
         description=description,
         epilog=f"examples:\n{examples.rstrip()}\n\n"
-        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted",
+        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted, 143 ended",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     common = parser.add_argument_group("common options")
@@ -258,12 +259,10 @@ def progress(args: argparse.Namespace, what: str, total: int | None = None) -> I
         yield step
 
 
-def checked_output(path: str, overwrite_hint: str = "") -> Path:
-    """Return the path of an output whose folder exists, before anything expensive starts."""
-    target = Path(path)
-    folder = target.parent
-    if not folder.is_dir():
-        raise OutputError(f"The folder {folder} does not exist.", "an existing folder", "Create it first.")
-    if target.is_dir():
-        raise OutputError(f"{target} is a folder.", "the name of a file", "Add a file name.")
+def checked_output(path: str, inputs: Iterable[str | None] = (), size: int = PROBE) -> Path:
+    """Return the path of an output that can be written and is none of the inputs, before anything expensive starts."""
+    target = check_file(path, size)
+    for read in inputs:
+        if read and target.exists() and Path(read).exists() and target.samefile(read):
+            raise OutputError(f"{target} is what this command reads.", "another file", "Choose another name.")
     return target

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import OutputError, UnknownOptionError
+from ..errors import UnknownOptionError
+from ..file_sets import replacing_together
+from ..files import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -207,22 +209,11 @@ class Comparison:
         target = Path(folder)
         data = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
         contents = {"csv": self.to_frame().to_csv(index=False), "json": data + "\n"}
-        written = []
-        try:
-            target.mkdir(parents=True, exist_ok=True)
+        names = {kind: f"comparison-{self.equation}.{kind}" for kind in contents}
+        with replacing_together(target, names.values(), parents=True) as stage:
             for kind, text in contents.items():
-                path = target / f"comparison-{self.equation}.{kind}"
-                draft = path.with_name(f".{path.name}.part")
-                draft.write_text(text, encoding="utf-8")
-                draft.replace(path)
-                written.append(path)
-        except OSError as error:
-            raise OutputError(
-                f"{target} cannot be written: {error.strerror or error}.",
-                "a folder that can be written",
-                "Choose another folder, or make room.",
-            ) from error
-        return written
+                write_whole(stage / names[kind], text)
+        return [target / name for name in names.values()]
 
 
 def _cells(s: Score) -> list[str]:

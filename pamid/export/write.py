@@ -8,7 +8,8 @@ from typing import Any
 
 from ..effects.base import Effect
 from ..effects.plant import Plant
-from ..errors import ExportError, OutputError, UnknownOptionError
+from ..errors import ExportError, UnknownOptionError
+from ..file_sets import replacing_together
 from ..files import write_whole
 from .c_source import REALS, c_sources
 from .plan import plan_of
@@ -90,13 +91,10 @@ def export(
 
             files = {f"{name}.fmu": fmu(plan, sources)}
     target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"The folder {target} cannot be made: {error.strerror}.", "a folder", "Choose another path."
-        ) from None
-    return [write_whole(target / file, content) for file, content in files.items()]
+    with replacing_together(target, files, parents=True) as stage:
+        for file, content in files.items():
+            write_whole(stage / file, content)
+    return [target / file for file in files]
 
 
 __all__ = ["TARGETS", "ExportError", "export"]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import OutputError, ParameterError
+from ..errors import ParameterError
+from ..files import replacing, unwritable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,24 +127,8 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     kind = target.suffix.lower()[1:]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        with os.fdopen(handle, "wb") as stream, style():
-            figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else None)
-        Path(draft).chmod(0o644)
-        Path(draft).replace(target)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    finally:
-        Path(draft).unlink(missing_ok=True)
+        raise unwritable(target, error) from None
+    with replacing(target) as draft, draft.open("wb") as stream, style():
+        figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else None)
     return target
-
-
-def _unwritable(target: Path, error: OSError) -> OutputError:
-    return OutputError(
-        f"{target} cannot be written: {error.strerror or error}.",
-        "a folder that can be written",
-        "Choose another folder, or make room.",
-    )

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import OutputError
+from ..files import write_whole
 from .sections import Source, all_sections
 
 if TYPE_CHECKING:
@@ -104,25 +101,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None =
     ...     print(page.name, page.stat().st_size > 10_000)
     report.html True
     """
-    text = report_html(diagnosis, source)
-    target = Path(path)
-    draft = None
-    try:
-        handle, draft = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
-        with os.fdopen(handle, "w", encoding="utf-8", errors="replace", newline="\n") as stream:
-            stream.write(text)
-        Path(draft).chmod(0o644)
-        Path(draft).replace(target)
-    except OSError as error:
-        if draft is not None:
-            with contextlib.suppress(OSError):
-                Path(draft).unlink()
-        raise OutputError(
-            f"{target} cannot be written: {error.strerror or error}.",
-            "a folder that can be written",
-            "Choose another folder, or make room.",
-        ) from None
-    return target
+    return write_whole(path, report_html(diagnosis, source))
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -15,11 +16,11 @@ from pamid.errors import (
     EmptyLogError,
     LogFormatError,
     LogNotFoundError,
-    OutputError,
     ParameterError,
     SamplingWarning,
 )
 
+from ..files import replacing
 from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
 from ._tidy import as_names, tidy
 from .formats import format_of, known_extensions
@@ -336,26 +337,24 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
             f"{path.name} ends in '{suffix}'.", ".parquet, .csv or .h5", "Choose one of these endings."
         )
     log = log.assign(trajectory=_storable(as_names(log["trajectory"]))) if "trajectory" in log else log
-    try:
+    with replacing(path) as draft:
         if suffix == ".parquet":
-            log.to_parquet(path, index=False)
+            log.to_parquet(draft, index=False)
         elif suffix == ".csv":
             odd = "trajectory" in log and any(n != n.strip() or "\r" in n for n in log["trajectory"].unique())
-            log.to_csv(path, index=False, quoting=csv.QUOTE_NONNUMERIC if odd else csv.QUOTE_MINIMAL)
+            log.to_csv(draft, index=False, quoting=csv.QUOTE_NONNUMERIC if odd else csv.QUOTE_MINIMAL)
         else:
             import h5py
 
-            with h5py.File(path, "w") as file:
+            memory = io.BytesIO()  # the HDF5 library itself does not survive a full disk
+            with h5py.File(memory, "w") as file:
                 group = file.create_group("log", track_order=True)
                 for column in log.columns:
                     values = log[column].to_numpy()
                     data = values if values.dtype.kind in "biuf" else values.astype(object)
                     kind = None if values.dtype.kind in "biuf" else h5py.string_dtype()
                     group.create_dataset(str(column), data=data, dtype=kind)
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror or error}.", "a writable file", "Choose another place."
-        ) from None
+            draft.write_bytes(memory.getvalue())
     return path
 
 

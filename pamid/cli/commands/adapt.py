@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
     from .fit import _pipeline, _with_rates
 
-    out = checked_output(args.out)
+    out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.samples < 0 or args.folds < 0 or args.folds == 1:
         raise ParameterError(
             f"--samples is {args.samples} and --folds is {args.folds}.",

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
+import json
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import PressureReferenceError, SamplingWarning, TimeOrderError, UnitError
+from ...file_sets import check_folder, replacing_together
+from ...files import write_whole
 from .._style import marked
 from ..common import (
     add_command,
     add_log_options,
     checked_output,
+    finite,
     note,
     print_json,
     progress,
@@ -27,6 +30,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ...survey import Survey
+
+FILES = ("check.html", "check.json")
+"""What --out receives."""
 
 _DESCRIPTION = """\
 Look through a log before anything is fitted to it: its columns and units, its sampling, gaps and faults of sensors, the
@@ -60,13 +66,13 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...survey.survey import survey
 
-    targets = _targets(args)
+    _check_targets(args)
     simulator = system_of(args) or simulator_of(args)
     log, doubts = _read(args)
     with progress(args, "Looking"):
         found = survey(log, simulator)
     found.warnings[:0] = doubts
-    files = _write(args, found, log, targets)
+    files = _write(args, found, log)
     if args.json:
         print_json({**found.as_dict(), "files": [str(f) for f in files]})
         return 0
@@ -105,33 +111,27 @@ def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
     return attempt(**options), doubts
 
 
-def _targets(args: argparse.Namespace) -> dict[str, Path]:
-    found = {}
+def _check_targets(args: argparse.Namespace) -> None:
+    """Say what stands in the way of the results before anything expensive starts."""
     if args.html:
-        found["html"] = checked_output(args.html)
+        checked_output(args.html, [*args.log, args.sim, args.columns])
     if args.out:
-        folder = Path(args.out)
-        checked_output(str(folder.parent / "check.html"))
-        found |= {"out.html": folder / "check.html", "out.json": folder / "check.json"}
-    return found
+        check_folder(args.out, FILES)
 
 
-def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame, targets: dict[str, Path]) -> list[Path]:
-    import json
-
-    from ...files import write_whole
+def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame) -> list[Path]:
     from ...survey import survey_html
-    from ..common import finite
 
-    if not targets:
+    if not (args.html or args.out):
         return []
     page = survey_html(found, log, name=_name(args))
-    files = []
-    for kind, path in targets.items():
-        with contextlib.suppress(FileExistsError, FileNotFoundError):
-            path.parent.mkdir(exist_ok=True)
-        text = json.dumps(finite(found.as_dict()), indent=2, ensure_ascii=False) + "\n" if "json" in kind else page
-        files.append(write_whole(path, text))
+    files = [write_whole(args.html, page)] if args.html else []
+    if args.out:
+        data = json.dumps(finite(found.as_dict()), indent=2, ensure_ascii=False) + "\n"
+        with replacing_together(args.out, FILES) as stage:
+            for name, text in zip(FILES, (page, data), strict=True):
+                write_whole(stage / name, text)
+        files += [Path(args.out) / name for name in FILES]
     return files
 
 

@@ -9,7 +9,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingColumnError, OutputError, ParameterError
+from ...errors import MissingColumnError, ParameterError
+from ...file_sets import check_folder, replacing_together
 from ..common import add_command, add_log_options, load_log, note, print_json, progress, simulator_of
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _CONDITION = re.compile(r"\s*(?P<column>[A-Za-z_]\w*)\s*(?P<sign><=|>=|<|>)\s*(?P<number>[-+.\deE]+)\s*")
+_ROOM = 1 << 20
 _DESCRIPTION = """\
 Compare all estimators of one equation (or those of --estimators) on runs that their fits have not seen, and print one
 table: root mean square error over the held-out runs with its 90 % interval (from a bootstrap over runs), the same over
@@ -125,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--folds is {args.folds}.", "at least 2", "Correct the number.")
     if args.jobs < 1:
         raise ParameterError(f"--jobs is {args.jobs}.", "at least 1", "Correct the number.")
-    folder = _folder(args.out)
+    folder = check_folder(args.out, parents=True, size=_ROOM) if args.out else None
     with _workers(args.dask):
         return _run(args, folder)
 
@@ -180,7 +182,11 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
         )
     files: list[Path] = []
     if folder is not None:
-        files = [*result.write(folder), *draw(result, folder, parameters)]
+        names = [f"{kind}-{result.equation}.png" for kind in ("comparison", "fit", "volume")]
+        names += [f"comparison-{result.equation}.{ending}" for ending in ("csv", "json")]
+        with replacing_together(folder, names, parents=True) as stage:
+            drafts = [*result.write(stage), *draw(result, stage, parameters)]
+        files = [folder / draft.name for draft in drafts]
     if args.json:
         print_json({**result.to_dict(), "files": [str(f) for f in files]})
         return 0
@@ -213,20 +219,6 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
             )
             break
     return files
-
-
-def _folder(path: str | None) -> Path | None:
-    """Return the folder of the results, made before anything expensive starts."""
-    if path is None:
-        return None
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"The folder {folder} cannot be made: {error.strerror or error}.", "a folder", "Choose another one."
-        ) from error
-    return folder
 
 
 def _names(text: str) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...errors import OutputError
+from ...file_sets import check_folder
 from ..common import add_command
 
 Step = tuple[str, list[str]]
@@ -31,6 +31,7 @@ _ESTIMATORS = {
     "force": "StaticPIHM,GeometricForce,PolynomialForce,SINDyRegressor,MLP",
     "flow": "ThermodynamicPIHM,GeometricFlow,PolynomialFlow,SINDyRegressor",
 }
+_ROOM = 1 << 23
 _DESCRIPTION = """\
 Do the main job from end to end on simulated data, and show each command before it runs: simulate a bench whose muscles
 have hysteresis and threads that stretch, hold its log against the nominal simulator that knows of neither, fit the
@@ -55,13 +56,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from .. import main
 
-    folder = Path(args.out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"The folder {folder} cannot be made: {error.strerror or error}.", "a folder", "Choose another one."
-        ) from error
+    folder = check_folder(args.out, parents=True, size=_ROOM)
+    folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     common = ["--seed", str(args.seed), *(["--quiet"] if args.quiet else []), *(["--json"] if args.json else [])]
     for words, command in steps(folder):

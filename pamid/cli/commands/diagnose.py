@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import shutil
-import tempfile
 import textwrap
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import OutputError, ParameterError, UnknownOptionError
+from ...errors import ParameterError, UnknownOptionError
+from ...file_sets import check_folder, replacing_together
+from ...files import write_whole
 from ..common import (
     add_command,
     add_log_options,
@@ -34,6 +34,7 @@ FILES = ("diagnosis.json", "corrected.toml", "report.html")
 """What --out receives."""
 
 _CANDIDATES = 6
+_ROOM = 1 << 20
 _DESCRIPTION = """\
 Diagnose the gap between a simulator and a log: where it lies (equation, region of the state, frequencies, runs), which
 effect that the simulator lacks is the cause, and how far the gap shrinks once it is added, on runs that the fit has not
@@ -80,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     from ...report import answers
     from ...systems import diagnose_system
 
-    folder = _checked_folder(args.out)
+    folder = check_folder(args.out, FILES, size=_ROOM)
     effects = _effects(args.effects, args.without)
     system = system_of(args)
     log = load_log(args)
@@ -141,50 +142,13 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
     """
     from ...report import report_html
 
-    page, plain = report_html(d, source), d.to_json() + "\n"
-    written = [name for name in FILES if name != "corrected.toml" or d.corrected is not None]
-    new = not folder.exists()
-    stage = None
-    try:
-        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent if new else folder))
-        (stage / "diagnosis.json").write_text(plain, encoding="utf-8", errors="replace")
-        (stage / "report.html").write_text(page, encoding="utf-8", errors="replace")
+    texts = {"report.html": report_html(d, source), "diagnosis.json": d.to_json() + "\n"}
+    with replacing_together(folder, FILES) as stage:
+        for name, text in texts.items():
+            write_whole(stage / name, text)
         if d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
-        if new:
-            stage.chmod(0o755)
-            stage.rename(folder)
-        else:
-            for name in written:
-                (stage / name).replace(folder / name)
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(
-            f"{folder} cannot be written: {error.strerror or error}.",
-            "a folder that can be written",
-            "Choose another folder, or make room.",
-        ) from None
-    finally:
-        if stage is not None:
-            with contextlib.suppress(OSError):
-                shutil.rmtree(stage)
-    return [folder / name for name in written]
-
-
-def _checked_folder(path: str) -> Path:
-    """Return the folder of the results; what stands in its way is said before anything expensive starts."""
-    folder = Path(path).resolve() if path in (".", "..") else Path(path)
-    if folder.is_dir():
-        blocked = [name for name in FILES if (folder / name).is_dir()]
-        if blocked:
-            raise OutputError(f"{folder / blocked[0]} is a folder.", "a file or nothing there", "Choose another --out.")
-        return folder
-    if folder.exists():
-        raise OutputError(f"{folder} is a file.", "the name of a folder", "Choose another --out.")
-    if not folder.parent.is_dir():
-        raise OutputError(f"The folder {folder.parent} does not exist.", "an existing folder", "Create it first.")
-    return folder
+    return [folder / name for name in FILES if name in texts or d.corrected is not None]
 
 
 def _effects(chosen: str, without: Sequence[str]) -> str | list[str]:

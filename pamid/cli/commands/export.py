@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ExportError, PamidError
+from ...file_sets import check_folder
 from ..common import add_command, load_simulator, note, print_json
 
 _DESCRIPTION = """\
@@ -53,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from ...persistence import load
     from .simulate import _effect
 
+    check_folder(args.out, parents=True)
     chosen = [_effect(text) for text in args.effect]
     effects = [make_effect(name, **values) for name, values in chosen]
     plant = load_simulator(args.sim).plant() if args.sim else None

@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from ...persistence import save
     from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, signal_table
 
-    out = checked_output(args.out)
+    out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.thin < 1 or args.folds < 0 or args.folds == 1:
         raise ParameterError(
             f"--thin is {args.thin} and --folds is {args.folds}.",

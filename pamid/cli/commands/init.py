@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import shlex
 import sys
 from collections.abc import Callable
@@ -20,6 +19,8 @@ from ...errors import (
     TimeOrderError,
     UnitError,
 )
+from ...file_sets import check_folder, replacing_together
+from ...files import write_whole
 from .._ask import Asker
 from ..common import add_command, note, print_json, table
 
@@ -335,9 +336,7 @@ def _pairs(texts: list[str], option: str) -> dict[str, str]:
 
 # --- writing ------------------------------------------------------------------------------------------------
 def _checked_folder(args: argparse.Namespace) -> Path:
-    folder = Path(args.out)
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder} is a file.", "a folder", "Choose another --out.")
+    folder = check_folder(args.out, FILES, parents=True)
     there = [name for name in FILES if (folder / name).exists()]
     if there and not args.force:
         raise OutputError(
@@ -378,26 +377,11 @@ def _doubt(draft: Draft, log: Any) -> str:
 
 
 def _write(draft: Draft, folder: Path) -> list[Path]:
-    from ...files import write_whole
-
     texts = {"columns.toml": draft.columns_text(), "sim.toml": draft.page_text()}
-    new = [name for name in FILES if not (folder / name).exists()]
-    written: list[Path] = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with replacing_together(folder, FILES, parents=True) as stage:
         for name, text in texts.items():
-            written.append(write_whole(folder / name, text))
-    except OSError as error:
-        for path in written:
-            if path.name in new:
-                with contextlib.suppress(OSError):
-                    path.unlink()
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(
-            f"{folder} cannot be made: {error.strerror}.", "a folder that can be written to", "Choose another --out."
-        ) from None
-    return written
+            write_whole(stage / name, text)
+    return [folder / name for name in texts]
 
 
 def _tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str) -> None:

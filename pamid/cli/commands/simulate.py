@@ -57,13 +57,17 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...bench import BenchParameters, dataset, simulate
     from ...bench.datasets import DATASETS
+    from ...file_sets import replacing_together
     from ...signals import write_log
 
-    out = checked_output(args.out)
+    out = checked_output(args.out, [args.sim])
     if out.suffix.lower() not in (".parquet", ".csv", ".h5"):
         raise LogFormatError(
             f"{out.name} ends in '{out.suffix}'.", ".parquet, .csv or .h5", "Choose one of these endings."
         )
+    files = {"log": out, "sim": _beside(out, "sim"), "true": _beside(out, "true")}
+    for kind in ("sim", "true"):
+        checked_output(str(files[kind]), [args.sim])
     if bool(args.dataset) == bool(args.trajectory):
         raise ParameterError(
             "Both --dataset and --trajectory are given." if args.dataset else "Nothing says what to simulate.",
@@ -90,12 +94,13 @@ def run(args: argparse.Namespace) -> int:
         else:
             log = simulate(actual, runs, seed=args.seed)
     seconds = time.perf_counter() - started
-    write_log(log, out)
-    files = {"log": out, "sim": _beside(out, "sim")}
-    nominal.to_toml(files["sim"])
-    if actual.effects:
-        files["true"] = _beside(out, "true")
-        actual.to_toml(files["true"])
+    with replacing_together(out.parent, [file.name for file in files.values()]) as stage:
+        write_log(log, stage / out.name)
+        nominal.to_toml(stage / files["sim"].name)
+        if actual.effects:
+            actual.to_toml(stage / files["true"].name)
+        else:
+            del files["true"]
     simulated = len(log) * _PERIOD
     if args.json:
         print_json(

@@ -1,0 +1,451 @@
+"""Commands that are killed at any step, or that find no room: the old files stay, or the new ones are all there."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pamid.estimators import StaticPIHM
+
+import pamid.bench
+import pamid.compare
+import pamid.gap
+import pamid.report
+import pamid.signals
+import pamid.survey.survey
+from pamid import load, save
+from pamid.bench import BenchParameters, simulate, sine, unfold
+from pamid.cli import main
+from pamid.errors import OutputError
+from pamid.file_sets import UNFINISHED, replacing_together
+from pamid.files import write_whole
+from pamid.signals import read_log, write_log
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system with fork")
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+SHORT = ("simulate", "fit", "init")
+LONG = ("adapt", "export", "diagnose", "check", "check-html", "compare")
+INIT = ["--kind", "muscle", "--yes", "--force"]
+
+
+# --- running and killing ------------------------------------------------------------------------------------------
+TOUCHES = ("open", "os.rename", "os.remove", "os.mkdir", "os.link", "os.rmdir", "os.chmod", "os.listdir", "os.scandir")
+"""Events of the interpreter that come before something happens to a file (PEP 578)."""
+
+
+def forked(body: Callable[[], int]) -> int:
+    """Run a function in a fork, silent; return its exit code, or minus the signal that ended it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    child = os.fork()
+    if child == 0:
+        code = 70
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.dup2(nowhere, 2)
+            signal.alarm(60)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            code = body()
+        except KeyboardInterrupt:
+            code = 130
+        finally:
+            os._exit(code)
+    _, status = os.waitpid(child, 0)
+    return os.waitstatus_to_exitcode(status)
+
+
+def run(argv: Sequence[str], before: Callable[[], None] = lambda: None) -> int:
+    """Run a command in a fork, after something was prepared there."""
+
+    def body() -> int:
+        from pamid.cli import main
+
+        before()
+        return main([str(a) for a in argv])
+
+    return forked(body)
+
+
+def killed_at(argv: Sequence[str], folder: Path, step: int, number: int, count: Path | None = None) -> int:
+    """Run a command and send it a signal before its n-th touch of a folder, counted from one; or count them."""
+
+    def prepare() -> None:
+        came = 0
+        inside = os.path.realpath(folder)
+
+        def hook(event: str, args: tuple) -> None:
+            nonlocal came
+            if event not in TOUCHES:
+                return
+            paths = [os.fsdecode(a) for a in args[:2] if isinstance(a, (str, bytes, os.PathLike))]
+            if not any(str(Path(p).absolute()).startswith(inside) for p in paths):
+                return
+            came += 1
+            if came == step:
+                os.kill(os.getpid(), number)
+            if count is not None:
+                count.write_text(str(came))
+
+        sys.addaudithook(hook)
+
+    return run(argv, prepare)
+
+
+def killed_in_write(argv: Sequence[str], size: int) -> int:
+    """Run a command that the system kills as soon as it writes past a size of any file."""
+
+    def prepare() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return run(argv, prepare)
+
+
+def without_room(argv: Sequence[str], size: int) -> int:
+    """Run a command that cannot write past a size of any file, as on a full disk."""
+    return run(argv, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
+
+
+def remembered(compute: Callable[..., Any], whole: bool = False) -> Callable[..., Any]:
+    """Return a function that computes once for the same first argument, before the forks."""
+    kept: dict[str, Any] = {}
+
+    def once(first: Any, *rest: Any, **options: Any) -> Any:
+        text = first.to_csv() if whole else repr(first)
+        key = hashlib.sha256(text.encode()).hexdigest()
+        if key not in kept:
+            kept[key] = compute(first, *rest, **options)
+        return kept[key]
+
+    return once
+
+
+# --- what each command writes -------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory) -> Path:
+    """Logs and models that the commands read."""
+    folder = tmp_path_factory.mktemp("bench")
+    nominal = BenchParameters.for_muscle("B")
+    nominal.to_toml(folder / "sim.toml")
+    runs = [sine(4, 15, 700), sine(9, 8, 700), sine(2, 12, 700)]
+    logs = {
+        "old": simulate(nominal, runs, effects=["coulomb_friction"], seed=0),
+        "new": simulate(nominal, runs, seed=1),
+    }
+    for name, log in logs.items():
+        write_log(log, folder / f"{name}.csv")
+        rows = unfold(log, nominal)
+        columns = {"time": "s", "P": "Pa", "eps": "-", "F": "N"}
+        rows.loc[rows["trajectory"] == rows["trajectory"].iloc[0], list(columns)].to_csv(
+            folder / f"muscle-{name}.csv", index=False
+        )
+    return folder
+
+
+def hybrid(folder: Path, name: str, seed: int) -> int:
+    """Fit and save a small hybrid model; torch's threads do not survive a fork, so this must be in one."""
+    rows = unfold(read_log(folder / "new.csv"), BenchParameters.from_toml(folder / "sim.toml"))
+    X = rows.assign(deps=0.0, dP=0.0)[["eps", "deps", "P", "dP"]]
+    model = StaticPIHM(hidden_layer_sizes=(4,), max_iter=1, random_state=seed).fit(X, rows["F"])
+    save(model, folder / f"{name}.pamid")
+    return 0
+
+
+@pytest.fixture(scope="module")
+def computed(bench, tmp_path_factory) -> Iterator[None]:
+    """Compute once what takes long, so that each fork has nothing to do but to write."""
+    for seed, name in enumerate(("old", "new")):
+        assert forked(lambda name=name, seed=seed: hybrid(bench, name, seed)) == 0
+    patch = pytest.MonkeyPatch()
+    diagnose = pamid.gap.diagnose
+    patch.setattr(pamid.gap, "diagnose", lambda log, params, **_: diagnose(log, params, ["coulomb_friction"]))
+    for module, name in ((pamid.gap, "diagnose"), (pamid.compare, "compare"), (pamid.survey.survey, "survey")):
+        patch.setattr(module, name, remembered(getattr(module, name), whole=True))
+    for module, name in ((pamid.report, "report_html"), (pamid.survey, "survey_html")):
+        patch.setattr(module, name, remembered(getattr(module, name)))
+    for name, which in itertools.product(("diagnose", "check", "compare"), ("old", "new")):
+        assert main(command(name, which, bench, tmp_path_factory.mktemp("first"))) == 0
+    yield
+    patch.undo()
+
+
+def command(name: str, which: str, bench: Path, out: Path) -> list[str]:
+    """Return the command line that writes the old or the new results to a folder."""
+    old, log, sim = which == "old", str(bench / f"{which}.csv"), ["--sim", str(bench / "sim.toml")]
+    run = "sine:frequency=4,amplitude=15,seconds=0.2"
+    to, model = ["--out", str(out)], str(bench / f"{which}.pamid")
+    words = {
+        "simulate": ["simulate", "--trajectory", run, "--effect", "leakage" if old else "hysteresis"],
+        "fit": ["fit", log, *sim, "--estimator", "GeometricForce"],
+        "adapt": ["adapt", str(bench / "new.pamid"), log, *sim, "--method", "scales"],
+        "diagnose": ["diagnose", log, *sim, *to],
+        "check": ["check", log, *sim, *to],
+        "check-html": ["check", log, *sim, "--html", str(out / "check.html")],
+        "compare": ["compare", log, *sim, "--equation", "force", "--estimators", "GeometricForce", "--folds", "2", *to],
+        "export": ["export", model, *to],
+        "init": ["init", str(bench / f"muscle-{which}.csv"), "--set", f"rest_length=0.{2 if old else 3} m", *INIT, *to],
+    }
+    file = {"simulate": "log.csv", "fit": "model.pamid", "adapt": "model.pamid"}.get(name)
+    return [*words[name], *(["--out", str(out / file)] if file else []), "--quiet"]
+
+
+def state(folder: Path) -> dict[str, str]:
+    """Return the content of each file that a reader sees; of models, what they say but for the time of day."""
+    found = {}
+    for file in sorted(folder.iterdir()):
+        if file.name.startswith(".pamid-") or file.is_dir():
+            continue
+        content: object = file.read_bytes()
+        if file.suffix == ".pamid":
+            content = {k: v for k, v in sorted(vars(_last(load(file))).items()) if not k.startswith("_")}
+        found[file.name] = hashlib.sha256(repr(content).encode()).hexdigest()
+    return found
+
+
+def _last(model: object) -> object:
+    return model.steps[-1][1] if hasattr(model, "steps") else model
+
+
+def prepared(folder: Path, source: Path, others: bool) -> None:
+    """Make a folder with old results and files of the user."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(source, folder)
+    (folder / "notes.txt").write_text("mine")
+    if others:
+        (folder / "photos").mkdir()
+        (folder / "photos" / "one.txt").write_text("mine too")
+
+
+def check_whole(folder: Path, old: dict[str, str], new: dict[str, str], argv: list[str]) -> str:
+    """Assert that a folder holds all of the old results or all of the new ones; say which."""
+    if (folder / UNFINISHED).exists():  # it says that it is no whole set, and the next writer makes it one
+        assert run(argv) == 0
+        assert not list(folder.glob(".pamid-*/*"))
+    found = state(folder)
+    assert found.pop("notes.txt") == hashlib.sha256(repr(b"mine").encode()).hexdigest()
+    assert found in (old, new), f"{sorted(found)} is neither {sorted(old)} nor {sorted(new)}"
+    return "old" if found == old else "new"
+
+
+@pytest.fixture(scope="module")
+def results(bench, tmp_path_factory) -> Callable[[str, str], Path]:
+    """Return a function that runs a command once and gives the folder of what it wrote."""
+    folder = tmp_path_factory.mktemp("results")
+
+    def of(name: str, which: str) -> Path:
+        target = folder / f"{name}-{which}"
+        if not target.exists():
+            target.mkdir()
+            assert run(command(name, which, bench, target)) == 0
+        return target
+
+    return of
+
+
+def killed(name, number, bench, results, tmp_path, *, others=False, last=None) -> int:
+    """Kill a command before each touch of its folder, or before the last few; return the number of kills."""
+    old, new = state(results(name, "old")), state(results(name, "new"))
+    assert old != new
+    out, count = tmp_path / "inside" / "out", tmp_path / "count"
+    argv = command(name, "new", bench, out)
+    prepared(out, results(name, "old"), others)
+    assert killed_at(argv, out.parent, 0, number, count) == 0
+    assert check_whole(out, old, new, argv) == "new"
+    steps = int(count.read_text())
+    for step in range(1 if last is None else steps - last + 1, steps + 1):
+        prepared(out, results(name, "old"), others)
+        code = killed_at(argv, out.parent, step, number)
+        assert code in (-number, 128 + number), f"{code} at step {step} of {steps}"
+        if number != signal.SIGKILL:
+            assert not list(out.parent.rglob(".pamid-*")), "a command that is asked to end leaves no draft"
+        check_whole(out, old, new, argv)
+        if others:
+            assert (out / "photos" / "one.txt").read_text() == "mine too"
+        shutil.rmtree(out.parent)
+    return steps if last is None else last
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_command_that_is_killed_leaves_the_old_files_or_the_new(name, bench, results, tmp_path):
+    killed(name, signal.SIGKILL, bench, results, tmp_path, last=4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_a_long_command_that_is_killed_leaves_the_old_files_or_the_new(name, bench, computed, results, tmp_path):
+    killed(name, signal.SIGKILL, bench, results, tmp_path, last=4)
+
+
+@pytest.mark.slow
+def test_two_hundred_kills_at_every_step_lose_nothing(bench, computed, results, tmp_path):
+    kills = 0
+    for name in (*SHORT, *LONG):
+        for number in SIGNALS:
+            kills += killed(name, number, bench, results, tmp_path)
+    for name in ("diagnose", "export", "init", "simulate"):
+        kills += killed(name, signal.SIGKILL, bench, results, tmp_path, others=True)
+    print(f"{kills} kills")
+    assert kills >= 200
+
+
+# --- no room --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", SHORT)
+def test_a_kill_in_mid_write_or_a_full_disk_leave_the_old_files(name, bench, results, tmp_path):
+    old, new = state(results(name, "old")), state(results(name, "new"))
+    out = tmp_path / "out"
+    argv = command(name, "new", bench, out)
+    for size in (0, 100, max(f.stat().st_size for f in results(name, "new").iterdir()) - 1):
+        prepared(out, results(name, "old"), False)
+        assert killed_in_write(argv, size) == -signal.SIGXFSZ
+        assert check_whole(out, old, new, argv) == "old"
+        prepared(out, results(name, "old"), False)
+        assert without_room(argv, size) == 2
+        assert check_whole(out, old, new, argv) == "old"
+        assert not list(tmp_path.rglob(".pamid-*"))
+
+
+@pytest.fixture
+def small_disk(tmp_path) -> Iterator[Path]:
+    """A disk of 256 KiB of its own, full but for a few bytes."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "none", str(folder)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("no right to mount a disk")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("name", [*SHORT, "check", "check-html", "diagnose", "compare"])
+def test_a_full_disk_is_noticed_before_the_work_begins(name, bench, results, small_disk, monkeypatch, capsys):
+    def reached(*_: Any, **__: Any) -> None:
+        raise AssertionError("the work has begun")
+
+    kept = {}
+    if name not in SHORT:
+        (small_disk / "out").mkdir()
+    else:
+        shutil.copytree(results(name, "old"), small_disk / "out")
+        kept = state(small_disk / "out")
+    with (small_disk / "filler").open("wb", buffering=0) as stream, contextlib.suppress(OSError):
+        while True:
+            stream.write(b"x" * 4096)
+    for module, work in ((pamid.bench, "simulate"), (pamid.signals, "read_log")):
+        monkeypatch.setattr(module, work, reached)
+    assert main(command(name, "new", bench, small_disk / "out")) == 2
+    assert "cannot be written: No space left on device" in capsys.readouterr().err
+    if kept:
+        assert state(small_disk / "out") == kept
+    assert not list(small_disk.rglob(".pamid-*"))
+
+
+def test_an_output_that_is_missing_protected_or_no_file_is_refused(bench, tmp_path, capsys):
+    here = str(tmp_path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    for out, said in {
+        f"{here}/none/log.csv": "does not exist",
+        f"{here}/pipe.csv": "a device or a pipe",
+        "/proc/log.csv": "cannot be written",
+    }.items():
+        assert main(["simulate", "--trajectory", "sine:frequency=4,amplitude=9", "--out", out]) == 2
+        assert said in capsys.readouterr().err
+    log, sim = str(bench / "new.csv"), str(bench / "sim.toml")
+    assert main(["fit", log, "--sim", sim, "--estimator", "GeometricForce", "--out", log]) == 2
+    assert "is what this command reads" in capsys.readouterr().err
+    assert main(["check", log, "--html", "/dev/null"]) == 2
+    assert Path("/dev/null").is_char_device()
+
+
+# --- sets of files --------------------------------------------------------------------------------------------------
+def test_two_writers_at_once_leave_the_whole_of_one(tmp_path):
+    for others in (False, True):  # exchanged as a whole, and file by file
+        out = tmp_path / f"out-{others}"
+        (out / "photos" if others else out).mkdir(parents=True)
+
+        def write(which: str, out: Path = out) -> int:
+            for _ in range(40):
+                with replacing_together(out, "abcdef") as stage:
+                    for name in "abcdef":
+                        write_whole(stage / name, which * 1000)
+            return 0
+
+        def both() -> int:
+            other = os.fork()
+            code = write("1" if other == 0 else "2")
+            if other == 0:
+                os._exit(code)
+            return code or os.waitstatus_to_exitcode(os.waitpid(other, 0)[1])
+
+        assert forked(both) == 0
+        assert len({(out / name).read_text() for name in "abcdef"}) == 1
+        assert len(list(out.iterdir())) == 6 + others
+
+
+def test_what_others_put_into_a_folder_meanwhile_stays(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "theirs").write_text("before")
+    with replacing_together(tmp_path / "out", ["a", "b"]) as stage:
+        (stage / "a").write_text("new")
+        (tmp_path / "out" / "late").write_text("late")
+    assert {f.name: f.read_text() for f in (tmp_path / "out").iterdir()} == {
+        "a": "new",
+        "theirs": "before",
+        "late": "late",
+    }
+
+
+def test_the_working_folder_stays_the_same_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a").write_text("old")
+    number = tmp_path.stat().st_ino
+    with replacing_together(".", ["a", "b"]) as stage:
+        (stage / "b").write_text("new")
+    assert tmp_path.stat().st_ino == number
+    assert [f.name for f in tmp_path.iterdir()] == ["b"]
+
+
+def test_a_record_of_other_files_is_no_order_to_move_or_remove_them(tmp_path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "thesis").write_text("mine")
+    for record in ({"from": ".pamid-000000000000.tmp", "move": [], "remove": ["thesis"]}, {"from": "photos"}, []):
+        (tmp_path / UNFINISHED).write_text(json.dumps(record))
+        with pytest.raises(OutputError, match="other files"), replacing_together(tmp_path, ["a"]) as stage:
+            (stage / "a").write_text("new")
+    assert (tmp_path / "thesis").read_text() == "mine"
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_body_that_fails_changes_nothing(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "a").write_text("old")
+    with pytest.raises(ZeroDivisionError), replacing_together(tmp_path / "out", ["a"]) as stage:
+        (stage / "a").write_text("new")
+        _ = 1 / 0
+    assert (tmp_path / "out" / "a").read_text() == "old"
+    assert [f.name for f in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_file_keeps_its_mode_and_a_link_its_place(tmp_path):
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "real").chmod(0o640)
+    (tmp_path / "link").symlink_to("real")
+    write_whole(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+    assert (tmp_path / "real").stat().st_mode & 0o777 == 0o640
