@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
@@ -59,6 +59,10 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         Sampling interval, s, where no column tells the time.
     plant : pamid.effects.Plant or None, default=None
         Numbers of the bench, for effects of a muscle's geometry, gas or valve; without it they are left out.
+    units : mapping of str to str, optional
+        Unit of the ``target`` and of the signals ``position`` and ``pressure``, such as ``{"target": "V",
+        "position": "rad"}``: those in which the causes' parameters are reported. By default SI for a muscle, else
+        "target unit", "position unit", "pressure unit".
     sense : "auto", 1 or -1, default="auto"
         1 where y is what an actuator delivers, so that friction takes away from it; -1 where y is what moves the thing,
         so that friction adds to it. "auto" takes whichever explains clearly more.
@@ -138,6 +142,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         position_scale: float | None = None,
         sampling_interval: float = 1e-3,
         plant: Any = None,
+        units: Mapping[str, str] | None = None,
         sense: str | int = "auto",
         one_trajectory: bool = False,
         random_state: Any = None,
@@ -149,6 +154,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         self.position_scale = position_scale
         self.sampling_interval = sampling_interval
         self.plant = plant
+        self.units = units
         self.sense = sense
         self.one_trajectory = one_trajectory
         self.random_state = random_state
@@ -185,7 +191,6 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
-        library = self._library()
         rng = check_random_state(self.random_state)
         signals, notes = self._table(table, codes), list(BASIS)
         driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
@@ -194,6 +199,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
                 f"None of the signals {', '.join(signals)} moves.", "motion", "Record runs in which position changes."
             )
         self.position_scale_ = self._strain(signals)
+        library = self._library()
         dt, more = self._interval(signals, codes), self._notes(signals, codes)
         moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
         stuck = stuck_rows(y, moving, codes)
@@ -252,9 +258,26 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             )
         if self.sense not in ("auto", 1, -1):
             raise UnknownOptionError(f"sense is {self.sense!r}.", "'auto', 1 or -1", "Say which way effects act on y.")
-        library = chosen_effects(self.effects)
+        library = chosen_effects(self.effects, self._kind())
         # On one equation, damping of a joint is viscous friction by another name.
         return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
+
+    def _kind(self) -> str:
+        """Return what the equation is about, of `pamid.effects.base.KINDS`."""
+        if self._contraction():
+            return "muscle"
+        return {"force": "actuator", "torque": "motor" if self._unit("target") == "V" else "joint"}.get(
+            self.equation, "gas"
+        )
+
+    def _contraction(self) -> bool:
+        """Whether the position is a contraction ratio."""
+        name = self._labels().get("position", "").lower()
+        return self.plant is not None or name.startswith(("eps", "contraction"))
+
+    def _unit(self, role: str) -> str:
+        """Return the unit of a signal, or of the target."""
+        return str((self.units or {}).get(role, ""))
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Predict with the causes added to the nominal model.
@@ -378,9 +401,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
 
         if self.position_scale is not None:
             return float(self.position_scale)
-        name = self._labels().get("position", "").lower()
-        contraction = self.plant is not None or name.startswith(("eps", "contraction"))
-        return strain_scale(signals.get("position", np.zeros(1)), contraction)
+        return strain_scale(signals.get("position", np.zeros(1)), self._contraction())
 
     def _interval(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> float:
         if "time" not in signals:

@@ -29,6 +29,8 @@ _DATACLASS_PACKAGES = (
     "pamid.effects",
     "pamid.bench",
     "pamid.gap",
+    "pamid.gap.residuals",
+    "pamid.gap.diagnosis",
 )
 _PRIMITIVES = {"builtins.str", "builtins.int", "builtins.float", "builtins.bool", "builtins.NoneType"}
 _SIMPLE_LOADERS: dict[str, set[str]] = {

@@ -234,8 +234,7 @@ def _signals(true, m, log):
 def test_simulated_effect_is_the_one_predicted_from_the_log(name):
     """An effect in the simulator changes its equations by what the same effect predicts from the signals, no others."""
     effect = make_effect(name)
-    if name == "valve_saturation":
-        effect = effect.replace(limit=0.2)
+    effect = effect.replace(**{"valve_saturation": {"limit": 0.2}, "threshold_pressure": {"growth": 2e5}}.get(name, {}))
     runs = [sine(10, 25, 500, lead=0), step(0, 15, 500, at=0.1, lead=0)]
     log, true = simulate(B, runs, sensors=IDEAL, effects=[effect], truth=True, substeps=2)
     assert np.isfinite(true.drop(columns="trajectory").to_numpy()).all()

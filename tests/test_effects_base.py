@@ -11,7 +11,9 @@ import pytest
 from pamid.bench import BenchParameters
 from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect
 from pamid.effects._memory import bouc_wen, dahl, relax
-from pamid.effects.base import EQUATIONS
+from pamid.effects._stop import stopped, stops_along
+from pamid.effects.base import EQUATIONS, KINDS
+from pamid.effects.registry import chosen_effects
 from pamid.errors import ImplausibleParameterError, ParameterError, UnknownOptionError, UnknownParameterError
 
 EFFECTS = list(all_effects())
@@ -55,6 +57,20 @@ VOCABULARY = [
     "quadratic_drag",
     "backlash",
     "load_dependent_friction",
+    "bladder_preload",
+    "threshold_pressure",
+    "slack",
+    "tube",
+    "pressure_hysteresis",
+    "pressure_relaxation",
+    "prandtl_ishlinskii",
+    "maxwell",
+    "directional_friction",
+    "torque_loss",
+    "back_emf",
+    "output_saturation",
+    "overflow",
+    "quantisation",
 ]
 PLANT = BenchParameters.for_muscle("B").plant()
 DT = 1e-3
@@ -216,7 +232,39 @@ def test_delay_passes_the_mean_of_a_shared_period():
         assert y[0] == pytest.approx(x[0, k])
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS if "measure" in make_effect(n).hooks()])
+def test_the_library_of_a_kind_leaves_out_what_cannot_be_there():
+    bench, muscle, motor = (set(chosen_effects("all", kind)) for kind in ("bench", "muscle", "motor"))
+    assert "tube" in muscle - bench and "back_emf" in motor - muscle and "leakage" in bench
+    assert set(chosen_effects("all")) == set(EFFECTS)
+    assert chosen_effects(["back_emf"], "bench") == ["back_emf"], "what is asked for by name is searched"
+    for cls in all_effects().values():
+        assert cls.kinds and set(cls.kinds) <= set(KINDS)
+
+
+def test_stops_are_the_signal_less_its_play():
+    rng = np.random.default_rng(2)
+    x = np.cumsum(rng.normal(size=(300, 2)), axis=0)
+    z = np.zeros((3, 2))
+    along = stops_along(x, 2.0, np.array([0]))
+    for k in range(1, 300):
+        z = stopped(z, x[k] - x[k - 1], 2.0)
+        np.testing.assert_allclose(along[:, k], z, atol=1e-12)
+    assert np.abs(along).max() == pytest.approx(1.0)
+
+
+def test_a_bladder_presses_above_its_threshold_alone():
+    effect = make_effect("threshold_pressure", pressure=1e5, growth=1e6, onset=0.0)
+    P = PLANT.atmospheric_pressure + np.array([5e4, 1e5, 3e5])
+    rest = Signals(position=np.zeros(3), pressure=P)
+    slope = PLANT.volume_slope(0.0) / PLANT.rest_length
+    np.testing.assert_allclose(
+        effect.force(rest, None, PLANT), -np.minimum(P - PLANT.atmospheric_pressure, 1e5) * slope
+    )
+    short = rest.with_(position=np.full(3, 0.1))
+    assert effect.force(short, None, PLANT)[2] < -1e5 * PLANT.volume_slope(0.1) / PLANT.rest_length
+
+
+@pytest.mark.parametrize("name", [n for n, c in all_effects().items() if c.restore is not Effect.restore])
 def test_restore_inverts_measure(name):
     effect = make_effect(name)
     role = {"q": "position", "P": "pressure", "F": "force", "mdot": "flow"}[effect.channel]

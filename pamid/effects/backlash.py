@@ -42,7 +42,7 @@ class Backlash(Effect):
     source = "10.1016/S0005-1098(02)00047-X"
     n_states = 1
     path_dependent = True
-    parameters = (Parameter("half_width", "-", 0.0, 0.1, 2e-3, "half the play"),)
+    parameters = (Parameter("half_width", "-", 0.0, 0.1, 2e-3, "half the play", position=1),)
     half_width: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:

@@ -47,6 +47,10 @@ EQUATIONS = ("force", "flow", "valve", "joint")
 HOOKS = ("force", "flow", "command", "supply", "valve", "torque", "measure", "adjust")
 """The hooks that an effect may override."""
 
+KINDS = ("bench", "muscle", "actuator", "joint", "motor", "gas")
+"""What a diagnosis may be about: the antagonistic bench; one equation of a muscle, of the force of another actuator, of
+the torque of a joint or the voltage of its motor, of a flow."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -70,6 +74,9 @@ class Parameter:
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
         parameters vanishes; a fit that ends there speaks for that other one.
+    position : int, default=0
+        Power of the position's unit in its own one: ``unit`` is that for a contraction ratio, which has none. A
+        coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
 
     Examples
     --------
@@ -87,6 +94,7 @@ class Parameter:
     description: str
     linear: bool = False
     essential: bool = False
+    position: int = 0
 
     @property
     def share(self) -> bool:
@@ -215,6 +223,8 @@ class Effect(ABC):
     channel: ClassVar[str] = ""
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
 
+    kinds: ClassVar[tuple[str, ...]] = KINDS
+    """Of `KINDS` those whose gap it may cause where the whole library is asked for."""
     prior: ClassVar[float] = 0.0
     """Logarithm of the odds with which it is expected: less than 0 for what another effect holds as a special case."""
 

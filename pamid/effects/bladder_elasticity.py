@@ -35,8 +35,8 @@ class BladderElasticity(Effect):
     roles = ("position",)
     source = "10.1115/1.482478"
     parameters = (
-        Parameter("stiffness", "N", 0.0, 1e5, 150.0, "force per contraction", linear=True),
-        Parameter("cubic", "N", 0.0, 1e6, 0.0, "force per cubed contraction", linear=True),
+        Parameter("stiffness", "N", 0.0, 1e5, 150.0, "force per contraction", linear=True, position=-1),
+        Parameter("cubic", "N", 0.0, 1e6, 0.0, "force per cubed contraction", linear=True, position=-3),
     )
     stiffness: float
     cubic: float

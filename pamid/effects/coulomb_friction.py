@@ -48,7 +48,16 @@ class CoulombFriction(Effect):
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 4.0, "sliding friction", linear=True),
         Parameter("per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True),
-        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", essential=True),
+        Parameter(
+            "presliding",
+            "-",
+            1e-6,
+            2e-3,
+            2e-4,
+            "displacement within which friction turns over",
+            essential=True,
+            position=1,
+        ),
         Parameter("exponent", "-", 0.0, 1.0, 1.0, "1: gradual (Dahl), 0: elastic until it slides"),
     )
     amplitude: float

@@ -55,7 +55,16 @@ class Hysteresis(Effect):
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
         Parameter("slip", "N", 0.0, 1e4, 0.0, "the same of the elements that slip", linear=True),
-        Parameter("displacement", "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True),
+        Parameter(
+            "displacement",
+            "-",
+            1e-3,
+            0.5,
+            0.01,
+            "displacement over which the force goes over",
+            essential=True,
+            position=1,
+        ),
         Parameter("shape", "-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl"),
         Parameter("spread", "-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements"),
     )

@@ -44,7 +44,16 @@ class LoadDependentFriction(Effect):
     path_dependent = True
     parameters = (
         Parameter("coefficient", "N/Pa", 0.0, 1e-2, 2e-5, "sliding friction per gauge pressure", linear=True),
-        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", essential=True),
+        Parameter(
+            "presliding",
+            "-",
+            1e-6,
+            2e-3,
+            2e-4,
+            "displacement within which friction turns over",
+            essential=True,
+            position=1,
+        ),
     )
     coefficient: float
     presliding: float

@@ -37,7 +37,9 @@ class QuadraticDrag(Effect):
     roles = ("velocity",)
     prior = -6.0  # one of the common effects nearly always tells the same
     source = "10.1017/CBO9780511800955"
-    parameters = (Parameter("coefficient", "N s^2", 0.0, 1e6, 100.0, "force per squared rate", linear=True),)
+    parameters = (
+        Parameter("coefficient", "N s^2", 0.0, 1e6, 100.0, "force per squared rate", linear=True, position=-2),
+    )
     coefficient: float
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

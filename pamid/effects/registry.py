@@ -42,13 +42,15 @@ def _load_library() -> None:
             importlib.import_module(f"{package.__name__}.{module.name}")
 
 
-def chosen_effects(effects: str | Sequence[str]) -> list[str]:
+def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:
     """Return the names that a choice among the library stands for.
 
     Parameters
     ----------
     effects : "all", str or sequence of str
         The whole library, or some of its names.
+    kind : str, optional
+        Of `pamid.effects.base.KINDS`: "all" are then those that may cause the gap of such a system.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def chosen_effects(effects: str | Sequence[str]) -> list[str]:
     """
     known = all_effects()
     if isinstance(effects, str) and effects == "all":
-        return list(known)
+        return [name for name, cls in known.items() if not kind or kind in cls.kinds]
     library = [effects] if isinstance(effects, str) else list(effects)
     if strange := [name for name in library if name not in known]:
         raise UnknownOptionError(

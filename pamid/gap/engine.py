@@ -48,7 +48,7 @@ def diagnose(
     params : BenchParameters
         The simulator, with its tolerances.
     effects : "all" or sequence of str, default="all"
-        The library: names of effects that may be causes.
+        The library: names of effects that may be causes; "all" are those that a bench may have.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
     progress : callable, optional
@@ -78,7 +78,7 @@ def diagnose(
     >>> diagnose(log, nominal, ["leakage", "viscous_friction"]).causes[0].effects
     ('leakage',)
     """
-    library = chosen_effects(effects)
+    library = chosen_effects(effects, "bench")
     say = progress or (lambda _: None)
     say("read the log")
     notes = check(log, params)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects import all_effects
+from ..effects.registry import chosen_effects
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,11 +98,12 @@ def _shortened(log: pd.DataFrame) -> pd.DataFrame:
 def _responses(evidence: Evidence) -> tuple[list[str], np.ndarray]:
     """Return the effects that change anything, and what they do to the residuals, a column each."""
     names, columns = [], []
-    for name, cls in all_effects().items():
-        if not cls.__module__.startswith("pamid.") or not evidence.touched([name]):
+    known = all_effects()
+    for name in chosen_effects("all", "bench"):
+        if not known[name].__module__.startswith("pamid.") or not evidence.touched([name]):
             continue
         try:
-            d = evidence.z({name: {p.name: p.nominal for p in cls.parameters}}) - evidence.z0
+            d = evidence.z({name: {p.name: p.nominal for p in known[name].parameters}}) - evidence.z0
         except (ValueError, ArithmeticError):
             continue
         if np.all(np.isfinite(d)) and np.any(d):

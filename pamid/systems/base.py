@@ -155,6 +155,8 @@ class System(ABC):
     """1 where effects take away from the target, -1 where they add to it."""
     effects: ClassVar[str | tuple[str, ...]] = "all"
     """Effects that may be causes."""
+    library: ClassVar[str] = "actuator"
+    """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
 
     def __init__(self, **values: Any) -> None:
         known = {q.name: q for q in self.numbers}

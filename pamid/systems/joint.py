@@ -48,6 +48,7 @@ class Joint(System):
         Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
     )
     sense = -1
+    library = "motor"
 
     @classmethod
     def own(cls, signals: Collection[str]) -> list[str]:

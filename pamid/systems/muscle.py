@@ -63,6 +63,7 @@ class Muscle(System):
         Quantity("temperature", "K", 150.0, 600.0, "of the gas", TEMPERATURE, hint="20 °C are 293 K."),
     )
     sense = 1
+    library = "muscle"
 
     def plant(self) -> Plant:
         """Return the numbers as effects see them; the valve and the joint, which no effect here asks for, are none."""

@@ -82,8 +82,8 @@ def run(args: argparse.Namespace) -> int:
     from ...systems import diagnose_system
 
     folder = check_folder(args.out, FILES, size=_ROOM)
-    effects = _effects(args.effects, args.without)
     system = system_of(args)
+    effects = _effects(args.effects, args.without, "bench" if system is None else system.library)
     log = load_log(args)
     params = simulator_of(args) if system is None else None
     if params is None and system is None:
@@ -151,11 +151,12 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
     return [folder / name for name in FILES if name in texts or d.corrected is not None]
 
 
-def _effects(chosen: str, without: Sequence[str]) -> str | list[str]:
-    """Return the names of the effects that may be the cause."""
+def _effects(chosen: str, without: Sequence[str], kind: str) -> str | list[str]:
+    """Return the names of the effects that may be the cause of a kind of system's gap."""
     import difflib
 
     from ...effects import all_effects
+    from ...effects.registry import chosen_effects
 
     known = all_effects()
 
@@ -174,7 +175,7 @@ def _effects(chosen: str, without: Sequence[str]) -> str | list[str]:
     left_out = {name for text in without for name in names(text, "--without")}
     if chosen.strip() == "all" and not left_out:
         return "all"
-    kept = list(known) if chosen.strip() == "all" else names(chosen, "--effects")
+    kept = chosen_effects("all", kind) if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
         raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")

@@ -212,7 +212,7 @@ class SignalEvidence:
             return effect.prior
         if effect.path_dependent and self._turns() < len(self.borders):
             return min(effect.prior, -12.0)
-        return 0.0
+        return 0.0 if "bench" in effect.kinds else effect.prior
 
     def _turns(self) -> int:
         ends = [*self.borders.tolist(), len(self.y)]

@@ -1,0 +1,34 @@
+"""Elastic stops of several widths, the elements of a Prandtl–Ishlinskii operator."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..signals.paths import play
+from ..signals.state import Array
+
+RATIOS = (1.0 / 3.0, 1.0, 3.0)
+"""Widths of the elements, as multiples of the middle one."""
+
+
+def stops_at(x: Array) -> Array:
+    """Return stops at rest in the middle of their range, the elements along the first axis."""
+    return np.zeros((len(RATIOS), *np.shape(x)))
+
+
+def stopped(z: Array, moved: Array, width: float) -> Array:
+    """Advance stops z ∈ [−1, 1] by a displacement that goes one way."""
+    widths = width * np.reshape(RATIOS, (-1, *[1] * np.ndim(moved)))
+    return np.clip(z + moved / widths, -1.0, 1.0)
+
+
+def stops_along(x: Array, width: float, starts: Array) -> Array:
+    """Return `stopped` along the trajectories of a log, without a loop over time: x less what follows it with play."""
+    x = np.asarray(x, dtype=float)
+    out = np.empty((len(RATIOS), *x.shape))
+    for a, b in pairwise([*np.asarray(starts).tolist(), len(x)]):
+        for z, ratio in zip(out, RATIOS, strict=True):
+            z[a:b] = (x[a:b] - play(x[a:b], ratio * width)) / (ratio * width)
+    return out

@@ -1,0 +1,45 @@
+"""Voltage that a turning motor induces."""
+
+from __future__ import annotations
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class BackEmf(Effect):
+    r"""Back-EMF: what a motor in motion takes from the voltage that drives it.
+
+    .. math:: \Delta U = -k_e\,\dot q
+
+    On one log it is the same as a viscous friction; the data sheet of the motor tells them apart.
+
+    Parameters
+    ----------
+    **values : float
+        ``constant`` k_e (V s/rad).
+
+    References
+    ----------
+    R. Isermann, "Mechatronic Systems: Fundamentals", Springer, 2005. https://doi.org/10.1007/1-84628-259-4
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("back_emf", constant=0.042).values
+    {'constant': 0.042}
+    """
+
+    name = "back_emf"
+    family = "drive"
+    equations = ("joint",)
+    roles = ("velocity",)
+    site = "joint"
+    kinds = ("motor",)
+    source = "10.1007/1-84628-259-4"
+    parameters = (Parameter("constant", "N m s/rad", 0.0, 1e3, 0.05, "of the motor and its gear", linear=True),)
+    constant: float
+
+    def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return −k_e q̇, in what drives the joint."""
+        return -self.constant * s.velocity

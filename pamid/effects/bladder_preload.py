@@ -1,0 +1,51 @@
+"""A bladder that is stretched before the muscle contracts at all."""
+
+from __future__ import annotations
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class BladderPreload(Effect):
+    r"""Force of a bladder that resists at rest length already, and more with growing contraction.
+
+    .. math:: \Delta F = -(F_0 + k\,\varepsilon + c\,\varepsilon^2)
+
+    A negative c is a rubber that gets softer the further it is stretched.
+
+    Parameters
+    ----------
+    **values : float
+        ``rest`` F₀, ``growth`` k and ``curvature`` c (N).
+
+    References
+    ----------
+    G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle actuators",
+    Journal of Dynamic Systems, Measurement, and Control 122(2), 2000. https://doi.org/10.1115/1.482478
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("bladder_preload", rest=35, growth=2000)
+    bladder_preload(rest=35 N, growth=2000 N, curvature=0 N)
+    """
+
+    name = "bladder_preload"
+    family = "elasticity"
+    equations = ("force",)
+    roles = ("position",)
+    kinds = ("muscle",)
+    source = "10.1115/1.482478"
+    parameters = (
+        Parameter("rest", "N", 0.0, 1e4, 30.0, "force at rest length", linear=True, essential=True),
+        Parameter("growth", "N", 0.0, 1e6, 500.0, "further force per contraction", linear=True, position=-1),
+        Parameter("curvature", "N", -1e7, 1e7, 0.0, "the same per squared contraction", linear=True, position=-2),
+    )
+    rest: float
+    growth: float
+    curvature: float
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return −(F₀ + k ε + c ε²), N."""
+        return -(self.rest + (self.growth + self.curvature * s.position) * s.position)

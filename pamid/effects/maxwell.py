@@ -1,0 +1,74 @@
+"""Relaxation over three decades of time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from ._memory import relax, relax_along
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+_RATIOS = (0.1, 1.0, 10.0)
+
+
+class Maxwell(Effect):
+    r"""Generalised Maxwell model: three springs, each behind a damper, a decade of time apart.
+
+    .. math:: \Delta F = -\sum_{i=1}^{3} k_i\,(x - x_i), \qquad \tau_i\,\dot x_i = x - x_i, \qquad
+        \tau_i = \tfrac{1}{10}\,\tau,\; \tau,\; 10\,\tau
+
+    Parameters
+    ----------
+    **values : float
+        ``fast``, ``middle``, ``slow`` k (N per unit of the position), ``time_constant`` τ of the middle branch (s).
+
+    References
+    ----------
+    N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer, 1989.
+    https://doi.org/10.1007/978-3-642-73602-5
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("maxwell", middle=40).values["time_constant"]  # s
+    0.5
+    """
+
+    name = "maxwell"
+    family = "viscoelasticity"
+    equations = ("force",)
+    roles = ("position",)
+    kinds = ("actuator", "joint", "motor")
+    prior = -4.0  # two springs, creep, are the simpler model
+    source = "10.1007/978-3-642-73602-5"
+    n_states = len(_RATIOS)
+    parameters = (
+        Parameter("fast", "N", 0.0, 1e5, 50.0, "stiffness of the fast branch", linear=True, position=-1),
+        Parameter("middle", "N", 0.0, 1e5, 50.0, "stiffness of the middle branch", linear=True, position=-1),
+        Parameter("slow", "N", 0.0, 1e5, 50.0, "stiffness of the slow branch", linear=True, position=-1),
+        Parameter("time_constant", "s", 0.02, 100.0, 0.5, "relaxation time of the middle branch"),
+    )
+    fast: float
+    middle: float
+    slow: float
+    time_constant: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return relaxed branches."""
+        return np.stack([np.array(s.position, dtype=float)] * len(_RATIOS))
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Relax towards the position."""
+        taus = (ratio * self.time_constant for ratio in _RATIOS)
+        return np.stack([relax(v, s0.position, s1.position, dt, tau) for v, tau in zip(x, taus, strict=True)])
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the branches along each trajectory, without a loop over time."""
+        return np.stack([relax_along(s.position, dt, ratio * self.time_constant, starts) for ratio in _RATIOS])
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the force of the three branches, N."""
+        stiffness = (self.fast, self.middle, self.slow)
+        parts = (k * (s.position - v) for k, v in zip(stiffness, x, strict=True))
+        return -sum(parts, start=np.zeros(np.shape(x[0])))

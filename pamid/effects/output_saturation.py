@@ -1,0 +1,44 @@
+"""A sensor, or an actuator, at the end of its range."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter
+
+
+class OutputSaturation(Effect):
+    r"""What is delivered, or read, ends at a limit.
+
+    .. math:: y' = \max(-y_s, \min(y_s, y))
+
+    Parameters
+    ----------
+    **values : float
+        ``limit`` y_s (N).
+
+    References
+    ----------
+    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("output_saturation", limit=10).measure(12.0, None)
+    np.float64(10.0)
+    """
+
+    name = "output_saturation"
+    family = "sensor"
+    equations = ("force", "joint")
+    roles = ("force",)
+    channel = "F"
+    kinds = ("muscle", "actuator", "joint", "motor")
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("limit", "N", 1e-2, 1e5, 280.0, "largest value"),)
+    limit: float
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the value within ±y_s."""
+        return np.clip(value, -self.limit, self.limit)

@@ -1,0 +1,49 @@
+"""A tank that runs over."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals, Step
+from .plant import Plant
+
+
+class Overflow(Effect):
+    r"""Outflow above a level, as of a tank that runs over or a relief valve that opens.
+
+    .. math:: \Delta\dot m = -c\,\max(P - P_o, 0)
+
+    Parameters
+    ----------
+    **values : float
+        ``coefficient`` c (kg/(s Pa)), ``level`` P_o (Pa, or the unit of the head).
+
+    References
+    ----------
+    M. Schoukens, J. P. Noël, "Three benchmarks addressing open challenges in nonlinear system identification",
+    IFAC-PapersOnLine 50(1), 2017. https://doi.org/10.1016/j.ifacol.2017.08.071
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("overflow", level=3e5).values["coefficient"]  # kg/(s Pa)
+    1e-08
+    """
+
+    name = "overflow"
+    family = "gas"
+    equations = ("flow",)
+    roles = ("pressure",)
+    kinds = ("gas",)
+    source = "10.1016/j.ifacol.2017.08.071"
+    parameters = (
+        Parameter("coefficient", "kg/(s Pa)", 0.0, 1e-3, 1e-8, "outflow per pressure above the level", linear=True),
+        Parameter("level", "Pa", 2e2, 2e6, 3e5, "where it begins"),
+    )
+    coefficient: float
+    level: float
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+        """Return −c (P − P_o) above the level, kg/s."""
+        return Step(-self.coefficient * np.maximum(s.pressure - self.level, 0.0), 0.0)

@@ -1,0 +1,81 @@
+"""Hysteresis of the force in the pressure, at any speed of filling."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from ._stop import RATIOS, stopped, stops_along, stops_at
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class PressureHysteresis(Effect):
+    r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder hold back while filled, and hold on while vented.
+
+    .. math:: \Delta F = -\sum_{i=1}^{3} (w_i + v_i\,\varepsilon)\,z_i, \qquad
+        z_i = \frac{P - \mathrm{play}_{r_i}(P)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
+
+    with elastic stops z in [−1, 1]. Their weights may change with the contraction.
+
+    Parameters
+    ----------
+    **values : float
+        ``narrow``, ``middle``, ``wide`` w (N), ``narrow_growth``, ``middle_growth``, ``wide_growth`` v (N per
+        contraction), ``width`` r of the middle stop (Pa).
+
+    References
+    ----------
+    T. Vo-Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "A new approach to modeling hysteresis in a pneumatic
+    artificial muscle using the Maxwell-slip model", IEEE/ASME Transactions on Mechatronics 16(1), 2011.
+    https://doi.org/10.1109/TMECH.2009.2038373
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("pressure_hysteresis", middle=5).values["width"]  # Pa
+    100000.0
+    """
+
+    name = "pressure_hysteresis"
+    family = "hysteresis"
+    equations = ("force",)
+    roles = ("position", "pressure")
+    kinds = ("muscle",)
+    source = "10.1109/TMECH.2009.2038373"
+    n_states = len(RATIOS)
+    parameters = (
+        Parameter("narrow", "N", -1e3, 1e4, 0.0, "weight of the narrow stop", linear=True),
+        Parameter("middle", "N", -1e3, 1e4, 5.0, "weight of the middle stop", linear=True),
+        Parameter("wide", "N", -1e3, 1e4, 0.0, "weight of the wide stop", linear=True),
+        Parameter("narrow_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
+        Parameter("middle_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
+        Parameter("wide_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
+        Parameter("width", "Pa", 1e4, 4e5, 1e5, "pressure over which the middle stop goes from one end to the middle"),
+    )
+    narrow: float
+    middle: float
+    wide: float
+    narrow_growth: float
+    middle_growth: float
+    wide_growth: float
+    width: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return stops in the middle of their range."""
+        return stops_at(s.pressure)
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Move the stops by the change of pressure between the two instants."""
+        return stopped(x, s1.pressure - s0.pressure, self.width)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the stops along each trajectory, without a loop over time."""
+        return stops_along(s.pressure, self.width, starts)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what the stops hold back, N."""
+        weights = (self.narrow, self.middle, self.wide)
+        growths = (self.narrow_growth, self.middle_growth, self.wide_growth)
+        parts = ((w + v * s.position) * z for w, v, z in zip(weights, growths, x, strict=True))
+        return -sum(parts, start=np.zeros(np.shape(x[0])))

@@ -1,0 +1,51 @@
+"""A muscle that cannot push."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter
+
+
+class Slack(Effect):
+    r"""Tension that ends at zero, where the muscle hangs loose.
+
+    .. math:: F' = \tfrac{1}{2}\left(F + \sqrt{F^2 + w^2}\right)
+
+    Parameters
+    ----------
+    **values : float
+        ``rounding`` w (N): force over which the muscle tightens.
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> bool(make_effect("slack", rounding=20).measure(-200.0, None) < 1)  # N: nothing is pushed
+    True
+    """
+
+    name = "slack"
+    family = "elasticity"
+    equations = ("force", "joint")
+    roles = ("force",)
+    channel = "F"
+    kinds = ("muscle",)
+    source = "10.1109/37.833638"
+    parameters = (Parameter("rounding", "N", 0.1, 200.0, 20.0, "force over which the muscle tightens"),)
+    rounding: float
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the tension of a muscle that does not push, N."""
+        return 0.5 * (value + np.sqrt(np.square(value) + self.rounding**2))
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the tension behind a reading; what is as good as zero stays."""
+        reading = np.asarray(reading, dtype=float)
+        true = reading - self.rounding**2 / (4.0 * np.maximum(reading, 1e-9))
+        return np.where(reading > 0.25 * self.rounding, true, 0.0)

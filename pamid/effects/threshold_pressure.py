@@ -1,0 +1,65 @@
+"""A bladder that does not press against the braid below a pressure."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class ThresholdPressure(Effect):
+    r"""Pressure that is spent on widening the bladder until it meets the braid; below it the muscle is slack.
+
+    .. math:: \Delta F = \frac{p_e - p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
+        p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad
+        d = p - p_0 - K \left(\frac{D(\varepsilon)}{D(0)} - 1\right)
+
+    with the gauge pressure p and the braid's diameter D, which grows as the muscle contracts. A bladder touches the
+    braid at once (w = 0) or little by little.
+
+    Parameters
+    ----------
+    **values : float
+        ``pressure`` p₀ at rest length, ``growth`` K for a diameter twice that at rest, ``onset`` w (Pa).
+
+    References
+    ----------
+    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions on
+    Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("threshold_pressure", pressure=5e4)
+    threshold_pressure(pressure=50000 Pa, growth=1e+06 Pa, onset=0 Pa)
+    """
+
+    name = "threshold_pressure"
+    family = "elasticity"
+    equations = ("force",)
+    roles = ("position", "pressure")
+    kinds = ("muscle",)
+    source = "10.1109/70.481753"
+    parameters = (
+        Parameter("pressure", "Pa", 5e3, 3e5, 5e4, "threshold at rest length"),
+        Parameter("growth", "Pa", 2e5, 5e6, 1e6, "growth of the threshold with the strain of the circumference"),
+        Parameter("onset", "Pa", 0.0, 1e5, 0.0, "pressure over which the bladder meets the braid"),
+    )
+    pressure: float
+    growth: float
+    onset: float
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the tension at the pressure that is left for the braid less that at the whole one, N."""
+        p = s.pressure - plant.atmospheric_pressure
+        angle = math.acos(min(plant.rest_length / plant.thread_length, 1.0))
+        # A thread of fixed length that winds less steeply encloses a wider tube.
+        lying = np.clip((1.0 - np.asarray(s.position)) * math.cos(angle), -1.0, 1.0)
+        wider = np.sqrt(1.0 - lying**2) / math.sin(angle) - 1.0
+        over = p - self.pressure - self.growth * wider
+        left = 0.5 * (over + np.sqrt(over**2 + self.onset**2))
+        return (left - p) * plant.volume_slope(s.position) / plant.rest_length

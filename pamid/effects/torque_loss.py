@@ -1,0 +1,68 @@
+"""Loss of a gear or a tendon in proportion to what it transmits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..signals.state import Array
+from ._memory import dahl
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class TorqueLoss(Effect):
+    r"""Share of the transmitted force that is lost, another one where the load drives the motor.
+
+    .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \begin{cases} \eta_d & F z > 0 \\ \eta_b & \text{else}\end{cases}
+
+    with the transmitted force F and Dahl's bristle z as in `CoulombFriction`.
+
+    Parameters
+    ----------
+    **values : float
+        ``driving`` η_d and ``driven`` η_b (dimensionless), ``presliding`` δ (unit of the position).
+
+    References
+    ----------
+    G. Passault, M. Duclusaud, "Extended friction models for the physics simulation of servo actuators",
+    arXiv:2410.08650, 2024. https://doi.org/10.48550/arXiv.2410.08650
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("torque_loss", driving=0.3).values["driven"]
+    0.05
+    """
+
+    name = "torque_loss"
+    family = "friction"
+    equations = ("force",)
+    roles = ("position", "pressure", "force")
+    kinds = ("joint", "motor")
+    source = "10.48550/arXiv.2410.08650"
+    n_states = 1
+    path_dependent = True
+    parameters = (
+        Parameter("driving", "-", 0.0, 1.0, 0.1, "share lost while the motor moves the load", linear=True),
+        Parameter("driven", "-", 0.0, 1.0, 0.05, "share lost while the load moves the motor", linear=True),
+        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),
+    )
+    driving: float
+    driven: float
+    presliding: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return bristles at zero deflection."""
+        return np.zeros((1, *np.shape(s.position)))
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Bend the bristles by the displacement between the two instants."""
+        return dahl(x, s1.position - s0.position, self.presliding)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the loss, N."""
+        load = s.force
+        if hasattr(plant, "volume_slope"):  # a muscle transmits its own tension
+            load = (s.pressure - plant.atmospheric_pressure) * plant.volume_slope(s.position) / plant.rest_length
+        share = np.where(load * x[0] > 0.0, self.driving, self.driven)
+        return -share * np.abs(load) * x[0]

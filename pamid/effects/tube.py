@@ -1,0 +1,79 @@
+"""A tube between the pressure sensor and the muscle."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class Tube(Effect):
+    r"""Resistance of a tube behind the sensor, with the capacity of the chamber: its pressure lags the reading.
+
+    .. math:: P' = P + \tau\,\dot P, \qquad \tau = R\,C
+
+    with the pressure P in the chamber and the reading P'.
+
+    Parameters
+    ----------
+    **values : float
+        ``time_constant`` τ (s), resistance (Pa s/kg) times capacity (kg/Pa).
+
+    References
+    ----------
+    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
+    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("tube", time_constant=0.018)
+    tube(time_constant=0.018 s)
+    """
+
+    name = "tube"
+    family = "sensor"
+    equations = ("force", "flow")
+    roles = ("pressure",)
+    channel = "P"
+    kinds = ("muscle", "actuator")
+    source = "10.1115/1.1286336"
+    n_states = 2
+    sampled = True
+    parameters = (Parameter("time_constant", "s", 1e-4, 0.5, 0.015, "resistance of the tube times the capacity"),)
+    time_constant: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return a chamber at rest: its pressure and the rate of it."""
+        P = np.array(s.pressure, dtype=float)
+        return np.stack([P, np.zeros_like(P)])
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Take in the pressure of the later instant and its rate since the earlier one."""
+        return np.stack([s1.pressure + 0.0 * x[0], (s1.pressure - s0.pressure) / dt + 0.0 * x[0]])
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return pressure and rate along each trajectory, without a loop over time."""
+        P = np.asarray(s.pressure, dtype=float)
+        rate = np.diff(P, axis=0, prepend=P[:1]) / dt
+        rate[np.asarray(starts)] = 0.0
+        return np.stack([P, rate])
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the pressure at the other end of the tube, Pa."""
+        return value + self.time_constant * x[1]
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the pressure in the chamber behind a reading: its first-order lag."""
+        from scipy.signal import lfilter
+
+        reading, share = np.asarray(reading, dtype=float), self.time_constant / dt
+        out = np.empty_like(reading)
+        for a, b in pairwise([*np.asarray(starts).tolist(), len(reading)]):
+            rest = share / (1.0 + share) * reading[a : a + 1]
+            out[a:b] = lfilter([1.0 / (1.0 + share)], [1.0, -share / (1.0 + share)], reading[a:b], axis=0, zi=rest)[0]
+        return out
