@@ -220,7 +220,6 @@ LOGS = [
     ("pressure in kPa", edited("P1", lambda v: v / 1e3), E.UnitError, ("P1", "kPa")),
     ("angle in degrees", edited("q", lambda v: np.degrees(v) + 20), E.UnitError, ("q", "deg")),
     ("command in percent", edited("u1", lambda v: v * 100 + 50), E.UnitError, ("u1",)),
-    ("uneven sampling", edited("time", lambda t: t + 4e-4 * (np.arange(len(t)) % 2)), E.SamplingError, ("varies",)),
     ("too short for a window", frame(lambda log: log[:12]), E.ShortTrajectoryError, ("0.02 s",)),
     ("rows of runs mixed", frame(lambda log: log.sort_values("time", kind="stable")), E.LogError, ("traject",)),
 ]

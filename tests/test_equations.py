@@ -20,7 +20,6 @@ from pamid.errors import (
     InterleavedTrajectoryError,
     MissingTrajectoryError,
     NonFiniteError,
-    SamplingError,
     ShortTrajectoryError,
     TimeOrderError,
     UnknownOptionError,
@@ -273,7 +272,6 @@ def broken_logs(log: pd.DataFrame) -> dict:
     shuffled = pd.concat([run[:500], run[:500].assign(trajectory="other"), run[500:]], ignore_index=True)
     back = run.copy()
     back.loc[700, "time"] = 0.1
-    uneven = run.assign(time=run["time"] + 6e-4 * (np.arange(len(run)) % 2))
     infinite = run.copy()
     infinite.loc[5, "P1"] = np.inf
     holed = run.copy()
@@ -282,7 +280,6 @@ def broken_logs(log: pd.DataFrame) -> dict:
         "no trajectory": (run.drop(columns="trajectory"), MissingTrajectoryError, "no column 'trajectory'"),
         "interleaved": (shuffled, InterleavedTrajectoryError, "2 trajectories in 3"),
         "time goes back": (back, TimeOrderError, "goes from"),
-        "uneven": (uneven, SamplingError, "varies from"),
         "infinite": (infinite, NonFiniteError, "'P1'"),
         "time is NaN": (holed, NonFiniteError, "holds NaN"),
         "no rows": (run[:0], EmptyLogError, "no rows"),

@@ -18,8 +18,7 @@ from typing import Any
 from .. import __version__
 from ..errors import PamidError, PamidWarning
 from ._style import marked, plain
-
-DONE, OWN_ERROR, WRONG_USE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
+from .common import DONE, INTERRUPTED, OWN_ERROR, TERMINATED, WRONG_USE
 
 _SAME_WARNINGS = 3
 """Warnings of one kind that are shown; the others are counted."""
@@ -40,7 +39,8 @@ examples:
   pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
   pamid evaluate log.parquet --sim log.sim.toml --model model.pamid
 
-exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted, 143 ended
+exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 3 nothing could be tested,
+130 interrupted, 143 ended
 
 'pamid COMMAND --help' explains one command.
 """

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from ..systems import System
 
 
+DONE, OWN_ERROR, WRONG_USE, UNTESTED, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130, 143
+"""Exit codes: done; an error of pamid itself; wrong use or input; nothing could be tested; interrupted; ended."""
+
+
 def add_command(subparsers: Any, name: str, summary: str, description: str, examples: str) -> argparse.ArgumentParser:
     """Add a command with the common options.
 
@@ -49,7 +53,8 @@ def add_command(subparsers: Any, name: str, summary: str, description: str, exam
         help=summary,
         description=description,
         epilog=f"examples:\n{examples.rstrip()}\n\n"
-        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 130 interrupted, 143 ended",
+        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 3 nothing could be tested,\n"
+        "130 interrupted, 143 ended",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     common = parser.add_argument_group("common options")

@@ -10,7 +10,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..errors import IncompatibleError
-from .noise import ChannelNoise
 from .run import Run
 
 
@@ -77,20 +76,17 @@ class Equation(ABC):
         """Return the residual over the windows of ``run``."""
 
 
-def spread(
-    *parts: tuple[np.ndarray | float, list[ChannelNoise], np.ndarray], n_windows: int, n: int, order: int = 1
-) -> tuple[np.ndarray, np.ndarray]:
+def spread(*parts: tuple[np.ndarray | float, np.ndarray], n_windows: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the standard deviation of a residual from the noise of its channels, and what neighbours share of it.
 
     Parameters
     ----------
-    *parts : (sensitivity, noise, weights)
+    *parts : (sensitivity, covariances)
         For each channel: the derivative of the residual with respect to the weighted sum of samples, shape
-        (n_windows, n_sides) or a number; its noise, one entry a side or one for all; the weights of that sum.
-    n_windows, n : int
-        Number of windows, and samples from one to the next.
-    order : int, default=1
-        Order of the test functions: so many windows less one overlap with each.
+        (n_windows, n_sides) or a number; and the covariances of those sums, as `Run.covariances` gives them, one column
+        a side or one for all.
+    n_windows : int
+        Number of windows.
 
     Returns
     -------
@@ -99,12 +95,12 @@ def spread(
     shared : array, shape (order - 1, n_windows, n_sides)
         The covariance with the first, second ... window after each.
     """
+    order = max(len(covariances) for _, covariances in parts)
     total: list[np.ndarray | float] = [0.0] * order
-    sides = max(np.shape(s)[-1] if np.ndim(s) else len(noise) for s, noise, _ in parts)
-    for sensitivity, noise, weights in parts:
+    sides = max(max(np.shape(s)[-1] if np.ndim(s) else 1, c.shape[-1]) for s, c in parts)
+    for sensitivity, covariances in parts:
         s = np.broadcast_to(sensitivity, (n_windows, sides))
-        for lag in range(order):
-            covariance = np.array([one.covariance(weights, lag * n) for one in noise])
+        for lag, covariance in enumerate(covariances):
             total[lag] = total[lag] + s * np.vstack([s[lag:], np.zeros((min(lag, n_windows), sides))]) * covariance
     full = [np.broadcast_to(t, (n_windows, sides)) for t in total]
     return np.sqrt(full[0]), np.array(full[1:]).reshape(order - 1, n_windows, sides)

@@ -10,13 +10,18 @@ import numpy as np
 
 from ..errors import MissingColumnError, ShortTrajectoryError, UnknownOptionError
 from .base import Equation, Residual, all_equations
-from .run import Model, columns_of, runs, trajectory_rows
+from .log import columns_of, runs, trajectory_rows
+from .run import Model, Run
+from .stretch import HALF
 from .windows import WINDOW
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
+
+CHANNELS = ("P", "F", "mdot", "u")
+"""Channels that a run may have beside the angle."""
 
 
 @dataclass(frozen=True)
@@ -250,30 +255,32 @@ def residuals(
     allowed, _ = allowed_equations(log, equations)
     if not allowed:
         return
-    channels = sorted({c for e in allowed.values() for c in e.channels} - {"q"})
-    partial = [c for c in channels if any(log[k].isna().any() for k in columns_of(c))]
+    wanted = {c for e in allowed.values() for c in e.channels} - {"q"}
     model = Model(params)
-    # A channel with gaps must not take windows from equations that do not read it.
-    batches = [list(allowed.values())] if not partial else [[e] for e in allowed.values()]
-    if model.effects:  # effects read channels that the equation itself does not
-        extra = [c for c in ("P", "F", "mdot", "u") if all(k in log.columns for k in columns_of(c))]
-    else:
-        extra = []
-    for batch in batches:
-        wanted = sorted({c for e in batch for c in e.channels} - {"q"} | set(extra))
-        for run in runs(log, model, wanted):
-            for equation in batch:
-                residual = window_residual(equation, run)
-                if residual is not None:
-                    yield run.trajectory, equation.name, residual
+    if model.effects:  # effects read channels that the equations themselves do not
+        wanted |= {c for c in CHANNELS if all(k in log.columns for k in columns_of(c))}
+    for run in runs(log, model, sorted(wanted)):
+        for equation in allowed.values():
+            residual = window_residual(equation, run)
+            if residual is not None:
+                yield run.trajectory, equation.name, residual
 
 
-def window_residual(equation: Equation, run: Any) -> Residual | None:
-    """Return the residual of an equation on a run, None if the run is too short for a window."""
-    if len(run.time) < equation.order * run.n + equation.order + sum(run.margins):
+def window_residual(equation: Equation, run: Run) -> Residual | None:
+    """Return the residual of an equation on a run, None if the run lacks a channel or is too short for a window."""
+    if len(run.time) < equation.order * run.n + equation.order + sum(run.margins) or not run.reads(equation):
         return None
-    residual = equation.residual(run)
-    return residual if len(residual.time) else None
+    if not len(run.windows(equation).first):
+        return None
+    return equation.residual(run)
+
+
+def without_windows(equation: Equation) -> str:
+    """Return why an equation has no windows on a log that has its columns."""
+    return (
+        f"{equation.name} needs {equation.order * WINDOW + 0.01:.2f} s of {', '.join(equation.channels)} together, "
+        f"without a hole longer than {HALF * WINDOW:g} s; the log has no such stretch"
+    )
 
 
 def evaluate_log(
@@ -306,7 +313,7 @@ def evaluate_log(
 
     Raises
     ------
-    MissingTrajectoryError, InterleavedTrajectoryError, TimeOrderError, SamplingError, NonFiniteError, EmptyLogError
+    MissingTrajectoryError, InterleavedTrajectoryError, TimeOrderError, NonFiniteError, EmptyLogError
         The log cannot be used as it is.
     ShortTrajectoryError
         No trajectory is long enough for a window.
@@ -348,10 +355,7 @@ def evaluate_log(
         for part in by_trajectory.values():
             total.merge(part)
         if not total.n:
-            skipped[name] = (
-                f"{name} needs stretches without gaps of at least {allowed[name].order * WINDOW + 0.01:.2f} s; "
-                "the log has none"
-            )
+            skipped[name] = without_windows(allowed[name])
             continue
         evaluations[name] = Evaluation(
             **total.result(),

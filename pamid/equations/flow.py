@@ -10,7 +10,7 @@ from ..laws.gas import entropic_content, entropic_supply
 from ..laws.valve import flow_function
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
-from .windows import average, centre, kernel
+from .windows import kernel
 
 
 class FlowEquation(Equation):
@@ -57,28 +57,26 @@ class FlowEquation(Equation):
         per_flow = RT * run.P ** (1.0 / gamma - 1.0)
         if (added := run.added_flow()) is not None:
             gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
-        n, first = run.n, run.starts(len(gain), 2)
-        scale = average(per_flow[:-1], n, 2, first)
+        windows = run.windows(self)
+        scale = windows.mean(per_flow[:-1])
         growth = (1.0 + self._opening(run)) * (per_flow[1:] / per_flow[:-1])
         drift = supplied[:-1] * (growth - 1.0) / 2
-        held = average(supplied[:-1] + drift - gain, n, 2, first) / scale
-        ramp = average(np.diff(supplied, axis=0) / 2 - drift, n, 2, first) / scale
+        held = windows.mean(supplied[:-1] + drift - gain) / scale
+        ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
         value = held + _share(held, ramp) * ramp
-        time, measured = average(run.time[:-1], n, 2, first) + run.dt / 2, average(run.mdot[:-1], n, 2, first)
+        time, measured = windows.time(run.time[:-1]) + run.dt / 2, windows.mean(run.mdot[:-1])
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
-        weights = kernel(n, 2)
+        weights = kernel(run.n, 2)
         change = np.convolve(weights, [1.0, -1.0]) / run.dt
         joint, muscle = run.model.params.joint, run.model.params.muscle
         turn = SIGNS * joint.pulley_radius / muscle.rest_length
         capacity = run.volume / (gamma * RT) + run.added_capacity()
         noise, shared = spread(
-            (1.0, run.noise("mdot"), run.weights("mdot", weights)),
-            (centre(capacity, n, 2, first), run.noise("P"), run.weights("P", change)),
-            (centre(run.P * run.volume_slope, n, 2, first) * turn / RT, run.noise("q"), run.weights("q", change)),
-            n_windows=len(first),
-            n=n,
-            order=2,
+            (1.0, run.covariances(windows, "mdot", weights)),
+            (windows.centre(capacity), run.covariances(windows, "P", change)),
+            (windows.centre(run.P * run.volume_slope) * turn / RT, run.covariances(windows, "q", change)),
+            n_windows=len(time),
         )
         return Residual(time, value, measured, noise, shared)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
-from .windows import average, centre, kernel
+from .windows import kernel
 
 
 class ForceEquation(Equation):
@@ -35,23 +35,22 @@ class ForceEquation(Equation):
         L0 = p.muscle.rest_length
         gauge = run.P - p.gas.atmospheric_pressure
         modelled = gauge / L0 * run.volume_slope + run.added_force()
-        n, first = run.n, run.starts(len(run.q), 1)
-        measured = average(run.F, n, 1, first)
-        value, time = measured - average(np.asarray(modelled), n, 1, first), average(run.time, n, 1, first)
+        windows = run.windows(self)
+        measured, time = windows.mean(run.F), windows.time(run.time)
+        value = measured - windows.mean(np.asarray(modelled))
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
-        weights = kernel(n, 1)
+        weights = kernel(run.n, 1)
         h = 1e-6
         plant = run.model.plant
-        eps = centre(run.eps, n, 1, first)
+        eps = windows.centre(run.eps)
         curvature = (plant.volume_slope(eps + h) - plant.volume_slope(eps - h)) / (2 * h)
-        per_angle = centre(gauge, n, 1, first) / L0 * curvature * SIGNS * p.joint.pulley_radius / L0
+        per_angle = windows.centre(gauge) / L0 * curvature * SIGNS * p.joint.pulley_radius / L0
         per_pressure = run.volume_slope / L0 + run.added_stiffness()
         noise, _ = spread(
-            (1.0, run.noise("F"), run.weights("F", weights)),
-            (centre(per_pressure, n, 1, first), run.noise("P"), run.weights("P", weights)),
-            (per_angle, run.noise("q"), run.weights("q", weights)),
-            n_windows=len(first),
-            n=n,
+            (1.0, run.covariances(windows, "F", weights)),
+            (windows.centre(per_pressure), run.covariances(windows, "P", weights)),
+            (per_angle, run.covariances(windows, "q", weights)),
+            n_windows=len(time),
         )
         return Residual(time, value, measured, noise)

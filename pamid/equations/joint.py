@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Equation, Residual, spread
 from .run import Run
-from .windows import average, kernel
+from .windows import kernel
 
 
 class JointEquation(Equation):
@@ -45,20 +45,19 @@ class JointEquation(Equation):
         pull = torque + np.broadcast_to(run.added_torque(), q.shape)
         driven = (pull[:-2] + 4.0 * pull[1:-1] + pull[2:]) / 6.0
         left = driven - joint.viscous_damping * speed - joint.inertia * acceleration
-        n, first = run.n, run.starts(len(left), 3, shift=-1)
-        time, measured = average(run.time[1:-1], n, 3, first), average(torque[1:-1], n, 3, first)[:, None]
-        value = average(left, n, 3, first)[:, None]
+        windows = run.windows(self)
+        time, measured = windows.time(run.time[1:-1]), windows.mean(torque[1:-1])[:, None]
+        value = windows.mean(left)[:, None]
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
-        weights = kernel(n, 3)
+        weights = kernel(run.n, 3)
         motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
         motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2
         sides = np.convolve(weights, [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]) * joint.pulley_radius
+        tension = run.covariances(windows, "F", sides)
         noise, shared = spread(
-            (1.0, run.noise("q"), run.weights("q", motion)),
-            *((1.0, [side], run.weights("F", sides)) for side in run.noise("F")),
-            n_windows=len(first),
-            n=n,
-            order=3,
+            (1.0, run.covariances(windows, "q", motion)),
+            *((1.0, side[..., None]) for side in np.moveaxis(tension, -1, 0)),
+            n_windows=len(time),
         )
         return Residual(time, value, measured, noise, shared)

@@ -8,6 +8,8 @@ import numpy as np
 
 _MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
 _DIFFERENCE = np.sqrt(20.0)  # norm of the weights of a third difference, 1, -3, 3, -1
+_SINGLE = 3e-7  # rounding of a difference of steps of numbers in single precision, as a share of the largest
+_CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many such fours are enough
 
 
 class ChannelNoise(NamedTuple):
@@ -48,7 +50,53 @@ class ChannelNoise(NamedTuple):
         return float(self.white**2 * (weights[lag:] @ weights[:-lag])) if lag < len(weights) else 0.0
 
 
-def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise) -> ChannelNoise:
+def jerk(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+    """Return the third differences of samples, or what takes their place where steps are not equal.
+
+    Parameters
+    ----------
+    x : array, shape (n_samples,)
+        The samples.
+    at : array, shape (n_samples,), optional
+        Their places in steps; equal steps by default. Four samples then stand for a difference as the cubic's leading
+        term through them, scaled to the noise of a third difference; those that lie together are taken.
+
+    Returns
+    -------
+    array
+        The differences.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations.noise import jerk
+    >>> jerk(np.array([0.0, 1.0, 8.0, 27.0])), jerk(np.array([0.0, 1.0, 8.0, 27.0]), np.arange(4.0)).round(9)
+    (array([6.]), array([6.]))
+    """
+    if at is None:
+        return np.diff(x, 3)
+    span = at[3:] - at[:-3]
+    if not len(span):
+        return np.zeros(0)
+    # Motion grows with the cube of the span: only the closest samples tell noise, but a few dozen of them are needed.
+    close = np.flatnonzero(span <= max(_CLOSE, float(np.partition(span, k := min(_FEW, len(span)) - 1)[k])))
+    rows = close[:, None] + np.arange(4)
+    t, weights = at[rows], np.ones((len(close), 4))
+    for i in range(4):
+        for k in range(4):
+            if k != i:
+                weights[:, i] /= t[:, i] - t[:, k]
+    weights *= _DIFFERENCE / np.linalg.norm(weights, axis=1, keepdims=True)
+    return np.asarray(np.sum(weights * x[rows], axis=1))
+
+
+def roughness(x: np.ndarray, at: np.ndarray) -> float:
+    """Return how far samples at places ``at`` are from a smooth signal, root mean square, in their unit."""
+    found = jerk(x, at)
+    return float(np.sqrt(np.mean(np.square(found)))) / _DIFFERENCE if len(found) else 0.0
+
+
+def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.ndarray | None = None) -> ChannelNoise:
     """Return the noise of a channel without the jitter that what drives it really has.
 
     A controller that reads noisy sensors commands a valve to and fro from sample to sample; the flow then follows, and
@@ -62,18 +110,20 @@ def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise) -> Chann
         What it would be without noise, as a model says.
     noise : ChannelNoise
         The channel's noise by itself.
+    at : array, shape (n_samples,), optional
+        Places of the samples, in steps; equal steps by default.
     """
-    jerk, cause = np.diff(x, 3), np.diff(drive, 3)
+    steps, cause = jerk(x, at), jerk(drive, at)
     power = float(cause @ cause)
-    if len(jerk) < 10 or power == 0.0:
+    if len(steps) < 10 or power == 0.0:
         return noise
-    left = jerk - float(jerk @ cause) / power * cause
+    left = steps - float(steps @ cause) / power * cause
     sigma = float(_MAD * np.median(np.abs(left)) / _DIFFERENCE)
     least = max(sigma, noise.resolution / np.sqrt(12.0))
     return noise._replace(white=least) if least < 0.5 * noise.white else noise
 
 
-def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
+def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> ChannelNoise:
     r"""Estimate the noise of a channel over one trajectory.
 
     The third difference cancels all motion that is smooth over four samples; its median absolute deviation ignores
@@ -83,9 +133,11 @@ def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
     Parameters
     ----------
     x : array, shape (n_samples,)
-        The channel, evenly sampled.
+        The channel.
     n : int
         Samples per window.
+    at : array, shape (n_samples,), optional
+        Places of the samples, in steps; equal steps by default.
 
     Returns
     -------
@@ -110,15 +162,19 @@ def channel_noise(x: np.ndarray, n: int) -> ChannelNoise:
     if len(x) < 5:
         return ChannelNoise(0.0, 0.0, 0.0)
     steps = np.diff(x)
-    jerk = np.diff(steps, 2)
-    sigma = float(_MAD * np.median(np.abs(jerk)) / _DIFFERENCE)
-    sizes = np.abs(steps)
-    moved = sizes[sizes > 1e-12 * np.max(np.abs(x))] if np.any(x) else sizes[:0]
-    resolution = float(moved.min()) if len(moved) else 0.0
+    third = jerk(x, at)
+    sigma = float(_MAD * np.median(np.abs(third)) / _DIFFERENCE)
+    # In steady motion all steps are long: then they differ from each other by the resolution.
+    sizes, change, most = np.abs(steps), np.abs(np.diff(steps)), float(np.max(np.abs(x)))
+    least, finer = (
+        float(np.min(d, initial=np.inf, where=d > r * most)) for d, r in ((sizes, 1e-12), (change, _SINGLE))
+    )
+    resolution = finer if finer < 0.5 * least else least
+    resolution = resolution if np.isfinite(resolution) else 0.0
     rounding = resolution / np.sqrt(12.0)
     if sigma < 2.0 * resolution:  # a median of a few steps says little; the mean square of all but the jumps does
         limit = 4.0 * _DIFFERENCE * max(sigma, resolution / 2.0)
-        sigma = float(np.sqrt(np.mean(np.square(jerk[np.abs(jerk) <= limit])))) / _DIFFERENCE
+        sigma = float(np.sqrt(np.mean(np.square(third[np.abs(third) <= limit])))) / _DIFFERENCE
     dither = np.sqrt(max(sigma**2 - rounding**2, 0.0))
     if resolution == 0.0:
         return ChannelNoise(sigma, 0.0, 0.0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .evaluate import residuals
-from .run import trajectory_rows
+from .log import trajectory_rows
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,42 +1,30 @@
-"""One run of a log as arrays, with the simulator's effects applied: what the equations read."""
+"""A stretch of a log held against a simulator, its effects applied: what the equations read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import cache, cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import (
-    ColumnTypeError,
-    EmptyLogError,
-    InterleavedTrajectoryError,
-    MissingColumnError,
-    MissingTrajectoryError,
-    NonFiniteError,
-    SamplingError,
-    TimeOrderError,
-)
 from ..laws.valve import valve_flow
 from ..signals.paths import play
 from .noise import ChannelNoise, channel_noise, noise_beside
-from .windows import samples_per_window, span, starts
+from .stretch import BRIDGED, HALF, Stretch
+from .windows import WINDOW, Windows, average, span, starts
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
     from ..effects import Effect, Plant, Signals, Step
+    from .base import Equation
 
 MUSCLES = (1, 2)
 SIGNS = np.array([1.0, -1.0])
 """How the joint angle contracts muscles 1 and 2."""
-_GAP = 1.5  # in sampling intervals: a longer step of time is a gap, which no window crosses
-_JITTER = 0.25  # in sampling intervals
 _SETTLING = 0.1  # s: what effects remember from before a log is not known; windows at its ends are left out
+_SHORT = 4  # … but no more than one part in so many of a short stretch at either end
+_LEAST = 0.1  # share of the samples of a window that must be there
 _STILL = 0.5  # of the angle's noise, of which a local fit leaves a third: motion within it counts as rest
 _REMEMBERED = 8  # memories of paths that are kept for fits to come
 
@@ -66,84 +54,79 @@ class Model:
         return [effect for effect in self.effects if hook in effect.hooks()]
 
 
-@dataclass
 class Run:
-    """Signals of one evenly sampled stretch of a log.
+    """Signals of one stretch of a log held against a simulator.
 
     Parameters
     ----------
-    trajectory : str
-        Name of the trajectory.
-    time : array, shape (n_samples,)
-        s.
-    dt : float
-        Sampling interval, s.
-    q : array, shape (n_samples,)
-        Joint angle, rad.
-    channels : dict of str to array, shape (n_samples, 2)
-        The channels ``P``, ``F``, ``mdot``, ``u`` of both muscles, those that the log has.
+    stretch : Stretch
+        The signals as read.
     model : Model
         The simulator.
     """
 
-    trajectory: str
-    time: np.ndarray
-    dt: float
-    q: np.ndarray
-    channels: dict[str, np.ndarray]
-    model: Model
-    noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
-    responses: dict[str, np.ndarray] = field(default_factory=dict)
-    smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
-    memories: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
+    def __init__(self, stretch: Stretch, model: Model) -> None:
+        self.stretch, self.model = stretch, model
+        self.trajectory, self.time, self.dt, self.n = stretch.trajectory, stretch.time, stretch.dt, stretch.n
+        self.channels = {name: x for name, x in stretch.readings.items() if name != "q"}
+        self.q = stretch.readings["q"][:, 0]
+        faults = model.with_hook("measure")
+        # What a filter makes of the same readings is the same, and what a path leaves in the same bristles.
+        self.smoothed = {} if faults else stretch.smoothed
+        self.memories = {} if faults else stretch.memories
+        remembering = any(effect.n_states for effect in model.effects)
+        # A short stretch keeps most of its rows, and room for a window of each order.
+        room = max(len(self.time) - 4 * self.n - 2, 0) // 2
+        rows = min(round(_SETTLING / self.dt), len(self.time) // _SHORT, room)
+        self.margins = (
+            rows if remembering or model.settled else 0,
+            rows if model.settled or any(f.n_states for f in faults) else 0,
+        )
+        if not stretch.noises:
+            stretch.noises.update({name: self._noise(name) for name in stretch.readings})
+        self.responses = {name: self._restored(name, faults) for name in stretch.readings}
 
     def under(self, model: Model) -> Run:
         """Return the same stretch of the log held against another simulator."""
-        channels = {name: x for name, x in self.readings.items() if name != "q"}
-        other = Run(self.trajectory, self.time, self.dt, self.readings["q"], channels, model, self.noises)
-        if not self.model.with_hook("measure") and not model.with_hook("measure"):
-            other.smoothed = self.smoothed  # what a filter makes of the same readings is the same
-            other.memories = self.memories  # … and what a path leaves in the same bristles
-        return other
+        return Run(self.stretch, model)
 
-    def __post_init__(self) -> None:
-        self.readings = {"q": self.q, **self.channels}
-        self.n = samples_per_window(self.dt)
-        faults = self.model.with_hook("measure")
-        remembering = any(effect.n_states for effect in self.model.effects)
-        rows = round(_SETTLING / self.dt)
-        settled = self.model.settled
-        self.margins = (
-            rows if remembering or settled else 0,
-            rows if settled or any(f.n_states for f in faults) else 0,
-        )
+    def _noise(self, name: str) -> list[ChannelNoise]:
+        """Return the noise of each column of a channel."""
+        series, bridges = self.stretch.readings[name], self.stretch.bridges.get(name)
+        drive = self._driven_flow() if name == "mdot" else None
+        found = []
+        for k in range(series.shape[1]):
+            at, x = (None, series[:, k]) if bridges is None else (bridges[k].at, bridges[k].samples)
+            noise = channel_noise(x, self.n, at)
+            if drive is not None:
+                cause = drive[:, k] if at is None else np.interp(at, np.arange(len(drive)), drive[:, k])
+                noise = noise_beside(x, cause, noise, at)
+            found.append(noise)
+        return found
+
+    def _restored(self, name: str, faults: list[Effect]) -> np.ndarray:
+        """Undo the faults of a channel's sensor; return the weights of readings in a restored value."""
+        series, response = self.stretch.readings[name], np.ones(1)
         start = np.zeros(1, dtype=int)
-        for name in ("q", *self.channels):
-            series = self.q[:, None] if name == "q" else self.channels[name]
-            if name not in self.noises:
-                found = [channel_noise(series[:, k], self.n) for k in range(series.shape[1])]
-                if name == "mdot" and (drive := self._driven_flow()) is not None:
-                    found = [noise_beside(series[:, k], drive[:, k], one) for k, one in enumerate(found)]
-                self.noises[name] = found
-            self.responses[name] = np.ones(1)
-            for effect in faults:
-                if effect.channel != name:
-                    continue
+        for effect in faults:
+            if effect.channel == name:
                 series = np.asarray(effect.restore(series, self.dt, start), dtype=float)
-                self.responses[name] = np.convolve(self.responses[name], _response(effect, self.dt))
-            if name == "q":
-                self.q = series[:, 0]
-            else:
-                self.channels[name] = series
+                response = np.convolve(response, _response(effect, self.dt))
+        if name == "q":
+            self.q = series[:, 0]
+        else:
+            self.channels[name] = series
+        return response
 
     def _driven_flow(self) -> np.ndarray | None:
         """Return the flow that the commands as read let through the nominal valves, kg/s; None without them."""
-        if "u" not in self.readings or "P" not in self.readings:
+        readings = self.stretch.readings
+        if "u" not in readings or "P" not in readings:
             return None
         gas, valve = self.model.params.gas, self.model.params.valve
         flow = valve_flow(
-            self.readings["u"],
-            np.maximum(self.readings["P"], 1.0),
+            readings["u"],
+            np.maximum(readings["P"], 1.0),
             gas.supply_pressure,
             gas.atmospheric_pressure,
             sonic_conductance=valve.sonic_conductance,
@@ -152,26 +135,55 @@ class Run:
         )
         return np.asarray(flow)
 
-    def starts(self, n_rows: int, order: int, shift: int = 0) -> np.ndarray:
-        """Return the first rows of the windows, less those at the ends where effects' memory is not yet known."""
-        first = starts(n_rows, self.n, order, shift)
-        head, tail = self.margins
-        return first[(first >= head) & (first + span(self.n, order) <= n_rows - tail)]
+    def windows(self, equation: Equation) -> Windows:
+        """Return the windows in which an equation is tested: those of which enough is known."""
+        key = (equation.order, *equation.channels, *self.margins)
+        found = self.stretch.selections.get(key)
+        if found is None:
+            found = self.stretch.selections[key] = self._windows(equation)
+        return found
 
-    def weights(self, channel: str, weights: np.ndarray) -> np.ndarray:
-        """Return the weights on a channel's readings of weights on its restored values."""
-        response = self.responses[channel]
-        return weights if len(response) == 1 and response[0] == 1.0 else np.convolve(weights, response)
+    def _windows(self, equation: Equation) -> Windows:
+        order, stretch, (head, tail) = equation.order, self.stretch, self.margins
+        n_rows, pad = len(self.time), order - 1
+        first = starts(n_rows - pad, self.n, order, shift=-(pad // 2))
+        # What effects remember from before a stretch, or take from behind it, is not known.
+        first = first[(first >= head) & (first + span(self.n, order) <= n_rows - pad - tail)]
+        partial = [c for c in equation.channels if c in stretch.bridges]
+        if not partial or not len(first):
+            return Windows(self.n, order, first, n_rows)
+        unknown = np.zeros(n_rows, dtype=bool)
+        for channel in partial:
+            unknown |= _widened(stretch.holes(channel, BRIDGED), head, tail)
+            unknown |= stretch.torn(channel)
+            if order > 1:
+                unknown |= stretch.holes(channel, HALF * WINDOW)
+        before = np.concatenate([[0], np.cumsum(unknown)])
+        first = first[before[first + span(self.n, order) + pad] == before[first]]
+        if order > 1:
+            return Windows(self.n, order, first, n_rows)
+        given = np.ones((n_rows, len(equation.sides)), dtype=bool)
+        for channel in partial:
+            given &= np.column_stack([bridge.given for bridge in stretch.bridges[channel]])
+        share = average(given.astype(float), self.n, order, first)
+        return Windows(self.n, order, first[(share >= _LEAST).all(axis=1)], n_rows, given)
 
-    def noise(self, channel: str) -> list[ChannelNoise]:
-        """Return the noise of a channel, one entry a muscle (one in all for ``"q"``)."""
-        return self.noises[channel]
+    def covariances(self, windows: Windows, channel: str, weights: np.ndarray) -> np.ndarray:
+        """Return what a channel's noise leaves in weighted sums of its restored values, see `Windows.covariances`."""
+        response, bridges = self.responses[channel], self.stretch.bridges.get(channel)
+        if len(response) > 1 or response[0] != 1.0:
+            weights = np.convolve(weights, response)
+        return windows.covariances(channel, weights, self.stretch.noises[channel], bridges)
 
     def __getattr__(self, name: str) -> Any:
         try:
             return self.__dict__["channels"][name]
         except KeyError:
             raise AttributeError(name) from None
+
+    def reads(self, equation: Equation) -> bool:
+        """Tell whether the stretch has all channels of an equation."""
+        return all(channel == "q" or channel in self.channels for channel in equation.channels)
 
     @cached_property
     def eps(self) -> np.ndarray:
@@ -207,7 +219,7 @@ class Run:
         """Return the joint angle with its noise taken off: noise is motion to and fro, which memory would believe."""
         key = ("still", 0)
         if key not in self.smoothed:
-            self.smoothed[key] = play(self.smooth("q", 0), _STILL * self.noises["q"][0].white)
+            self.smoothed[key] = play(self.smooth("q", 0), _STILL * self.stretch.noises["q"][0].white)
         return self.smoothed[key]
 
     def _signals(self, effect: Effect) -> Signals:
@@ -347,112 +359,10 @@ def _response(effect: Effect, dt: float) -> np.ndarray:
     return answer[used[0] : used[-1] + 1] if len(used) else np.ones(1)
 
 
-def columns_of(channel: str) -> list[str]:
-    """Return the columns of a log that hold a channel."""
-    return [channel] if channel in ("q", "q_ref", "time") else [f"{channel}{m}" for m in MUSCLES]
-
-
-def _numbers(log: pd.DataFrame, column: str, rows: slice) -> np.ndarray:
-    try:
-        return log[column].iloc[rows].to_numpy(dtype=float, na_value=np.nan)
-    except (TypeError, ValueError):
-        bad = next((v for v in log[column].iloc[rows] if isinstance(v, str) or not np.isscalar(v)), "?")
-        raise ColumnTypeError(
-            f"The column '{column}' holds {str(bad)[:30]!r}.", "numbers", "Remove or convert the entries that are text."
-        ) from None
-
-
-def trajectory_rows(log: pd.DataFrame) -> list[tuple[str, slice]]:
-    """Return name and rows of each trajectory of a log, in its order.
-
-    Raises
-    ------
-    MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
-        The log does not name its trajectories, mixes their rows, or has none.
-    """
-    import pandas as pd
-
-    if "trajectory" not in log.columns:
-        raise MissingTrajectoryError(
-            f"The log has no column 'trajectory'; it has {', '.join(map(str, log.columns[:20]))}.",
-            "the name of its run in each row",
-            "Add the column, or map one of yours to it.",
-        )
-    if not len(log):
-        raise EmptyLogError("The log has no rows.", "at least one trajectory", "Check how the log was written.")
-    codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
-    borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    if len(borders) - 1 != len(names):
-        raise InterleavedTrajectoryError(
-            f"The log has {len(names)} trajectories in {len(borders) - 1} separate blocks of rows.",
-            "the rows of each trajectory together and in time order",
-            "Sort the log by trajectory and time; give repeats names of their own.",
-        )
-    return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
-
-
-def runs(log: pd.DataFrame, model: Model, channels: list[str]) -> Iterator[Run]:
-    """Cut a log into evenly sampled stretches, one trajectory at a time.
-
-    A stretch ends where a trajectory ends, where time jumps, and where a channel is NaN.
-
-    Parameters
-    ----------
-    log : DataFrame
-        The log, SI units, absolute pressures.
-    model : Model
-        The simulator.
-    channels : list of str
-        The channels to read, of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read.
-
-    Yields
-    ------
-    Run
-        The stretches in order.
-    """
-    needed = ["time", *columns_of("q"), *(c for name in channels for c in columns_of(name))]
-    if missing := [c for c in needed if c not in log.columns]:
-        raise MissingColumnError(
-            f"The log lacks {', '.join(missing)}.",
-            f"the columns {', '.join(needed)}",
-            f"Map your columns to these names; the log has {', '.join(map(str, log.columns[:20]))}.",
-        )
-    for name, rows in trajectory_rows(log):
-        time = _numbers(log, "time", rows)
-        data = {c: _numbers(log, c, rows) for c in needed[1:]}
-        if np.isinf(bad := np.sum(list(data.values()), axis=0)).any():
-            column = next(c for c, v in data.items() if np.isinf(v).any())
-            raise NonFiniteError(
-                f"The column '{column}' of trajectory '{name}' holds infinite values.",
-                "finite numbers, or NaN where nothing was measured",
-                "Remove those rows or set them to NaN.",
-            )
-        if not np.isfinite(time).all():
-            raise NonFiniteError(
-                f"The time of trajectory '{name}' holds NaN.", "a time in each row", "Remove those rows."
-            )
-        steps = np.diff(time)
-        if len(steps) and steps.min() <= 0:
-            at = int(np.argmin(steps))
-            raise TimeOrderError(
-                f"The time of trajectory '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
-                "time that increases",
-                "Sort the trajectory by time and remove repeated rows; runs of their own need names of their own.",
-            )
-        if len(time) < 2:
-            continue
-        dt = float(np.median(steps))
-        regular = steps < _GAP * dt
-        if np.any(np.abs(steps[regular] - dt) > _JITTER * dt):
-            raise SamplingError(
-                f"The sampling interval of trajectory '{name}' varies from {steps[regular].min():g} s to "
-                f"{steps[regular].max():g} s.",
-                f"even sampling (its median is {dt:g} s)",
-                "Resample the log onto an even grid first.",
-            )
-        usable = np.isfinite(bad)
-        cuts = np.flatnonzero(~regular | (usable[1:] != usable[:-1])) + 1
-        for a, b in zip([0, *cuts.tolist()], [*cuts.tolist(), len(time)], strict=True):
-            if usable[a] and b - a > 1:
-                pairs = {c: np.column_stack([data[k][a:b] for k in columns_of(c)]) for c in channels}
-                yield Run(name, time[a:b], dt, data["q"][a:b], pairs, model)
+def _widened(rows: np.ndarray, head: int, tail: int) -> np.ndarray:
+    """Return rows with those up to ``head`` after and ``tail`` before any of them."""
+    edges = np.diff(np.concatenate([[0], rows.astype(np.int8), [0]]))
+    out = rows.copy()
+    for a, b in zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True):
+        out[max(a - tail, 0) : b + head] = True
+    return out

@@ -9,7 +9,7 @@ import numpy as np
 from ..laws.valve import valve_flow
 from .base import Equation, Residual, spread
 from .run import Run
-from .windows import average, centre, kernel
+from .windows import kernel
 
 
 class ValveEquation(Equation):
@@ -49,18 +49,17 @@ class ValveEquation(Equation):
             )
 
         modelled = np.asarray(passed(run.P, u, supply) + run.added_valve_flow())
-        n, first = run.n, run.starts(len(run.q), 1)
-        measured, time = average(run.mdot, n, 1, first), average(run.time, n, 1, first)
-        value = measured - average(modelled, n, 1, first)
+        windows = run.windows(self)
+        measured, time = windows.mean(run.mdot), windows.time(run.time)
+        value = measured - windows.mean(modelled)
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
-        weights = kernel(n, 1)
+        weights = kernel(run.n, 1)
         h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
         slope = (passed(run.P + h, u, supply) - passed(run.P - h, u, supply)) / (2 * h)
         noise, _ = spread(
-            (1.0, run.noise("mdot"), run.weights("mdot", weights)),
-            (centre(slope, n, 1, first), run.noise("P"), run.weights("P", weights)),
-            n_windows=len(first),
-            n=n,
+            (1.0, run.covariances(windows, "mdot", weights)),
+            (windows.centre(slope), run.covariances(windows, "P", weights)),
+            n_windows=len(time),
         )
         return Residual(time, value, measured, noise)

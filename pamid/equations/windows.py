@@ -12,12 +12,23 @@ neighbours overlap.
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scipy.sparse import csr_array
+
+    from .noise import ChannelNoise
+    from .stretch import Bridge
+
 WINDOW = 0.02
 """Width of a window, s."""
+_KEPT = 24  # weighted sums whose covariances are kept for fits to come
 
 
 def samples_per_window(dt: float, window: float = WINDOW) -> int:
@@ -150,3 +161,117 @@ def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
     array([1., 5.])
     """
     return x[first + (span(n, order) - 1) // 2]
+
+
+@dataclass
+class Windows:
+    """The windows of one stretch in which an equation is tested, and how means over them are formed.
+
+    Where samples are missing, an equation without derivatives is averaged over those that are there; the test function
+    of a derivative goes over rows that were bridged.
+
+    Parameters
+    ----------
+    n, order : int
+        Samples per window and order of the test functions.
+    first : array of int, shape (n_windows,)
+        Their first rows.
+    n_rows : int
+        Rows of the stretch.
+    given : array of bool, shape (n_rows, n_sides), optional
+        Rows that count, for order 1; all by default.
+    """
+
+    n: int
+    order: int
+    first: np.ndarray
+    n_rows: int
+    given: np.ndarray | None = None
+    _covariances: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict, repr=False)
+
+    def mean(self, x: np.ndarray) -> np.ndarray:
+        """Return the weighted means of a series, shape (n_rows, ...)."""
+        if self.given is None:
+            return average(x, self.n, self.order, self.first)
+        return average(np.where(self.given, x, 0.0), self.n, self.order, self.first) / self._share
+
+    def time(self, time: np.ndarray) -> np.ndarray:
+        """Return the centres of the windows, s."""
+        return average(time, self.n, self.order, self.first)
+
+    def centre(self, x: np.ndarray) -> np.ndarray:
+        """Return the values of a series at the centres."""
+        return centre(x, self.n, self.order, self.first)
+
+    @cached_property
+    def _share(self) -> np.ndarray:
+        return average(np.asarray(self.given, dtype=float), self.n, self.order, self.first)
+
+    @cached_property
+    def _contiguous(self) -> bool:
+        return bool((np.diff(self.first) == self.n).all())
+
+    def covariances(
+        self, channel: str, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
+    ) -> np.ndarray:
+        """Return what the noise of a channel leaves in its weighted sums, with the windows that follow.
+
+        Parameters
+        ----------
+        channel : str
+            Its name, under which the result is kept.
+        weights : array
+            What the rows from the first one of a window on contribute to its sum.
+        noise : sequence of ChannelNoise
+            Noise of each of its columns.
+        bridges : sequence of Bridge or None
+            How its columns came to equal steps; None where every row was read.
+
+        Returns
+        -------
+        array, shape (order, n_windows or 1, n_columns)
+            Variances, then covariances with the first, second ... window after each; one window stands for all where
+            they are alike.
+        """
+        if bridges is None and self.given is None and self._contiguous:
+            found = [[[one.covariance(weights, lag * self.n) for one in noise]] for lag in range(self.order)]
+            return np.array(found)
+        key = (channel, weights.tobytes())
+        if key not in self._covariances:
+            if len(self._covariances) >= _KEPT:
+                self._covariances.pop(next(iter(self._covariances)))
+            self._covariances[key] = self._sparse_covariances(weights, noise, bridges)
+        return self._covariances[key]
+
+    def _sparse_covariances(
+        self, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
+    ) -> np.ndarray:
+        from scipy.sparse import csr_array
+
+        m, length = len(self.first), len(weights)
+        begin = self.first - (length - span(self.n, self.order) - self.order + 1) // 2
+        rows = np.clip(begin[:, None] + np.arange(length), 0, self.n_rows - 1)
+        sides = len(noise) if self.given is None else self.given.shape[1]
+        out = np.zeros((self.order, m, sides))
+        for k in range(sides):
+            one = noise[min(k, len(noise) - 1)]
+            bridge = None if bridges is None else bridges[min(k, len(bridges) - 1)]
+            values = np.broadcast_to(weights, (m, length))
+            if self.given is not None:
+                values = values * self.given[rows, k] / self._share[:, k, None]
+            W = csr_array((values.ravel(), rows.ravel(), np.arange(0, rows.size + 1, length)), (m, self.n_rows))
+            samples = W if bridge is None else W @ bridge.mix
+            for lag in range(self.order):
+                out[lag, : m - lag, k] = one.white**2 * _products(samples, lag)
+            out[0, :, k] += one.fixed**2 * values.sum(axis=1) ** 2
+            if bridge is not None and bridge.hidden > one.white:
+                lost = ~bridge.given
+                ends = (W[:, lost] @ bridge.mix[lost]) if lost.any() else samples * 0.0
+                out[0, :, k] += (bridge.hidden**2 - one.white**2) * (_products(W[:, lost], 0) + _products(ends, 0))
+        return out
+
+
+def _products(W: csr_array, lag: int) -> np.ndarray:
+    """Return the products of each row with the one so much later."""
+    m = W.shape[0]
+    return np.asarray(W[: m - lag].multiply(W[lag:]).sum(axis=1)).ravel()

@@ -65,7 +65,7 @@ def diagnose(
         The library has no effect of a name.
     ExcitationError
         The log excites nothing that could tell effects apart.
-    MissingColumnError, MissingTrajectoryError, SamplingError, NonFiniteError, ShortTrajectoryError
+    MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
         The log cannot be used as it is.
 
     Examples
@@ -122,6 +122,8 @@ def explain(
     """
     from threadpoolctl import threadpool_limits
 
+    if not evidence.equations:
+        return _untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         verdict, search = decide(searched or evidence, library, random_state, say)
         fitter = search.fitter
@@ -146,7 +148,7 @@ SEARCH_ROWS = 40_000
 
 def _thinned(log: pd.DataFrame, most: int) -> pd.DataFrame:
     """Return a log of no more rows than wanted: whole trajectories, evenly spread."""
-    from ..equations.run import trajectory_rows
+    from ..equations.log import trajectory_rows
 
     if len(log) <= most:
         return log
@@ -205,6 +207,30 @@ def _written(
         corrected=corrected,
         windows=_windows(evidence, before, after),
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
+        not_tested=dict(evidence.skipped),
+        cannot_show=[name for name in search.library if not evidence.touched([name])],
+    )
+
+
+def _untested(evidence: ResidualSource, library: Sequence[str], notes: list[str]) -> Diagnosis:
+    """Write down that nothing of a log could be held against its model; no number speaks for or against a gap."""
+    return Diagnosis(
+        verdict="untested",
+        p_value=float("nan"),
+        equations=[],
+        regions=[],
+        bands=[],
+        trajectories=[],
+        candidates=[],
+        causes=[],
+        closure=[],
+        next_experiment=None,
+        notes=notes,
+        nominal=evidence.params if isinstance(evidence, Evidence) else None,
+        corrected=None,
+        windows=_windows(evidence, np.zeros(0), np.zeros(0)),
+        not_tested=dict(evidence.skipped),
+        cannot_show=list(library),
     )
 
 

@@ -80,8 +80,10 @@ def answers(diagnosis: Diagnosis) -> Answers:
 
 def verdict(d: Diagnosis) -> str:
     """Return the answer in a few words."""
+    if not d.tested:
+        return "Nothing could be tested"
     if d.verdict == "none":
-        return "No gap beyond the noise"
+        return "No gap beyond the noise" + (" in what could be tested" if d.not_tested else "")
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     if d.verdict == "several":
@@ -97,12 +99,14 @@ def verdict(d: Diagnosis) -> str:
 def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
     names = [e.equation for e in d.equations]
+    if not d.tested:
+        return f"It is not known: no equation could be held against the log.{_left_out(d)}"
     if d.verdict == "none":
-        tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees" if names else "all agree"
-        return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)})."
+        tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees"
+        return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)}).{_left_out(d)}"
     held = sorted(d.equations, key=lambda e: -e.share)
     if not held:
-        return f"Simulator and log part ({probability(d.p_value)})."
+        return f"Simulator and log part ({probability(d.p_value)}).{_left_out(d)}"
     told, total = [], 0.0
     for finding in held:
         told.append(finding)
@@ -115,7 +119,12 @@ def where(d: Diagnosis) -> str:
     else:
         text = f"The gap lies in the equations of {listed([f'{e.equation} ({percent(e.share)})' for e in told])}"
     part = "that" if len(told) == 1 else f"the {first} part"
-    return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}."
+    return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
+
+
+def _left_out(d: Diagnosis) -> str:
+    """Return which equations were not tested, and why."""
+    return "".join(f" Not tested: {_sentence_end(why)}" for why in d.not_tested.values())
 
 
 def _region_text(regions: list[Region], equation: str, part: str) -> str:
@@ -184,8 +193,14 @@ def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
 # --- which --------------------------------------------------------------------------------------------------
 def which(d: Diagnosis) -> str:
     """Return which effect causes the gap."""
+    if not d.tested:
+        return "No answer: nothing speaks for a gap, and nothing against one."
     if d.verdict == "none":
-        return f"None: the parameters within their tolerances and the sensors' noise explain the log{_confidence(d)}."
+        text = f"the parameters within their tolerances and the sensors' noise explain the log{_confidence(d)}"
+        if not d.cannot_show:
+            return f"None: {text}."
+        silent = listed([effect(name) for name in d.cannot_show], "or")
+        return f"None among those that this log can show: {text}. It cannot show {silent}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -230,6 +245,8 @@ def best_effect(d: Diagnosis) -> Any:
 # --- how far ------------------------------------------------------------------------------------------------
 def how_far(d: Diagnosis) -> str:
     """Return how far the gap shrinks."""
+    if not d.tested:
+        return "Nothing was fitted. Mend what kept the equations from being tested, or record such runs, and ask again."
     if d.verdict == "none":
         return f"There is nothing to close{_errors(d)}."
     if d.verdict == "unknown" or not d.causes:

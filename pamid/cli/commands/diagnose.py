@@ -14,6 +14,8 @@ from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ..common import (
+    DONE,
+    UNTESTED,
     add_command,
     add_log_options,
     load_log,
@@ -103,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         files = write(d, folder, _source(args, log))
     if args.json:
         print_json({**d.as_dict(), "files": {file.name: str(file) for file in files}})
-        return 0
+        return DONE if d.tested else UNTESTED
     told = answers(d)
     print(f"{told.verdict}\n")
     for word, text in (("where", told.where), ("which", told.which), ("how far", told.how_far)):
@@ -115,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     for file in files:
         print(f"wrote {file}")
     note(args, f"took {time.perf_counter() - started:.0f} s")
-    return 0
+    return DONE if d.tested else UNTESTED
 
 
 def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:

@@ -7,6 +7,8 @@ from typing import Any
 
 from ...errors import ParameterError
 from ..common import (
+    DONE,
+    UNTESTED,
     add_command,
     add_log_options,
     load_log,
@@ -89,7 +91,7 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
         result = evaluate_log(log, params, progress=step)
     if args.json:
         print_json({**result.as_dict(), **extra})
-        return 0
+        return DONE if result else UNTESTED
     rows = [
         [name, number(e.rmse), number(e.nrmse), number(e.noise_floor), number(e.rmse / e.noise_floor), e.unit]
         if e.noise_floor > 0
@@ -105,7 +107,7 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
         print(f"refitted: {name} {change:+.3%} to {params.get(name):.6g}{bound}")
     if not args.refit and params.tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
         note(args, f"the tolerances of {', '.join(params.tolerance)} may explain part of this: try --refit")
-    return 0
+    return DONE if result else UNTESTED
 
 
 def _evaluate_model(args: argparse.Namespace) -> int:

@@ -54,24 +54,27 @@ def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     >>> len(table.query("deps1 > 0 and P1 < 3e5")) > 0  # 1/s, Pa
     True
     """
-    import pandas as pd
-
-    from ...equations.run import SIGNS, Model, columns_of, runs
+    from ...equations.log import columns_of, runs, trajectory_rows
+    from ...equations.run import SIGNS, Model
 
     channels = ["P"] if all(c in log.columns for c in columns_of("P")) else []
     p = params
     turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
-    parts = []
+    names = ["dq", *(f"{signal}{k}" for k in (1, 2) for signal in ("eps", "deps", *(["dP"] if channels else [])))]
+    state = {name: np.full(len(log), np.nan) for name in names}
+    time, rows_of = log["time"].to_numpy(dtype=float), dict(trajectory_rows(log))
     for run in runs(log, Model(params), channels):
+        rows = rows_of[run.trajectory]
+        first, after = rows.start + np.searchsorted(time[rows], (run.time[0], run.time[-1] + 1e-3 * run.dt))
         dq = run.smooth("q", 1)
-        part = {"trajectory": run.trajectory, "time": run.time, "dq": dq[:, 0]}
+        part = {"dq": dq[:, 0]}
         for k in (0, 1):
             part[f"eps{k + 1}"], part[f"deps{k + 1}"] = run.eps[:, k], dq[:, 0] * turn[k]
-            if channels:
+            if "P" in run.channels:
                 part[f"dP{k + 1}"] = run.smooth("P", 1)[:, k]
-        parts.append(pd.DataFrame(part))
-    state = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["trajectory", "time"])
-    return log.assign(trajectory=log["trajectory"].astype(str)).merge(state, on=["trajectory", "time"], how="left")
+        for name, series in part.items():  # the steps of a run are even, those of a log need not be
+            state[name][first:after] = np.interp(time[first:after], run.time, series)
+    return log.assign(trajectory=log["trajectory"].astype(str), **state).reset_index(drop=True)
 
 
 def shares(values: np.ndarray) -> np.ndarray:

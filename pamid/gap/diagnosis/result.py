@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
 
 SCHEMA = 1
-VERDICTS = ("cause", "class", "several", "unknown", "none")
+VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
 """One effect is the cause; one of a class that the data can't split; several causes; a gap that no effect of the
-library explains; no gap beyond the noise."""
+library explains; no gap beyond the noise; nothing on the log that could be tested."""
 
 Interval = tuple[float, float]
 
@@ -318,6 +318,10 @@ class Diagnosis:
         its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
     leftover : dict
         For an unknown cause: what the leftover depends on, and its closest symbolic form.
+    not_tested : dict of str to str
+        Equations that were left out, and why.
+    cannot_show : list of str
+        Effects of the library that change no equation that was tested: nothing is said about them.
 
     Examples
     --------
@@ -345,11 +349,18 @@ class Diagnosis:
     corrected: BenchParameters | None
     windows: pd.DataFrame
     leftover: dict[str, Any] = field(default_factory=dict)
+    not_tested: dict[str, str] = field(default_factory=dict)
+    cannot_show: list[str] = field(default_factory=list)
+
+    @property
+    def tested(self) -> bool:
+        """Whether anything could be tested."""
+        return self.verdict != "untested"
 
     @property
     def gap(self) -> bool:
-        """Whether simulator and log part beyond the noise."""
-        return self.verdict != "none"
+        """Whether simulator and log part beyond the noise; False as well where nothing could be tested."""
+        return self.verdict not in ("none", "untested")
 
     def as_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain numbers and text, the content of ``diagnosis.json``."""
@@ -357,7 +368,7 @@ class Diagnosis:
         return _plain(
             {
                 "schema": SCHEMA,
-                "gap": self.gap,
+                "gap": self.gap if self.tested else None,
                 "p_value": self.p_value,
                 "verdict": self.verdict,
                 "where": {
@@ -373,6 +384,8 @@ class Diagnosis:
                 "closure": [vars(c) for c in self.closure],
                 "next_experiment": None if experiment is None else vars(experiment),
                 "leftover": self.leftover,
+                "not_tested": self.not_tested,
+                "cannot_show": self.cannot_show,
                 "notes": self.notes,
             }
         )

@@ -9,8 +9,9 @@ import numpy as np
 
 from ...effects import all_effects
 from ...equations.base import Equation, Residual
-from ...equations.evaluate import allowed_equations, window_residual
-from ...equations.run import SIGNS, Model, Run, columns_of, runs
+from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
+from ...equations.log import columns_of, runs
+from ...equations.run import SIGNS, Model, Run
 from .protocol import STATE, Spec
 from .whitening import Whitening
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ...bench.parameters import BenchParameters
-
-CHANNELS = ("P", "F", "mdot", "u")
 
 
 class Evidence:
@@ -109,6 +108,8 @@ class Evidence:
                 self.equations.append(name)
                 self.parts.append(slice(first, n))
                 self._slots[name] = slots
+            else:
+                self.skipped[name] = without_windows(equation)
         if not pieces:
             pieces.append(tuple(np.zeros(0) for _ in range(6)))
         value, noise, self.run, self.side, self.time, self.measured = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...equations.run import columns_of, trajectory_rows
+from ...equations.log import columns_of, trajectory_rows
 from ...errors import ExcitationError
 from .bench import Evidence
 
@@ -69,7 +69,10 @@ def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
         )
     lost = float(log[[c for c in log.columns if c != "trajectory"]].isna().any(axis=1).mean())
     if lost:
-        notes.append(f"{100 * lost:.1f} % of the rows have a missing value; windows that hold one are left out.")
+        notes.append(
+            f"{100 * lost:.1f} % of the rows have a missing value: windows average what is there, and are left out "
+            "where too little is."
+        )
     notes += [f"Not looked at: {why}." for why in skipped.values()]
     return notes
 
@@ -114,12 +117,19 @@ def notes_on(evidence: Evidence) -> list[str]:
     notes = [
         "The noise floor rests on the differences between neighbouring samples of each channel, not on repeated runs."
     ]
-    intervals = sorted({round(run.dt, 9) for run in evidence.runs})
+    intervals = sorted({f"{1e3 * run.dt:.3g} ms" for run in evidence.runs})
     if len(intervals) > 1:
         notes.append(
-            "The log mixes sampling intervals: "
-            + ", ".join(f"{1e3 * dt:g} ms" for dt in intervals)
-            + ". Each trajectory is held against its own."
+            f"The log mixes sampling intervals: {', '.join(intervals)}. Each trajectory is held against its own."
+        )
+    rows = sum(len(run.time) for run in evidence.runs)
+    unread = sum(
+        float(1.0 - b.given.mean()) * len(r.time) for r in evidence.runs for b in r.stretch.bridges.get("q", ())
+    )
+    if unread:
+        notes.append(
+            f"{100 * unread / rows:.1f} % of the samples are missing at the log's own rate, or come between its steps. "
+            "Short holes are bridged, and what that adds to the noise is counted."
         )
     speeds = [np.abs(run.smooth("q", 1)[:, 0]) for run in evidence.runs]
     moving = sum(bool(v[: max(1, len(v) // 100)].min() > _RESTING * v.max()) for v in speeds if len(v))

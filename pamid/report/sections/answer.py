@@ -13,6 +13,7 @@ _BADGES = {
     "several": "several causes",
     "unknown": "cause not in the library",
     "none": "no gap",
+    "untested": "not tested",
 }
 
 
