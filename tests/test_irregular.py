@@ -170,8 +170,17 @@ FEW = ["coulomb_friction", "viscous_friction", "leakage", "dead_volume", "valve_
 SINES = [sine(4, 15, 1500), sine(7, 10, 1500), isobaric(4, 10, 1500)]
 
 
-@pytest.mark.parametrize("damage", ["20 % lost", "scattered", "short", "paused"])
-@pytest.mark.parametrize("effect", [None, "viscous_friction", "leakage"])
+@pytest.mark.parametrize(
+    ("damage", "effect"),
+    [
+        ("20 % lost", None),
+        ("short", None),
+        ("scattered", "viscous_friction"),
+        ("short", "viscous_friction"),
+        ("20 % lost", "leakage"),
+        ("paused", "leakage"),
+    ],
+)
 def test_damaged_log_gets_the_answer_of_the_whole_one(damage, effect):
     log = DAMAGE[damage](simulate(NOMINAL, SINES, effects=[effect] if effect else [], seed=1))
     found = diagnose(log, NOMINAL, FEW)

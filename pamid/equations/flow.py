@@ -12,6 +12,9 @@ from .base import Equation, Residual, spread
 from .run import SIGNS, Run
 from .windows import kernel
 
+_UNSURE = 0.3
+"""Standard deviation of the share of a ramp in the flow between two samples, before a log is seen."""
+
 
 class FlowEquation(Equation):
     r"""Measured mass flow minus what pressure and volume say.
@@ -96,9 +99,13 @@ class FlowEquation(Equation):
 
 
 def _share(held: np.ndarray, ramp: np.ndarray) -> float:
-    """Return the share of the way from one sample's flow to the next one's that leaves the least residual, 0 to 1."""
+    """Return the share of the way from one sample's flow to the next one's that leaves the least residual, 0 to 1.
+
+    A run in which the flow hardly changes does not tell it; it is then that of a quick valve, 0.
+    """
     if len(held) < 3:
         return 0.0
     step = ramp - ramp.mean(axis=0)
-    power = float(np.sum(step**2))
+    unsure = float(np.median(np.square(np.diff(held, axis=0)))) / _UNSURE**2
+    power = float(np.sum(step**2)) + unsure
     return float(np.clip(-np.sum(step * held) / power, 0.0, 1.0)) if power > 0 else 0.0

@@ -8,7 +8,7 @@ the noise of the samples leaves in any weighted sum over the rows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,6 +29,7 @@ JITTER = 0.25
 _BETTER = 0.8  # of the angle's noise: the clock under which the angle is so much smoother is the right one
 _BRACKET = 1.9  # rows: samples that are closer determine a smooth signal between them
 _SLOWEST = 3.5  # sampling intervals: two samples lost in a row of a slow log are bridged as well
+_ENOUGH = 1000  # rows that tell the noise of a channel well enough
 _JUMPS = ("mdot", "u")
 _SEEN = 0.01  # of the full command: a smaller step that comes a sample earlier or later does not show in a flow
 _JUMP = 8.0  # standard deviations of what lies between samples: a step over a hole that is larger is a jump
@@ -152,6 +153,28 @@ def _even(trajectory: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> 
         out.readings[name] = np.column_stack([values for values, _ in bridged])
         out.bridges[name] = [bridge for _, bridge in bridged]
     return out
+
+
+def pool_noise(found: Sequence[Stretch]) -> None:
+    """Let short stretches, which tell their noise within a tenth at best, have it from all stretches together.
+
+    Parameters
+    ----------
+    found : sequence of Stretch
+        The stretches of a log, their noises known; those of the short ones are changed.
+    """
+    for channel in {name for stretch in found for name in stretch.noises}:
+        own = [stretch for stretch in found if channel in stretch.noises]
+        rows = np.array([len(stretch.time) for stretch in own], dtype=float)
+        for k in range(len(own[0].noises[channel])):
+            variances = np.array([stretch.noises[channel][k].white ** 2 for stretch in own])
+            order = np.argsort(variances)
+            middle = float(variances[order][np.searchsorted(np.cumsum(rows[order]), rows.sum() / 2)])
+            for stretch, variance, share in zip(own, variances, np.minimum(rows / _ENOUGH, 1.0), strict=True):
+                if share < 1.0:
+                    noise = stretch.noises[channel][k]
+                    white = float(np.sqrt(share * variance + (1.0 - share) * middle))
+                    stretch.noises[channel][k] = noise._replace(white=white)
 
 
 # --- clocks -------------------------------------------------------------------------------------------------

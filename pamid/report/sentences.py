@@ -99,7 +99,7 @@ def verdict(d: Diagnosis) -> str:
 def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
     names = [e.equation for e in d.equations]
-    if not d.tested:
+    if not d.tested or (d.verdict == "none" and not names):
         return f"It is not known: no equation could be held against the log.{_left_out(d)}"
     if d.verdict == "none":
         tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees"

@@ -12,6 +12,7 @@ from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.log import columns_of, runs
 from ...equations.run import SIGNS, Model, Run
+from ...equations.stretch import pool_noise
 from .protocol import STATE, Spec
 from .whitening import Whitening
 
@@ -86,6 +87,7 @@ class Evidence:
         channels = [c for c in CHANNELS if all(k in log.columns for k in columns_of(c))]
         channels = [c for c in channels if not any(log[k].isna().all() for k in columns_of(c))]
         self.runs: list[Run] = list(runs(log, Model(params, settled=True), channels))
+        pool_noise([run.stretch for run in self.runs])
         self.trajectories = list(dict.fromkeys(run.trajectory for run in self.runs))
         self.equations: list[str] = []
         self.parts: list[slice] = []
