@@ -23,16 +23,15 @@ ROLES = {
 """Roles of the columns that pamid names."""
 NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command", "flow", "force")
 EQUATIONS = ("force", "torque", "flow")
-BASIS = ("What the best learner on the same signals and their past leaves on held-out runs counts as noise.",)
 
 
 class GapDiagnoser(RegressorMixin, SignalEstimator):
     r"""Diagnose the gap between a model of one equation and measured data, and predict with the gap closed.
 
     The residual :math:`y - f(X)` of any fitted model f is held against every effect of the library that the signals
-    allow: friction, hysteresis, elasticity, creep, loads, faults of sensors. What a flexible learner on the same
-    signals and their past could not predict on held-out trajectories counts as noise; an effect that leaves far more
-    than that is not the cause, and the verdict is then ``"unknown"``.
+    allow: friction, hysteresis, elasticity, creep, loads, faults of sensors. What neighbouring
+    samples, and runs that repeat each other, differ by counts as noise; an effect that leaves far more than that is not
+    the cause, and the verdict is then ``"unknown"``.
 
     .. math:: \hat y = f(X) + \sum_i g_i(X;\,\hat\phi_i)
 
@@ -96,8 +95,13 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         What `diagnosis_` is made of.
     position_scale_ : float
         The length or angle that counts as a strain of one.
+    noise_floor_ : float
+        Standard deviation of the noise of a window's mean of y less the model, in the unit of y: what neighbouring
+        samples, and runs that repeat each other, differ by.
     explainable_floor_ : float
         What a flexible learner leaves on held-out trajectories, in the unit of y.
+    explainable_share_ : float
+        Share of the gap beyond the noise that this learner predicts.
     signal_columns_ : dict of str to int
         Column of each role.
     n_features_in_ : int
@@ -192,7 +196,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
         rng = check_random_state(self.random_state)
-        signals, notes = self._table(table, codes), list(BASIS)
+        signals, notes = self._table(table, codes), []
         driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
         if not any(np.ptp(x) > 0 for x in driven):
             raise ExcitationError(
@@ -207,7 +211,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             share = 100.0 * float(np.mean(stuck))
             what = f"y repeats one value in {share:.1f} % of the rows while others move: a clipped or stuck sensor."
             more.append(f"{what} Those rows are left out.")
-        evidence, self.scaling_, self.explainable_floor_ = gather(
+        gathered = gather(
             signals,
             y,
             self._nominal(table),
@@ -221,6 +225,11 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             labels=self._labels(),
             names=_names(X, groups, codes),
             without=stuck,
+        )
+        evidence, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
+        notes.append(
+            "The noise is what neighbouring samples, and runs that repeat each other, differ by. A learner on the "
+            f"same signals and their past predicts {100 * self.explainable_share_:.0f} % of the gap on held-out runs."
         )
         if self.scaling_.target < 0:
             more.append("Effects add to y what they take from the motion: y is what moves it, not what it delivers.")

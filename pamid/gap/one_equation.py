@@ -5,18 +5,42 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..effects import Plant, all_effects
 from .diagnosis.result import Diagnosis
-from .inference.floor import explainable_floor, sense_of
+from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
 from .residuals.scaling import Scaling, Table, scaling_of
 from .residuals.single import SignalEvidence
 
 _STUCK = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
+
+
+class Gathered(NamedTuple):
+    """One equation, ready for a diagnosis.
+
+    Parameters
+    ----------
+    evidence : SignalEvidence
+        The windows, in typical units.
+    scaling : Scaling
+        What turns those into the log's.
+    noise : float
+        Standard deviation of a window's noise, in the unit of the target.
+    learned : float
+        What a flexible learner leaves on held-out trajectories, in the unit of the target.
+    share : float
+        Share of the gap beyond the noise that it predicts.
+    """
+
+    evidence: SignalEvidence
+    scaling: Scaling
+    noise: float
+    learned: float
+    share: float
 
 
 def gather(
@@ -35,8 +59,8 @@ def gather(
     names: Sequence[str] | None = None,
     without: np.ndarray | None = None,
     seed: int = 0,
-) -> tuple[SignalEvidence, Scaling, float]:
-    """Return the evidence on one equation, the units it is in, and its floor in the unit of the target.
+) -> Gathered:
+    """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained.
 
     Parameters
     ----------
@@ -67,7 +91,7 @@ def gather(
     without : array of bool, shape (n_samples,), optional
         Rows that are left out.
     seed : int, default=0
-        Seed of the learner behind the floor.
+        Seed of the learner.
     """
     residual = y - nominal(signals)
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(codes)]])) * dt
@@ -83,9 +107,11 @@ def gather(
     chosen, evidence, found = look(1 if sense == "auto" else int(sense))
     if sense == "auto" and sense_of(evidence, found) < 0:
         chosen, evidence, found = look(-1)
-    floor = explainable_floor(evidence, found, seed)
-    evidence.assume(floor.rms, floor.left)
-    return evidence, chosen, floor.rms * abs(chosen.target)
+    noise = measured_noise(evidence)
+    learned = explainable(evidence, found, noise, seed)
+    evidence.assume(noise, learned.left)
+    size = abs(chosen.target)
+    return Gathered(evidence, chosen, noise * size, learned.rms * size, learned.share)
 
 
 def evidence_in(

@@ -1,8 +1,9 @@
-"""What could be predicted of a residual at all, and which way effects act on the target: before any cause is named."""
+"""How large the noise of a target is, what could be predicted of a residual, which way effects act: before any name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,11 @@ _ROWS = 12_000
 _CLEARLY = 0.05  # share of the power by which the other sense must explain more
 
 
-class Floor(NamedTuple):
+ALIKE = 0.05
+"""Most that a signal of two runs may differ, as a share of its spread in the log, for them to repeat each other."""
+
+
+class Learned(NamedTuple):
     """What is left of a residual on held-out trajectories by the best of several learners.
 
     Parameters
@@ -28,18 +33,71 @@ class Floor(NamedTuple):
         Its root mean square, in the target's unit.
     left : array, shape (n_windows,)
         What is left at each window.
+    share : float
+        Share of the gap beyond the noise that could be predicted.
     """
 
     rms: float
     left: np.ndarray
+    share: float
 
 
+def measured_noise(evidence: SignalEvidence) -> float:
+    """Return the standard deviation of a window's noise, in the target's unit, as the log itself shows it.
+
+    It is the larger one of two: what neighbouring samples of the residual say, the noise of the inputs included, since
+    that comes through the model; and what runs that repeat each other say, which no model of these signals predicts.
+
+    Parameters
+    ----------
+    evidence : SignalEvidence
+        The log.
+    """
+    pairs = [difference for a, b in repeats(evidence) if (difference := _between(evidence, a, b)) is not None]
+    if not pairs:
+        return evidence.channel
+    powers = [float(np.mean(np.square(d))) / 2.0 for d in pairs]
+    return max(evidence.channel, float(np.sqrt(np.average(powers, weights=[len(d) for d in pairs]))))
+
+
+def repeats(evidence: SignalEvidence) -> list[tuple[int, int]]:
+    """Return the pairs of runs in which every signal that drives goes the same way over the same time."""
+    driving = {k: x for k, x in evidence.table.items() if k in ("position", "pressure", "command", "flow")}
+    moving = {k: x for k, x in driving.items() if np.std(x) > 0.0}
+    ends = [*evidence.borders[1:].tolist(), len(evidence.y)]
+    rows = [slice(a, b) for a, b in zip(evidence.borders.tolist(), ends, strict=True)]
+    found = []
+    for a, b in combinations(range(len(rows)), 2):
+        n = min(rows[a].stop - rows[a].start, rows[b].stop - rows[b].start)
+        if n < 0.8 * max(rows[a].stop - rows[a].start, rows[b].stop - rows[b].start):
+            continue
+        if moving and all(_near(x[rows[a]][:n], x[rows[b]][:n], float(np.std(x))) for x in moving.values()):
+            found.append((a, b))
+    return found
+
+
+def _near(x: np.ndarray, y: np.ndarray, spread: float) -> bool:
+    return float(np.sqrt(np.mean(np.square(x - y)))) <= ALIKE * spread
+
+
+def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:
+    """Return the difference of the residuals of two runs at the windows that both have; None if those are few."""
+    at = [evidence.first - evidence.borders[k] for k in (a, b)]
+    mine = [np.flatnonzero(evidence.run == k) for k in (a, b)]
+    _, one, two = np.intersect1d(at[0][mine[0]], at[1][mine[1]], return_indices=True)
+    if len(one) < FEWEST:
+        return None
+    return evidence.value[mine[0][one]] - evidence.value[mine[1][two]]
+
+
+FEWEST = 20
+"""Windows below which two runs are too short to say what repeats."""
 LEAST = 200
 """Windows below which a forest learns nothing that a single effect does not."""
 
 
-def explainable_floor(evidence: SignalEvidence, found: Iterable[Template], seed: int = 0) -> Floor:
-    """Return what a flexible learner leaves of a residual on held-out trajectories.
+def explainable(evidence: SignalEvidence, found: Iterable[Template], noise: float, seed: int = 0) -> Learned:
+    """Return what a flexible learner leaves of a residual on held-out trajectories: how much could be explained at all.
 
     The learner is a boosted forest on the same signals, their past and the path since the last reversal; or the best
     single effect of the library; or the forest on what that effect leaves. Trajectories are held out, or stretches of
@@ -51,12 +109,14 @@ def explainable_floor(evidence: SignalEvidence, found: Iterable[Template], seed:
         The log.
     found : iterable of Template
         The library's templates.
+    noise : float
+        Standard deviation of a window's noise, in the target's unit.
     seed : int, default=0
         Seed of the learner.
     """
     value = evidence.value
     if len(value) < 20:
-        return Floor(0.0, value)
+        return Learned(0.0, value, 0.0)
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
@@ -64,7 +124,9 @@ def explainable_floor(evidence: SignalEvidence, found: Iterable[Template], seed:
         X = _features(evidence)
         choices += [r - _forest(X, r, folds, seed) for r in (value, single)]
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
-    return Floor(float(np.sqrt(np.mean(np.square(left)))), left)
+    power, least = float(np.mean(np.square(value))), float(np.mean(np.square(left)))
+    share = (power - least) / max(power - noise**2, 1e-300) if power > noise**2 else 0.0
+    return Learned(float(np.sqrt(least)), left, float(np.clip(share, 0.0, 1.0)))
 
 
 def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:

@@ -70,8 +70,6 @@ class SignalEvidence:
         Numbers of the bench; effects that need them are left out without.
     position_scale : float
         Length (or angle) that counts as a strain of one.
-    floor : float, default=0.0
-        Standard deviation of what no model of these signals predicts, in the target's unit.
     columns : mapping of str to str, optional
         The user's name of each role, for what is written about it.
     shown : mapping of str to array, optional
@@ -104,7 +102,6 @@ class SignalEvidence:
         equation: str,
         plant: Plant | None = None,
         position_scale: float = 1.0,
-        floor: float = 0.0,
         columns: Mapping[str, str] | None = None,
         shown: Table | None = None,
         without: np.ndarray | None = None,
@@ -128,8 +125,10 @@ class SignalEvidence:
             lost = np.concatenate([[0], np.cumsum(without)])
             self.first = self.first[lost[self.first + self.n] == lost[self.first]]
         self.predicted = np.asarray(self.nominal(self.table), dtype=float)
-        white = [channel_noise(y[a:b], self.n).white for a, b in pairwise(edges)]
-        self.channel = float(np.sqrt(np.average(np.square(white), weights=np.diff(edges)) / self.n))
+        # Of the residual, not of the target alone: the inputs' noise comes through the model as well.
+        mean, lengths = np.full(self.n, 1.0 / self.n), np.diff(edges)
+        power = [channel_noise((y - self.predicted)[a:b], self.n).variance(mean) for a, b in pairwise(edges)]
+        self.channel = float(np.sqrt(np.average(power, weights=lengths)))
         self.equations, self.units = [equation], {equation: ""}
         self.parts = [slice(0, len(self.first))]
         self.run = np.searchsorted(self.borders, self.first, side="right") - 1
@@ -140,7 +139,7 @@ class SignalEvidence:
         self.value = self._mean(y - self.predicted)
         self.weights, self.stretch = np.ones(1), 0.3
         self._means: dict[str, np.ndarray] = {}
-        self.assume(floor)
+        self.assume(0.0)
         self.J = np.zeros((len(self.first), 0))
         self.free: list[str] = []
         self.skipped: dict[str, str] = {}
@@ -152,18 +151,18 @@ class SignalEvidence:
         self._columns = dict(columns or {})
         self._path: np.ndarray | None = None
 
-    def assume(self, floor: float, left: np.ndarray | None = None) -> None:
-        """Take a floor for the noise, and what is left of the residual at that floor for how long it remembers.
+    def assume(self, noise: float, left: np.ndarray | None = None) -> None:
+        """Take a level for the noise, and what a learner leaves of the residual for how long it remembers.
 
         Parameters
         ----------
-        floor : float
-            Standard deviation of what no model of these signals predicts, in the target's unit.
+        noise : float
+            Standard deviation of a window's noise, in the target's unit; no less than that from sample to sample.
         left : array, shape (n_windows,), optional
             A residual without what a flexible learner predicts of it.
         """
         size = float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else 1.0
-        self.noise = np.full(len(self.first), max(float(np.hypot(self.channel, floor)), 1e-4 * size, 1e-300))
+        self.noise = np.full(len(self.first), max(self.channel, noise, 1e-4 * size, 1e-300))
         self.z0 = self.value / self.noise
         if left is not None and len(left) > 8:
             memory = _memory(left, self.run)
