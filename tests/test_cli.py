@@ -174,7 +174,9 @@ def test_evaluate_with_the_effects_of_the_log_comes_down_to_the_noise(folder, ca
 def test_evaluate_for_people(folder, capsys):
     assert main(["evaluate", *files(folder)]) == 0
     out, err = capsys.readouterr()
-    assert out.splitlines()[0].split() == ["equation", "rmse", "nrmse", "noise", "floor", "rmse/floor", "unit"]
+    assert out.splitlines()[0].split() == [
+        *["equation", "rmse", "fit", "/", "%", "nrmse", "noise", "floor", "rmse/floor", "unit"]
+    ]
     assert "--refit" in err
     assert main(["evaluate", *files(folder), "--quiet"]) == 0
     assert capsys.readouterr().err == ""

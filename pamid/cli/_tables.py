@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..errors import (
     IncompatibleError,
     MissingColumnError,
+    MissingParameterError,
     ModelFileError,
     PamidError,
     ParameterError,
     UnknownOptionError,
 )
+from ..signals.units import parse_quantity
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
+    from ..systems import System
 
 RATES = {"deps": "eps", "dP": "P"}
 
@@ -74,15 +77,17 @@ def _own_equations(estimator: Any) -> list[str]:
     return []
 
 
-def signal_table(log: pd.DataFrame, params: BenchParameters | None, target: Target) -> pd.DataFrame:
+def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
     """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target.
 
     A log of the bench is unfolded by its simulator; a log of one muscle has these columns already.
     """
+    from ..systems import System
+
     columns = list(map(str, log.columns))
     if "eps" in columns and "P" in columns:
         table = log.assign(run=log["trajectory"])
-    elif params is None:
+    elif page is None or isinstance(page, System):
         raise MissingColumnError(
             f"The log has no column eps (it has {', '.join(columns[:20])}).",
             "eps and P of one muscle, or q, P1, P2 and a simulator that tells eps",
@@ -91,7 +96,7 @@ def signal_table(log: pd.DataFrame, params: BenchParameters | None, target: Targ
     else:
         from ..bench.kinematics import unfold
 
-        table = unfold(log, params)
+        table = unfold(log, page)
     if target.column not in table.columns:
         raise MissingColumnError(
             f"The log has no {target.column} (it has {', '.join(columns[:20])}).",
@@ -101,8 +106,12 @@ def signal_table(log: pd.DataFrame, params: BenchParameters | None, target: Targ
     return table
 
 
-def make_estimator(name: str, settings: dict[str, Any], params: BenchParameters | None, seed: int) -> Any:
-    """Make an estimator by its name: settings as given, geometry from the simulator, seed where it takes one."""
+SIZES = ("rest_length", "rest_diameter")
+"""What no estimator may take by default: the size of the muscle."""
+
+
+def make_estimator(name: str, settings: dict[str, Any], numbers: dict[str, Any], seed: int) -> Any:
+    """Make an estimator by its name: settings as given, geometry from the page, seed where it takes one."""
     import difflib
 
     from pamid.estimators import all_estimators
@@ -124,9 +133,14 @@ def make_estimator(name: str, settings: dict[str, Any], params: BenchParameters 
             f"one of {', '.join(accepted)}",
             f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
         )
-    values: dict[str, Any] = {"random_state": seed}
-    if params is not None:
-        values |= params.values()
+    settings = {k: parse_quantity(v, k) if k in SIZES and isinstance(v, str) else v for k, v in settings.items()}
+    values = {"random_state": seed, **numbers}
+    if lacking := [size for size in SIZES if size in accepted and size not in {**values, **settings}]:
+        raise MissingParameterError(
+            f"{name} needs {' and '.join(lacking)} of the muscle, which nothing here says.",
+            "the size of the muscle that was recorded",
+            f"Add --sim SIM.toml ('pamid init --kind muscle' writes one), or --set {lacking[0]}='20 mm'.",
+        )
     return known[name](**{k: v for k, v in values.items() if k in accepted} | settings)
 
 

@@ -114,25 +114,17 @@ def load_simulator(path: str) -> BenchParameters:
     if (kind := kind_of_file(path)) != "bench":
         raise UnknownOptionError(
             f"{path} is the page of a {kind}.",
-            "a simulator of the bench, which this command needs",
-            "'pamid diagnose' takes the pages of all kinds; 'pamid init --kind bench' writes one of the bench.",
+            "a simulator of the bench, since this command simulates its joint and valves",
+            "'check', 'evaluate', 'compare' and 'diagnose' take the pages of all kinds, 'fit' and 'adapt' those of "
+            "muscles; 'pamid init --kind bench' writes one of the bench.",
         )
     return BenchParameters.from_toml(path)
 
 
 def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
-    """Read the simulator that the arguments name, or the one that lies beside the log, saying so; None without one."""
-    if args.sim:
-        return load_simulator(args.sim)
-    logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
-    if len(logs) != 1 or args.columns:
-        return None
-    folder = logs[0] if logs[0].is_dir() else logs[0].parent
-    for path in (logs[0].with_suffix(".sim.toml"), folder / "sim.toml"):
-        if path.is_file():
-            note(args, f"takes the simulator {path} that lies beside the log; --sim names another")
-            return load_simulator(str(path))
-    return None
+    """Read the simulator of a bench that the arguments name, or the one that lies beside the log; None without one."""
+    path = _page_path(args)
+    return load_simulator(path) if path else None
 
 
 def system_of(args: argparse.Namespace) -> System | None:
@@ -141,6 +133,58 @@ def system_of(args: argparse.Namespace) -> System | None:
 
     _note_assumed(args)
     return read_system(args.sim) if args.sim and kind_of_file(args.sim) != "bench" else None
+
+
+def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
+    """Read the page of any kind that the arguments name, or that lies beside the log; None without one."""
+    from ..systems import kind_of_file, read_system
+
+    _note_assumed(args)
+    path = _page_path(args)
+    if path is None:
+        return None
+    return load_simulator(path) if kind_of_file(path) == "bench" else read_system(path)
+
+
+def _page_path(args: argparse.Namespace) -> str | None:
+    """Return the page that --sim names, or the one that lies beside the log, saying so."""
+    if args.sim:
+        return str(args.sim)
+    logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
+    if len(logs) != 1 or args.columns:
+        return None
+    folder = logs[0] if logs[0].is_dir() else logs[0].parent
+    for path in (logs[0].with_suffix(".sim.toml"), folder / "sim.toml"):
+        if path.is_file():
+            note(args, f"takes the simulator {path} that lies beside the log; --sim names another")
+            return str(path)
+    return None
+
+
+def muscle_numbers(page: BenchParameters | System | None, columns: str | None = None) -> dict[str, Any]:
+    """Return what a page says of the muscle, for estimators; without a page the rest length of the mapping.
+
+    Raises
+    ------
+    UnknownOptionError
+        The page is that of a system without a muscle.
+    """
+    from ..signals.mapping import LogMapping
+    from ..signals.units import parse_quantity
+    from ..systems import System
+
+    if page is None:
+        constants = LogMapping.load(columns).constants if columns else {}
+        return {k: parse_quantity(constants[k], k) for k in ("rest_length",) if k in constants}
+    if not isinstance(page, System):
+        return dict(page.values())
+    if page.kind != "muscle":
+        raise UnknownOptionError(
+            f"The page is that of a {page.kind}.",
+            "the page of a muscle or a bench, since models of force and flow read contraction and pressure of a muscle",
+            f"'pamid compare' and 'pamid diagnose' take the page of a {page.kind}.",
+        )
+    return {name: value for name, value in page.values.items() if isinstance(value, float)}
 
 
 def _note_assumed(args: argparse.Namespace) -> None:

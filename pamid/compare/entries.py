@@ -224,6 +224,8 @@ def parameter_count(model: Any) -> int | None:
     """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell."""
     if (own := getattr(model, "n_parameters_", None)) is not None:
         return int(own)
+    if hasattr(model, "steps"):
+        return parameter_count(model.steps[-1][1])
     if hasattr(model, "fitted_names_"):
         return len(model.fitted_names_)
     if hasattr(model, "coefficients_"):

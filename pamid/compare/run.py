@@ -141,11 +141,62 @@ def compare(
         random_state=random_state,
         output=output,
     )
-    splits = list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state))
+    result = score_candidates(
+        entries,
+        ready,
+        list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state)),
+        unit,
+        n_draws=n_draws,
+        random_state=random_state,
+        progress=progress,
+        n_jobs=n_jobs,
+    )
+    if equation in EQUATIONS:
+        result.noise_floor = _floor(ready, table, result.scores, result.fitted, result.rows.index.to_numpy(), method)
+    result.rows = result.rows.reset_index(drop=True)
+    return result
+
+
+def score_candidates(
+    entries: Sequence[Candidate],
+    ready: Prepared,
+    splits: list[Fold],
+    unit: str,
+    *,
+    n_draws: int = 2000,
+    random_state: int = 0,
+    progress: Callable[[str], None] | None = None,
+    n_jobs: int | None = None,
+) -> Comparison:
+    """Fit candidates in every fold, predict the runs left out, and rank them.
+
+    Parameters
+    ----------
+    entries : sequence of Candidate
+        What takes part.
+    ready : Prepared
+        The table; its index numbers the rows.
+    splits : list of Fold
+        Folds of whole runs.
+    unit : str
+        Unit of the target.
+    n_draws, random_state, progress, n_jobs
+        As for `compare`.
+
+    Returns
+    -------
+    Comparison
+        Without noise floor; its rows keep their numbers in the table.
+
+    Raises
+    ------
+    FitError
+        If every candidate failed.
+    """
     scored = np.concatenate([fold.score_rows for fold in splits])
     order = np.argsort(scored, kind="stable")
     scored = scored[order]
-    y = ready.table[column].to_numpy(dtype=float)[scored]
+    y = ready.table[ready.target].to_numpy(dtype=float)[scored]
     predictions: dict[str, np.ndarray] = {}
     scores: dict[str, Score] = {}
     fitted: dict[str, Any] = {}
@@ -167,21 +218,20 @@ def compare(
     names, clusters = np.unique(runs.astype(str), return_inverse=True)
     draws = ClusterBootstrap(clusters, n_draws, random_state=random_state)
     _judge(scores, predictions, y, draws)
-    kept = ready.table[["trajectory", "run", "time", *SIGNALS]].iloc[scored].reset_index(drop=True)
-    ranking = ranked(scores)
-    floor = _floor(ready, table, ranking, fitted, scored, method) if equation in EQUATIONS else float("nan")
+    signals = [name for name in SIGNALS if name in ready.table.columns]
+    kept = ready.table[["trajectory", "run", "time", *signals]].iloc[scored]
     if any(entry.sequential for entry in entries):
         ready.notes.append(
             "What learns sequences is fitted on all evenly spaced rows, at the spacing of the scored ones."
         )
     return Comparison(
-        equation,
+        ready.equation,
         unit,
-        ranking,
+        ranked(scores),
         kept.assign(measured=y),
         predictions,
         fitted,
-        floor,
+        float("nan"),
         len(splits),
         len(names),
         ready.notes,

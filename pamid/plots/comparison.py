@@ -43,7 +43,7 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
         path = checked_ending(path)
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    factor, unit = SHOWN[comparison.unit]
+    factor, unit = SHOWN.get(comparison.unit, (1.0, comparison.unit))
     scores = [s for s in comparison.scores if not s.error]
     values = [s.rmse * factor for s in scores]
     floor = comparison.noise_floor * factor
@@ -89,7 +89,8 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
         ax.tick_params(axis="y", length=0)
         ax.spines["left"].set_visible(False)
         ax.set_ylim(len(scores) - 0.4, -0.6)
-        ax.set_xlabel(f"held-out RMSE of the {NAMES[comparison.equation]} / {unit}, with its 90 % interval over runs")
+        name = NAMES.get(comparison.equation, comparison.equation)
+        ax.set_xlabel(f"held-out RMSE of the {name} / {unit}, with its 90 % interval over runs")
         head = f"{title}: " if title else ""
         ax.set_title(
             f"{head}{comparison.n_runs} runs, {comparison.n_folds} folds; blue: not told apart from the best",

@@ -190,11 +190,13 @@ def _channel_warnings(c: Channel) -> list[str]:
 
 
 def _system_warnings(log: pd.DataFrame, system: System) -> list[str]:
+    from ..systems.reference import doubts
+
     try:
         system.require(log)
     except PamidError as error:
         return [f"The log does not suit the simulator file: {error}"]
-    return []
+    return doubts(log, system)
 
 
 def _record(s: Survey) -> list[str]:

@@ -12,13 +12,15 @@ from typing import Any
 
 from .base import Input, Quantity, System
 
-_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file", "raw", "reference"}
+_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file", "raw", "reference", "evaluation", "comparison"}
 _HOME = {
     "diagnose_system": "diagnosis",
     "read_system": "file",
     "kind_of_file": "file",
     "system_text": "file",
     "draft_for": "draft",
+    "evaluate_system": "evaluation",
+    "compare_system": "comparison",
 }
 
 __all__ = ["Input", "Quantity", "System", "all_systems", *sorted(_HOME)]

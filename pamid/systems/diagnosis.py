@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .base import System
+from .reference import doubts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,7 +75,7 @@ def diagnose_system(
     signals = [i.name for i in system.inputs if i.name in log.columns]
     clean = log.dropna(subset=["time", *signals]).reset_index(drop=True)
     problem = system.problem(clean)
-    notes = list(problem.notes)
+    notes = [*doubts(clean, system), *problem.notes]
     if len(clean) < len(log):
         notes.append(f"{100 * (1 - len(clean) / len(log)):.1f} % of the rows have a missing value and are left out.")
     library = system.effects if isinstance(effects, str) and effects == "all" else effects

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,20 +24,20 @@ _MOST = 20_000
 _FAR = 3.0  # times: units are off by 9.8 and more, shapes of muscles by less
 
 
-def zero_of_force(log: pd.DataFrame, zeros: tuple[float, float] = (0.0, ATMOSPHERIC_PRESSURE)) -> float | None:
+def zero_of_force(log: pd.DataFrame, zeros: Sequence[float] = (0.0, ATMOSPHERIC_PRESSURE)) -> float | None:
     r"""Say at which reading of the pressure the force vanishes.
 
     The force of a muscle or a cylinder is proportional to the gauge pressure, :math:`F = (P - P_0)\,a(\varepsilon)`,
-    beside friction, whose sign is that of the motion. Both candidates of :math:`P_0` are fitted, with a free
+    beside friction, whose sign is that of the motion. Each candidate of :math:`P_0` is fitted, with a free
     :math:`a` (quadratic in the contraction, constant for a cylinder) and friction with a part that grows with the
-    pressure; one is believed if it leaves little and the other several times as much.
+    pressure; one is believed if it leaves little and every other several times as much.
 
     Parameters
     ----------
     log : DataFrame
         Tidy log with ``P``, ``F`` and ``eps`` or ``x``; the pressure as it is read.
-    zeros : tuple of float
-        Candidates of P₀, Pa.
+    zeros : sequence of float
+        Candidates of P₀, Pa, two at least.
 
     Returns
     -------
@@ -73,8 +74,8 @@ def zero_of_force(log: pd.DataFrame, zeros: tuple[float, float] = (0.0, ATMOSPHE
         A = np.column_stack([*(p * power for power in powers), way, way * p])
         A /= np.maximum(np.abs(A).max(axis=0), 1e-300)
         left.append(float(np.sqrt(np.mean(np.square(F - A @ np.linalg.lstsq(A, F, rcond=None)[0])))))
-    best = int(np.argmin(left))
-    sure = left[best] < _GOOD * np.std(F) and left[1 - best] > _TIMES * left[best]
+    best, second = np.argsort(left, kind="stable")[:2]
+    sure = left[best] < _GOOD * np.std(F) and left[second] > _TIMES * left[best]
     return zeros[best] if sure else None
 
 
@@ -136,3 +137,47 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
         return "The force has the opposite sign of what the pressure makes: turn it with a factor of -1"
     times = f"{ratio:.2g} times larger" if ratio > 1 else f"{1 / ratio:.2g} times smaller"
     return f"The force is {times} than pressure and size make it: a unit of F or P, or the {size}, is wrong"
+
+
+def doubts(log: pd.DataFrame, system: System) -> list[str]:
+    """Say what force, pressure and size of a tidy log have against its units and the reference of its pressure.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log, its pressure absolute.
+    system : System
+        What was recorded.
+
+    Returns
+    -------
+    list of str
+        Sentences; empty where nothing is doubtful.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> from pamid.systems.reference import doubts
+    >>> t = np.arange(0, 5, 0.01)
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": 4e5 + 1e5 * np.sin(t)})
+    >>> log["F"] = 4.909e-4 * log["P"]
+    >>> doubts(log, Cylinder(bore=0.025))[0][:61]
+    'The force vanishes one atmosphere below the ambient pressure:'
+    """
+    ambient = float(system.values.get("atmospheric_pressure", ATMOSPHERIC_PRESSURE))
+    zero = zero_of_force(log, (ambient, 0.0, 2 * ambient))
+    found = []
+    if zero == 0.0:
+        found.append(
+            "The force vanishes one atmosphere below the ambient pressure: P seems to be gauge pressure that was taken "
+            "for absolute (gauge = true in the mapping)."
+        )
+    elif zero == 2 * ambient:
+        found.append(
+            "The force vanishes one atmosphere above the ambient pressure: P seems to be absolute pressure that was "
+            "taken for gauge (gauge = false in the mapping)."
+        )
+    elif said := disagreement(log, system):
+        found.append(f"{said}.")
+    return found

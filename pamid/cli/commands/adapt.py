@@ -13,16 +13,18 @@ from ..common import (
     add_log_options,
     checked_output,
     load_log,
+    muscle_numbers,
     note,
     number,
+    page_of,
     print_json,
     progress,
-    simulator_of,
     table,
 )
 
 if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
+    from ...systems import System
 
 METHODS = ("q", "scales", "full", "partial", "lora")
 
@@ -154,27 +156,28 @@ def _cells(score: dict[str, Any]) -> list[str]:
     return [number(score["rmse"]), number(score["nrmse"]), str(score["n_samples"])]
 
 
-def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | None, tuple[float, float] | None]:
+def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | System | None, tuple[float, float] | None]:
     """Return the bench of the target, if there is one, and its muscle's sizes."""
     from ...bench.parameters import BenchParameters
 
-    params = simulator_of(args)
-    sizes = None if params is None else (params.muscle.rest_length, params.muscle.rest_diameter)
+    page = page_of(args)
+    numbers = muscle_numbers(page)
+    sizes = None if page is None else (numbers["rest_length"], numbers["rest_diameter"])
     if args.muscle is None:
-        return params, sizes
+        return page, sizes
     if "," not in args.muscle:
         named = BenchParameters.for_muscle(args.muscle)
         own = (named.muscle.rest_length, named.muscle.rest_diameter)
         if sizes is not None and sizes != own:
             note(args, f"--muscle {args.muscle} has other sizes than the simulator file; --muscle is taken")
-        return params if params is not None else named, own
+        return page if page is not None else named, own
     try:
         length, diameter = (float(part) for part in args.muscle.split(","))
     except ValueError:
         raise ParameterError(
             f"--muscle is {args.muscle!r}.", "A, B, C, or rest length and diameter in m", "Write --muscle 0.2,0.02."
         ) from None
-    return params, (length, diameter)
+    return page, (length, diameter)
 
 
 def _adapter(args: argparse.Namespace, source: Any, sizes: tuple[float, float] | None) -> Any:

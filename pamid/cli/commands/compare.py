@@ -6,18 +6,19 @@ import argparse
 import contextlib
 import re
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingColumnError, ParameterError
+from ...errors import MissingParameterError, ParameterError
 from ...file_sets import check_folder, replacing_together
-from ..common import add_command, add_log_options, load_log, note, print_json, progress, simulator_of
+from ..common import add_command, add_log_options, load_log, muscle_numbers, note, page_of, print_json, progress
+from ..rows import add_where, rows_where
 
 if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
+    from ...compare import Candidate, Comparison
+    from ...systems import System
 
-_CONDITION = re.compile(r"\s*(?P<column>[A-Za-z_]\w*)\s*(?P<sign><=|>=|<|>)\s*(?P<number>[-+.\deE]+)\s*")
 _ROOM = 1 << 20
 _DESCRIPTION = """\
 Compare all estimators of one equation (or those of --estimators) on runs that their fits have not seen, and print one
@@ -30,6 +31,9 @@ rows, evenly thinned; the whole table takes a few minutes. One estimator that fa
 
 A flow is compared over windows of 20 ms, because its law reads rates, and those of single samples are mostly noise.
 
+SIM.toml may also be the page of a muscle, a cylinder or a joint. For a cylinder or a joint the nominal equation, the
+same with gain, offset and friction, and two learners without physics are compared.
+
 The inverse problem is the pressure for a measured force and contraction. The dynamic problem is a free run from the
 first sample: the contraction of a muscle under its pressure and load, or the pressure under the valve's command.
 """
@@ -37,7 +41,8 @@ _EXAMPLES = """\
   pamid compare log.parquet --sim sim.toml --out results
   pamid compare log.parquet --sim sim.toml --equation flow --estimators ThermodynamicPIHM,GeometricFlow,MLP
   pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --rest-diameter 0.01 --where "F > 5"
-  pamid compare festo/*.mat --columns festo.toml --rest-length 0.282 --where "F > 5" --split kind
+  pamid compare festo/*.mat --columns festo.toml --sim festo.sim.toml --where "F > 5" --split kind
+  pamid compare run*.csv --columns columns.toml --sim cylinder.toml
   pamid compare log.parquet --sim sim.toml --problem inverse
   pamid compare log.parquet --sim sim.toml --problem dynamic --split kind --out results
   pamid compare log.parquet --sim sim.toml --dask tcp://10.0.0.1:8786
@@ -85,13 +90,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--score-rows", type=int, default=50_000, metavar="N", help="most held-out rows scored (default: 50000)"
     )
-    parser.add_argument(
-        "--where",
-        metavar="'COLUMN > NUMBER'",
-        action="append",
-        default=[],
-        help="only rows like this count, such as 'F > 5' where a slack muscle tells nothing; repeatable",
-    )
+    add_where(parser)
     parser.add_argument(
         "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the rates (default: as the signals ask for)"
     )
@@ -144,15 +143,18 @@ def _workers(dask: str | None) -> contextlib.AbstractContextManager[Any]:
 def _run(args: argparse.Namespace, folder: Path | None) -> int:
     from ...compare import candidates, compare
     from ...compare.entries import target_of
+    from ...systems import System
     from .._tables import TARGETS, Target, signal_table
 
     started = time.perf_counter()
-    params = simulator_of(args)
+    page = page_of(args)
+    if isinstance(page, System) and page.kind != "muscle":
+        return _compare_system(args, page, folder, started)
     log = load_log(args, nan="drop")
     output = args.predict or ("eps" if "load" in log.columns else "P")
     target = TARGETS.get(args.equation) or Target(args.equation, *target_of(args.equation, output))
-    signals = signal_table(log, params, target)
-    parameters = dict(params.values()) if params is not None else {}
+    signals = signal_table(log, page, target)
+    parameters = muscle_numbers(page, args.columns)
     own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}
     parameters |= {name: value for name, value in own.items() if value is not None}
     chosen = "all" if args.estimators == "all" else _names(args.estimators)
@@ -160,8 +162,9 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
     entries = candidates(
         args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed, output=output
     )
+    _require_sizes(entries, parameters)
     n_runs = signals["run"].nunique()
-    rows = _rows(signals, args.where)
+    rows = rows_where(signals, args.where)
     with progress(args, "Comparing", len(entries) * min(args.folds, n_runs) if args.split == "run" else None) as step:
         result = compare(
             signals,
@@ -187,6 +190,11 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
         with replacing_together(folder, names, parents=True) as stage:
             drafts = [*result.write(stage), *draw(result, stage, parameters)]
         files = [folder / draft.name for draft in drafts]
+    return _tell(args, result, files, started)
+
+
+def _tell(args: argparse.Namespace, result: Comparison, files: list[Path], started: float) -> int:
+    """Print a comparison."""
     if args.json:
         print_json({**result.to_dict(), "files": [str(f) for f in files]})
         return 0
@@ -198,6 +206,54 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
         note(args, f"{', '.join(warned)} warned during fits; --json tells of what")
     note(args, f"took {time.perf_counter() - started:.0f} s")
     return 0
+
+
+def _compare_system(args: argparse.Namespace, system: System, folder: Path | None, started: float) -> int:
+    """Compare models of the one equation of a cylinder or a joint."""
+    from ...plots import comparison_plot
+    from ...systems import compare_system
+
+    if args.equation != "force":
+        raise ParameterError(
+            f"--equation is {args.equation}, and the page is that of a {system.kind}, which has one equation.",
+            "no --equation",
+            "Leave it out.",
+        )
+    log = load_log(args, nan="drop")
+    with progress(args, "Comparing") as step:
+        result = compare_system(
+            log,
+            system,
+            "all" if args.estimators == "all" else _names(args.estimators),
+            cv=args.folds,
+            split=args.split,
+            rows=lambda table: rows_where(table, args.where),
+            fit_rows=args.rows,
+            score_rows=args.score_rows,
+            random_state=args.seed,
+            progress=step,
+        )
+    files: list[Path] = []
+    if folder is not None:
+        names = [f"comparison-{result.equation}.{ending}" for ending in ("csv", "json", "png")]
+        with replacing_together(folder, names, parents=True) as stage:
+            result.write(stage)
+            comparison_plot(result, stage / names[-1])
+        files = [folder / name for name in names]
+    return _tell(args, result, files, started)
+
+
+def _require_sizes(entries: Sequence[Candidate], parameters: dict[str, Any]) -> None:
+    """Raise where an estimator would fall back on the size of another muscle."""
+    from .._tables import SIZES
+
+    taken = {name for e in entries for name in e.estimator.get_params()}
+    if lacking := [size for size in SIZES if size in taken and size not in parameters]:
+        raise MissingParameterError(
+            f"Nothing says {' and '.join(lacking)} of the muscle, which some of the estimators need.",
+            "the size of the muscle that was recorded",
+            f"Add --sim SIM.toml, or --{lacking[0].replace('_', '-')} in m; or choose others with --estimators.",
+        )
 
 
 def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
@@ -224,30 +280,3 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
 def _names(text: str) -> list[str]:
     """Cut a list at its commas, those within brackets left alone."""
     return [name.strip() for name in re.split(r",(?![^()]*\))", text) if name.strip()]
-
-
-def _rows(signals: pd.DataFrame, conditions: list[str]) -> np.ndarray | None:
-    """Return which rows meet all conditions."""
-    import operator
-
-    import numpy as np
-
-    signs = {"<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge}
-    rows = None
-    for text in conditions:
-        found = _CONDITION.fullmatch(text)
-        try:
-            limit = float(found["number"]) if found else float("nan")
-        except ValueError:
-            limit = float("nan")
-        if found is None or not np.isfinite(limit):
-            raise ParameterError(f"--where got {text!r}.", "COLUMN > NUMBER", "Write for instance --where 'F > 5'.")
-        if found["column"] not in signals.columns:
-            raise MissingColumnError(
-                f"--where names {found['column']}, and the table has {', '.join(map(str, signals.columns[:20]))}.",
-                "one of its columns",
-                "Correct the name.",
-            )
-        meets = signs[found["sign"]](signals[found["column"]].to_numpy(dtype=float), limit)
-        rows = meets if rows is None else rows & meets
-    return rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
 from ..common import (
@@ -13,13 +13,18 @@ from ..common import (
     add_log_options,
     load_log,
     load_pieces,
-    load_simulator,
+    muscle_numbers,
     note,
     number,
+    page_of,
     print_json,
     progress,
     table,
 )
+
+if TYPE_CHECKING:
+    from ...equations import LogEvaluation
+    from ...systems import System
 
 _DESCRIPTION = """\
 Hold a log against the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
@@ -29,7 +34,10 @@ deviation of what was measured (nrmse), and the noise floor: the rmse that the s
 log, would leave with a perfect simulator. An rmse far above the floor is a gap, unless the parameters under
 [tolerance] explain it: --refit fits those within their tolerances first.
 
-With --model, a model saved by 'pamid fit' predicts the log instead.
+fit is 100 % less nrmse, as MATLAB's compare has it.
+
+SIM.toml may also be the page of a cylinder, a joint or a muscle, whose one equation is then looked at. With --model, a
+model saved by 'pamid fit' predicts the log instead.
 """
 _EXAMPLES = """\
   pamid evaluate log.parquet --sim sim.toml
@@ -73,8 +81,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _evaluate_simulator(args: argparse.Namespace) -> int:
     from ...equations import evaluate_log, refit_within_tolerance
+    from ...systems import System
 
-    params = load_simulator(args.sim)
+    params = page_of(args)
+    if isinstance(params, System):
+        return _evaluate_system(args, params)
+    assert params is not None
     extra: dict[str, Any] = {}
     log: Any = load_log(args) if args.piece_rows is None else load_pieces(args, args.piece_rows)
     if args.refit:
@@ -92,14 +104,7 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     if args.json:
         print_json({**result.as_dict(), **extra})
         return DONE if result else UNTESTED
-    rows = [
-        [name, number(e.rmse), number(e.nrmse), number(e.noise_floor), number(e.rmse / e.noise_floor), e.unit]
-        if e.noise_floor > 0
-        else [name, number(e.rmse), number(e.nrmse), number(e.noise_floor), "-", e.unit]
-        for name, e in result.items()
-    ]
-    if rows:
-        print(table(["equation", "rmse", "nrmse", "noise floor", "rmse/floor", "unit"], rows))
+    _tell(result)
     for why in result.skipped.values():
         print(f"skipped: {why}")
     for name, change in extra.get("refit", {}).get("relative_change", {}).items():
@@ -110,6 +115,48 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     return DONE if result else UNTESTED
 
 
+def _tell(result: LogEvaluation) -> None:
+    """Print one line an equation; fit is 100 % less the error over the standard deviation."""
+    rows = [
+        [
+            name,
+            number(e.rmse),
+            number(100 * (1 - e.nrmse)),
+            number(e.nrmse),
+            number(e.noise_floor),
+            number(e.rmse / e.noise_floor) if e.noise_floor > 0 else "-",
+            e.unit,
+        ]
+        for name, e in result.items()
+    ]
+    if rows:
+        print(table(["equation", "rmse", "fit / %", "nrmse", "noise floor", "rmse/floor", "unit"], rows))
+
+
+def _evaluate_system(args: argparse.Namespace, system: System) -> int:
+    """Hold a log against the one equation of a cylinder, a joint or a muscle."""
+    from ...systems import evaluate_system
+    from ...systems.reference import doubts
+
+    for option, given in (("--refit", args.refit), ("--piece-rows", args.piece_rows is not None)):
+        if given:
+            raise ParameterError(
+                f"{option} is given for the page of a {system.kind}.",
+                "a simulator of the bench, whose [tolerance] and size they are for",
+                "Leave it out.",
+            )
+    log = load_log(args)
+    result = evaluate_system(log, system)
+    said = doubts(log, system)
+    if args.json:
+        print_json({"kind": system.kind, **result.as_dict(), "doubts": said})
+        return 0
+    _tell(result)
+    for text in said:
+        note(args, text)
+    return DONE
+
+
 def _evaluate_model(args: argparse.Namespace) -> int:
     from ...persistence import inspect, load
     from .._tables import Scores, equation_of, predict_table, signal_table
@@ -117,12 +164,13 @@ def _evaluate_model(args: argparse.Namespace) -> int:
     head = inspect(args.model)
     model = load(args.model)
     equation = equation_of(model, args.equation or head["metadata"].get("equation"))
-    params = load_simulator(args.sim) if args.sim else None
+    page = page_of(args) if args.sim else None
+    muscle_numbers(page)
     scores_ = Scores(equation)
     pieces = [load_log(args, nan="drop")] if args.piece_rows is None else load_pieces(args, args.piece_rows, nan="drop")
     with progress(args, "Predicting") as step:
         for piece in pieces:
-            signals = signal_table(piece, params, equation)
+            signals = signal_table(piece, page, equation)
             scores_.add(signals, predict_table(model, signals))
             step("")
     scores = scores_.result()

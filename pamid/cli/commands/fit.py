@@ -12,12 +12,13 @@ from ..common import (
     add_log_options,
     checked_output,
     load_log,
+    muscle_numbers,
     note,
     number,
+    page_of,
     parse_settings,
     print_json,
     progress,
-    simulator_of,
     table,
 )
 
@@ -71,8 +72,9 @@ def run(args: argparse.Namespace) -> int:
             "--thin of at least 1, --folds 0 or at least 2",
             "Correct the number.",
         )
-    params = simulator_of(args)
-    estimator = make_estimator(args.estimator, parse_settings(args.set), params, args.seed)
+    page = page_of(args)
+    numbers = muscle_numbers(page, args.columns)
+    estimator = make_estimator(args.estimator, parse_settings(args.set), numbers, args.seed)
     target = equation_of(estimator, args.equation)
     trainer = _keep_state(estimator, args) if args.checkpoint is not None else None
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
@@ -81,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
             "every sample, as it will get them when it predicts",
             "Leave --thin out, or resample the log first.",
         )
-    signals = signal_table(load_log(args, nan="drop"), params, target)
+    signals = signal_table(load_log(args, nan="drop"), page, target)
     steps, features = _with_rates(signals, estimator)
     # After a step of rates the estimator sees all that this step gives, as it will when the saved pipeline predicts.
     columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]

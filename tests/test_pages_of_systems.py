@@ -1,0 +1,146 @@
+"""Every command takes the page of a cylinder, a joint and a muscle, or says which page it needs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+from pamid.errors import TooFewTrajectoriesError, UnknownOptionError
+from pamid.systems import compare_system, evaluate_system
+from pamid.systems.cylinder import Cylinder
+from pamid.systems.muscle import Muscle
+
+T = np.arange(0, 6, 0.01)
+AREA = np.pi / 4 * 0.025**2
+
+
+def moved(k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return stroke (m), speed and gauge pressure (Pa) of a run."""
+    w = 1.0 + 0.7 * k
+    return 0.02 * np.sin(w * T), 0.02 * w * np.cos(w * T), 2e5 + 5e4 * k + 8e4 * np.sin(0.6 * w * T + k)
+
+
+@pytest.fixture
+def cylinder() -> pd.DataFrame:
+    rng, runs = np.random.default_rng(0), []
+    for k in range(3):
+        x, v, p = moved(k)
+        F = AREA * p + 6 * np.tanh(v / 1e-3) + 0.2 * rng.standard_normal(len(T))
+        P = 101_325 + p + 50 * rng.standard_normal(len(T))
+        runs.append(pd.DataFrame({"trajectory": f"run-{k}", "time": T, "x": x, "P": P, "F": F}))
+    return pd.concat(runs, ignore_index=True)
+
+
+@pytest.fixture
+def files(cylinder, tmp_path):
+    """A log and a page of each kind."""
+    cylinder.to_csv(tmp_path / "cylinder.csv", index=False)
+    (tmp_path / "cylinder.toml").write_text('kind = "cylinder"\n[cylinder]\nbore = "25 mm"\n')
+    page = Muscle(rest_length=0.2, rest_diameter=0.02)
+    muscle, joint = [], []
+    for k in range(3):
+        x, v, p = moved(k)
+        log = pd.DataFrame({"trajectory": f"run-{k}", "time": T, "eps": 0.08 + 2 * x, "P": 101_325 + p, "F": 0.0})
+        log["F"] = page.problem(log).nominal(page.problem(log).X) + 3 * np.sign(v)
+        muscle.append(log)
+        q = 20 * x
+        drive = 0.5 * np.sin(q) + 0.1 * np.tanh(v / 1e-3) + 1e-3 * np.random.default_rng(k).standard_normal(len(T))
+        joint.append(pd.DataFrame({"trajectory": f"run-{k}", "time": T, "q": q, "drive": drive}))
+    pd.concat(muscle).to_csv(tmp_path / "muscle.csv", index=False)
+    pd.concat(joint).to_csv(tmp_path / "joint.csv", index=False)
+    (tmp_path / "muscle.toml").write_text(
+        'kind = "muscle"\n[muscle]\nrest_length = "200 mm"\nrest_diameter = "20 mm"\n'
+    )
+    (tmp_path / "joint.toml").write_text('kind = "joint"\n[joint]\ninertia = "fit"\n')
+    return tmp_path
+
+
+def arguments(files, kind: str) -> list[str]:
+    return [str(files / f"{kind}.csv"), "--sim", str(files / f"{kind}.toml")]
+
+
+# --- evaluate -----------------------------------------------------------------------------------------------
+def test_an_evaluation_is_the_friction_beside_the_noise(cylinder):
+    found = evaluate_system(cylinder, Cylinder(bore=0.025))["force"]
+    assert found.rmse == pytest.approx(6.0, rel=0.03)
+    expected = np.hypot(0.2, 50 * AREA) / np.sqrt(2)  # two samples in a window of 20 ms
+    assert found.noise_floor == pytest.approx(expected, rel=0.1)
+    assert list(found.trajectories) == ["run-0", "run-1", "run-2"]
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "joint", "muscle"])
+def test_evaluate_takes_every_page(kind, files, capsys):
+    assert main(["evaluate", *arguments(files, kind), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    ((name, error),) = report["equations"].items()
+    assert name == ("torque" if kind == "joint" else "force")
+    assert report["kind"] == kind
+    assert error["rmse"] > 3 * error["noise_floor"] > 0
+    assert report["doubts"] == []
+    assert main(["evaluate", *arguments(files, kind)]) == 0
+    assert "fit / %" in capsys.readouterr().out
+
+
+def test_evaluate_tells_a_pressure_that_is_an_atmosphere_off(files, capsys):
+    log = pd.read_csv(files / "cylinder.csv")
+    log.assign(P=log["P"] + 101_325).to_csv(files / "cylinder.csv", index=False)
+    for command in ("evaluate", "check"):
+        assert main([command, *arguments(files, "cylinder"), "--json"]) == 0
+        report = json.loads(capsys.readouterr().out)
+        told = report["doubts"] if command == "evaluate" else report["warnings"]
+        assert any("absolute pressure that was taken for gauge" in text for text in told)
+
+
+# --- compare ------------------------------------------------------------------------------------------------
+def test_friction_is_what_the_nominal_equation_lacks(cylinder):
+    found = compare_system(cylinder, Cylinder(bore=0.025), ["nominal*", "quadratic"], cv=3)
+    assert found.best.estimator == "nominal with friction"
+    assert found.best.rmse < 0.1 * found["nominal"].rmse
+    assert found["nominal"].rmse == pytest.approx(6.0, rel=0.05)
+    assert found["nominal"].n_parameters == 0
+    with pytest.raises(UnknownOptionError, match="boosted trees"):
+        compare_system(cylinder, Cylinder(bore=0.025), ["sofa"])
+    with pytest.raises(TooFewTrajectoriesError):
+        compare_system(cylinder[cylinder["trajectory"] == "run-0"], Cylinder(bore=0.025))
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "joint", "muscle"])
+def test_compare_takes_every_page(kind, files, capsys):
+    chosen = "GeometricForce*,PolynomialForce*" if kind == "muscle" else "nominal*,quadratic"
+    argv = ["compare", *arguments(files, kind), "--estimators", chosen, "--folds", "3", "--out", str(files / "out")]
+    assert main([*argv, "--where", "time > 1", "--json", "--quiet"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["n_runs"] == 3
+    assert len(report["estimators"]) > 2
+    assert report["n_scored_rows"] < 3 * 500
+    assert all((files / "out" / name).is_file() for name in (f"comparison-{report['equation']}.png",))
+
+
+# --- fit ----------------------------------------------------------------------------------------------------
+def test_fit_takes_the_page_of_a_muscle_and_no_size_by_default(files, capsys):
+    out = ["--folds", "0", "--out", str(files / "force.pamid")]
+    assert main(["fit", *arguments(files, "muscle"), "--estimator", "GeometricForce", *out]) == 0
+    capsys.readouterr()
+    alone = ["fit", str(files / "muscle.csv"), "--estimator", "GeometricForce", *out]
+    assert main(alone) == 2
+    assert "needs rest_length and rest_diameter" in capsys.readouterr().err
+    assert main([*alone, "--set", "rest_length=200 mm", "--set", "rest_diameter=20 mm"]) == 0
+    model = ["--model", str(files / "force.pamid")]
+    assert main(["evaluate", *arguments(files, "muscle"), *model]) == 0
+    capsys.readouterr()
+    assert main(["fit", *arguments(files, "cylinder"), "--estimator", "GeometricForce", *out]) == 2
+    assert "the page of a muscle or a bench" in capsys.readouterr().err
+    assert main(["compare", str(files / "muscle.csv"), "--estimators", "GeometricForce*"]) == 2
+    assert "--rest-length" in capsys.readouterr().err
+
+
+def test_what_needs_a_bench_says_so(files, capsys):
+    argv = ["simulate", "--sim", str(files / "cylinder.toml"), "--trajectory", "sine:frequency=4,amplitude=5"]
+    assert main([*argv, "--out", str(files / "log.csv")]) == 2
+    assert "is the page of a cylinder" in capsys.readouterr().err
+    assert main(["evaluate", *arguments(files, "joint"), "--refit"]) == 2
+    assert "--refit is given for the page of a joint" in capsys.readouterr().err
