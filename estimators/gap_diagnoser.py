@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -87,8 +86,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
     next_experiment_ : NextExperiment or None
         What to record next.
     effects_ : dict
-        The causes with the values of their parameters: newton stands for the unit of y, pascal for that of the
-        pressure, a displacement is in strains.
+        The causes with the values of their parameters, in the units of y, position and pressure.
     scaling_ : pamid.gap.residuals.scaling.Scaling
         The units in which the log looks like that of a muscle.
     findings_, windows_ : dict
@@ -235,7 +233,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             more.append("Effects add to y what they take from the motion: y is what moves it, not what it delivers.")
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
-        self._write(outward(found, evidence, self.scaling_), found)
+        self._write(outward(found, self.scaling_, self._units()), found)
         return self
 
     def _write(self, found: Any, inward: Any) -> None:
@@ -267,6 +265,10 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
             )
         if self.sense not in ("auto", 1, -1):
             raise UnknownOptionError(f"sense is {self.sense!r}.", "'auto', 1 or -1", "Say which way effects act on y.")
+        if strange := sorted(set(self.units or {}) - {"target", "position", "pressure"}):
+            raise UnknownOptionError(
+                f"units names {', '.join(map(repr, strange))}.", "target, position, pressure", "Correct units=."
+            )
         library = chosen_effects(self.effects, self._kind())
         # On one equation, damping of a joint is viscous friction by another name.
         return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
@@ -275,7 +277,7 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         """Return what the equation is about, of `pamid.effects.base.KINDS`."""
         if self._contraction():
             return "muscle"
-        return {"force": "actuator", "torque": "motor" if self._unit("target") == "V" else "joint"}.get(
+        return {"force": "actuator", "torque": "motor" if self._units().target == "V" else "joint"}.get(
             self.equation, "gas"
         )
 
@@ -284,9 +286,13 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         name = self._labels().get("position", "").lower()
         return self.plant is not None or name.startswith(("eps", "contraction"))
 
-    def _unit(self, role: str) -> str:
-        """Return the unit of a signal, or of the target."""
-        return str((self.units or {}).get(role, ""))
+    def _units(self) -> Any:
+        """Return the units in which parameters are told."""
+        from pamid.gap.residuals.units import Units
+
+        si = {"target": "kg/s" if self.equation == "flow" else "N", "position": "-", "pressure": "Pa"}
+        unnamed = {role: f"{role} unit" for role in si}
+        return Units(**{**(si if self._contraction() else unnamed), **(self.units or {})})
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Predict with the causes added to the nominal model.
@@ -395,15 +401,14 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         Where nothing is a position, the command (or the force) that drives the thing stands for it: hysteresis and
         creep then act on that.
         """
+        from pamid.gap.residuals.rates import with_rates
+
         signals = {role: table[:, k] for role, k in self.signal_columns_.items()}
         if "position" not in signals and "velocity" not in signals:
             driving = next((r for r in ("command", "force", "pressure") if r in signals), None)
             if driving and not (driving == "pressure" and self.equation == "flow"):
                 signals["position"] = signals[driving]
-        for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
-            if rate not in signals and of in signals:
-                signals[rate] = _rates(signals[of], codes, self._interval(signals, codes))
-        return signals
+        return with_rates(signals, codes, self._interval(signals, codes))
 
     def _strain(self, signals: dict[str, np.ndarray]) -> float:
         from pamid.gap.residuals.scaling import strain_scale
@@ -481,19 +486,3 @@ def _names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
         named = X["trajectory"].to_numpy()
     names = [str(named[k]) if named is not None else "0" for k in first]
     return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]
-
-
-def _rates(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
-    from scipy.signal import savgol_filter
-
-    out = np.zeros(len(x))
-    borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    for a, b in pairwise(borders):
-        # 40 ms, but never so long that it would smear a run of few samples.
-        half = max(2, min(round(0.02 / dt), (b - a) // 200))
-        width = min(2 * half + 1, (b - a) - (b - a + 1) % 2)
-        if width >= 5:
-            out[a:b] = savgol_filter(x[a:b], width, 3, deriv=1, delta=dt)
-        elif b - a > 1:
-            out[a:b] = np.gradient(x[a:b], dt)
-    return out

@@ -15,6 +15,7 @@ from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
 from .residuals.scaling import Scaling, Table, scaling_of
 from .residuals.single import SignalEvidence
+from .residuals.units import Units
 
 _STUCK = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
@@ -150,17 +151,28 @@ def evidence_in(
     return evidence
 
 
-def outward(found: Diagnosis, evidence: SignalEvidence, scaling: Scaling) -> Diagnosis:
-    """Return a diagnosis in the units of the log."""
+def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
+    """Return a diagnosis in the units of the log.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis in typical units.
+    scaling : Scaling
+        What turns those into the log's.
+    units : Units
+        The names of the log's.
+    """
     size = abs(scaling.target)
     library = all_effects()
     causes = []
     for cause in found.causes:
-        units = {p.name: p.unit for p in library[cause.effects[0]].parameters}
-        parameters = {}
+        effect, parameters = library[cause.effects[0]], {}
+        known = {p.name: p for p in effect.parameters}
         for name, p in cause.parameters.items():
-            f = scaling.factor(units[name])
-            parameters[name] = replace(p, value=p.value * f, ci90=(p.ci90[0] * f, p.ci90[1] * f))
+            f = scaling.factor(effect, known[name])
+            ci = (p.ci90[0] * f, p.ci90[1] * f)
+            parameters[name] = replace(p, value=p.value * f, unit=units.of(effect, known[name]), ci90=ci)
         causes.append(replace(cause, parameters=parameters))
     windows = found.windows.assign(
         time=found.windows["time"] / scaling.time,
@@ -173,7 +185,11 @@ def outward(found: Diagnosis, evidence: SignalEvidence, scaling: Scaling) -> Dia
         causes=causes,
         closure=[
             replace(
-                c, rmse_before=c.rmse_before * size, rmse_after=c.rmse_after * size, noise_floor=c.noise_floor * size
+                c,
+                rmse_before=c.rmse_before * size,
+                rmse_after=c.rmse_after * size,
+                noise_floor=c.noise_floor * size,
+                unit=units.target,
             )
             for c in found.closure
         ],

@@ -6,7 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from ..errors import ImplausibleParameterError, MissingColumnError, MissingParameterError, UnknownParameterError
+from ..errors import (
+    ImplausibleParameterError,
+    MissingColumnError,
+    MissingParameterError,
+    UnknownOptionError,
+    UnknownParameterError,
+)
 from ..signals.unit_names import unit_name
 from ..signals.units import UNITS, parse_quantity
 
@@ -114,6 +120,41 @@ class Quantity(NamedTuple):
         return number
 
 
+class Choice(NamedTuple):
+    """A word of a system's page.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the file.
+    options : tuple of str
+        What may stand there.
+    meaning : str
+        What it is.
+    default : str
+        Word where the user gives none.
+
+    Examples
+    --------
+    >>> from pamid.systems.base import Choice
+    >>> Choice("unit", ("unknown", "N m", "V"), "unit of drive", "unknown").checked("V", "joint")
+    'V'
+    """
+
+    name: str
+    options: tuple[str, ...]
+    meaning: str
+    default: str
+
+    def checked(self, value: Any, kind: str) -> str:
+        """Return a word of the file; raise if it is none of the options."""
+        if value not in self.options:
+            raise UnknownOptionError(
+                f"{kind}.{self.name} is {value!r}.", f"one of {', '.join(self.options)}", "Correct the word."
+            )
+        return str(value)
+
+
 class System(ABC):
     """One equation of a system: what is measured against what its nominal model says.
 
@@ -149,6 +190,8 @@ class System(ABC):
     """Groups of inputs of which it needs one each."""
     numbers: ClassVar[tuple[Quantity, ...]]
     """Numbers of its page."""
+    choices: ClassVar[tuple[Choice, ...]] = ()
+    """Words of its page."""
     law: ClassVar[str]
     """Nominal equation, in words of the signals."""
     sense: ClassVar[str | int] = "auto"
@@ -159,7 +202,8 @@ class System(ABC):
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
 
     def __init__(self, **values: Any) -> None:
-        known = {q.name: q for q in self.numbers}
+        entries: list[Quantity | Choice] = [*self.numbers, *self.choices]
+        known = {q.name for q in entries}
         if extra := sorted(set(values) - set(known)):
             raise UnknownParameterError(
                 f"[{self.kind}] has {', '.join(map(repr, extra))}.",
@@ -173,7 +217,7 @@ class System(ABC):
                 "Add what is missing.",
             )
         self.values: dict[str, float | str] = {
-            q.name: q.checked(values.get(q.name, q.default), self.kind) for q in self.numbers
+            q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries
         }
 
     @classmethod
@@ -241,6 +285,8 @@ class Problem(NamedTuple):
         Numbers for effects of geometry, gas or valve.
     notes : list of str
         What a reader must know.
+    units : dict of str to str
+        Units of ``target``, ``position`` and ``pressure`` as `pamid.estimators.GapDiagnoser` takes them.
     """
 
     X: pd.DataFrame
@@ -252,6 +298,7 @@ class Problem(NamedTuple):
     unit: str
     plant: Any
     notes: list[str]
+    units: Mapping[str, str]
 
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:

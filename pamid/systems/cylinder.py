@@ -54,6 +54,7 @@ class Cylinder(System):
         def nominal(X: pd.DataFrame) -> np.ndarray:
             return (X["P"].to_numpy(dtype=float) - ambient) * area
 
+        units = {"target": "N", "position": "m", "pressure": "Pa"}
         roles = {"time": "time", "position": "x", "pressure": "P"}
         X, y = log[["time", "x", "P"]], log["F"].to_numpy(dtype=float)
-        return Problem(X, y, nominal, log["trajectory"].to_numpy(), roles, "force", "N", None, [])
+        return Problem(X, y, nominal, log["trajectory"].to_numpy(), roles, "force", "N", None, [], units)

@@ -86,6 +86,7 @@ def diagnose_system(
         signals=dict(problem.roles),
         equation=problem.equation,
         plant=problem.plant,
+        units=dict(problem.units),
         sense=system.sense,
         one_trajectory=one,
         random_state=seed,
@@ -93,9 +94,8 @@ def diagnose_system(
     say("hold it against the library")
     diagnoser.fit(problem.X, problem.y, groups=problem.groups)
     found = diagnoser.diagnosis_
-    closure = [replace(c, unit=problem.unit) for c in found.closure]
     own = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate"}
     names = {name: problem.roles.get(role, role) for name, role in own.items()}
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
-    return replace(found, closure=closure, windows=windows, notes=[*notes, *found.notes])
+    return replace(found, windows=windows, notes=[*notes, *found.notes])

@@ -155,4 +155,7 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
         fit = '; "fit": fitted to the log' if q.may_fit else ""
         mark = "  ASSUMED: replace it by yours" if q.name in assumed else ""
         lines.append(f"{q.name} = {shown}  # {unit}{q.meaning}{fit}{mark}")
+    lines += [
+        f'{c.name} = "{values.get(c.name, c.default)}"  # {c.meaning}: {", ".join(c.options)}' for c in kind.choices
+    ]
     return "\n".join(lines) + "\n"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
-from .base import FIT, Input, Problem, Quantity, System
+from .base import FIT, Choice, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +47,7 @@ class Joint(System):
         Quantity("gravity", "drive", -1e9, 1e9, "drive that holds the lever level (m g l)", FIT, may_fit=True),
         Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
     )
+    choices = (Choice("unit", ("unknown", "N m", "V", "A"), "unit of the logged drive", "unknown"),)
     sense = -1
     library = "motor"
 
@@ -73,14 +74,15 @@ class Joint(System):
             notes.append(f"{100 * left / len(log):.1f} % of the rows are left out: the drive is off or at its limit.")
         load = np.abs(nominal - np.mean(nominal[usable]))
         X = pd.DataFrame({"time": log["time"].to_numpy(dtype=float), "q": q, "dq": dq, "load": load})[usable]
-        X["nominal"] = nominal[usable]
+        X["nominal"] = X["transmitted"] = nominal[usable]
         groups = log["trajectory"].to_numpy()[usable]
-        roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load"}
+        roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load", "force": "transmitted"}
         notes += [
             said,
             "The 'pressure' of load-dependent friction is the load by inertia and gravity, in the drive's unit.",
         ]
-        return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes)
+        units = {"target": unit, "position": "rad", "pressure": unit}
+        return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes, units)
 
     def _drive(self, log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
         """Return what drives the joint, the rows in which it is known, its unit, and notes."""
@@ -88,7 +90,8 @@ class Joint(System):
         if "enabled" in log.columns:
             on = log["enabled"].to_numpy(dtype=float) > 0.5
         if "drive" in log.columns:
-            return log["drive"].to_numpy(dtype=float), on, "unit of drive", []
+            unit = str(self.values["unit"])
+            return log["drive"].to_numpy(dtype=float), on, "drive unit" if unit == "unknown" else unit, []
         if "q_ref" not in log.columns:
             raise MissingColumnError(
                 f"The log has neither drive nor q_ref; it has {', '.join(map(str, log.columns[:20]))}.",
@@ -108,7 +111,7 @@ class Joint(System):
             on &= np.abs(wanted) < _FULL * limit
         if "voltage" in log.columns:
             return wanted * log["voltage"].to_numpy(dtype=float), on, "V", []
-        return wanted, on, "unit of the controller's output", []
+        return wanted, on, "output unit", []
 
     def _rate(self, log: pd.DataFrame, order: int, longer: float = 1.0) -> np.ndarray:
         from scipy.signal import savgol_filter

@@ -108,4 +108,4 @@ class Muscle(System):
         roles = {"time": "time", "position": "eps", "velocity": "deps", "pressure": "P", "pressure_rate": "dP"}
         equation, unit = ("force", "N") if target == "F" else ("flow", "kg/s")
         y, groups = log[target].to_numpy(dtype=float), log["trajectory"].to_numpy()
-        return Problem(X, y, force if target == "F" else flow, groups, roles, equation, unit, plant, [])
+        return Problem(X, y, force if target == "F" else flow, groups, roles, equation, unit, plant, [], {})

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects import all_effects
+from ...effects import Effect, Parameter, all_effects
 from .protocol import Spec
+from .units import powers_of
 
 Table = Mapping[str, np.ndarray]
 
@@ -57,7 +57,7 @@ class Scaling:
             "pressure_rate": self.pressure / self.time,
         }.get(role, 1.0)
 
-    def factor(self, unit: str) -> float:
+    def factor(self, effect: type[Effect], p: Parameter) -> float:
         """Return what a parameter in typical units is multiplied by, to be in units of the log.
 
         Newton stands for the unit of the target, pascal for that of the pressure.
@@ -70,10 +70,9 @@ class Scaling:
             "kg": size / self.time,
             "m^3": size / self.time,
         }
-        factor = 1.0
-        for k, part in enumerate(unit.split("/")):
-            for name, power in re.findall(r"(kg|m\^3|[A-Za-z]+)(?:\^(\d+))?", part):
-                factor *= base.get(name, 1.0) ** (int(power or 1) * (-1 if k else 1))
+        factor = self.position**p.position if effect.site != "joint" else 1.0
+        for name, power in powers_of(p.unit).items():
+            factor *= base.get(name, 1.0) ** power
         return factor
 
     def values(self, spec: Spec, outward: bool = True) -> dict[str, dict[str, float]]:
@@ -81,10 +80,10 @@ class Scaling:
         library = all_effects()
         found: dict[str, dict[str, float]] = {}
         for name, values in spec.items():
-            units = {p.name: p for p in library[name].parameters}
+            known = {p.name: p for p in library[name].parameters}
             found[name] = {}
             for key, v in values.items():
-                p, f = units[key], self.factor(units[key].unit)
+                p, f = known[key], self.factor(library[name], known[key])
                 found[name][key] = v * f if outward else float(np.clip(v / f, p.lower, p.upper))
         return found
 
