@@ -5,12 +5,15 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..errors import IncompatibleError
 from .run import Run
+
+if TYPE_CHECKING:
+    from ..effects import Effect
 
 
 class Residual(NamedTuple):
@@ -70,6 +73,21 @@ class Equation(ABC):
     """Place in lists."""
     sides: ClassVar[tuple[str, ...]] = ("1", "2")
     """What the columns of a residual belong to."""
+    combines: ClassVar[tuple[str, ...]] = ()
+    """Equations that it joins such that no channel is left that only they read; empty for an equation of its own."""
+    without: ClassVar[str] = ""
+    """The channel that those read and it does not: it is tested where a log lacks that one."""
+
+    @classmethod
+    def title(cls) -> str:
+        """Return its name for people, such as ``"flow"``, or what it combines."""
+        return " and ".join(cls.combines) + " combined" if cls.combines else cls.name
+
+    @classmethod
+    def changed_by(cls, effect: type[Effect]) -> bool:
+        """Tell whether an effect enters the equation or one that it combines; a sensor's fault where that is read."""
+        entered = any(name in effect.equations for name in cls.combines or (cls.name,))
+        return entered and (not cls.combines or not effect.channel or effect.channel in cls.channels)
 
     @abstractmethod
     def residual(self, run: Run) -> Residual:
@@ -112,13 +130,14 @@ def all_equations() -> dict[str, Equation]:
     Returns
     -------
     dict of str to Equation
-        ``force``, ``flow``, ``valve``, ``joint``, and any further one that a module of this package defines.
+        ``force``, ``flow``, ``valve``, ``joint``, those that combine them, and any further one that a module of this
+        package defines.
 
     Examples
     --------
     >>> from pamid.equations import all_equations
     >>> sorted(all_equations())
-    ['flow', 'force', 'joint', 'valve']
+    ['flow', 'force', 'gas_valve', 'joint', 'joint_modelled', 'valve']
     """
     package = importlib.import_module(__package__ or "pamid.equations")
     for module in pkgutil.iter_modules(package.__path__):

@@ -211,11 +211,20 @@ def allowed_equations(
             continue
         needed = [column for channel in equation.channels for column in columns_of(channel)]
         missing = [column for column in needed if column not in log.columns or log[column].isna().all()]
-        if missing:
-            skipped[name] = f"{name} needs {', '.join(needed)}; the log lacks {', '.join(missing)}"
-        else:
+        if equation.without and names is None and not _lacks(log, equation.without):
+            continue
+        if not missing:
             allowed[name] = equation
+        elif not equation.combines:
+            skipped[name] = f"{name} needs {', '.join(needed)}; the log lacks {', '.join(missing)}"
+    for equation in allowed.values():
+        for name in set(equation.combines) & set(skipped):
+            skipped[name] += f"; it is tested together with {' and '.join(set(equation.combines) - {name})} instead"
     return allowed, skipped
+
+
+def _lacks(log: pd.DataFrame, channel: str) -> bool:
+    return any(column not in log.columns or log[column].isna().all() for column in columns_of(channel))
 
 
 def residuals(

@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..laws.gas import entropic_content, entropic_supply
+from ..laws.gas import entropic_content
 from ..laws.valve import flow_function
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
-from .windows import kernel
+from .windows import Windows, kernel
 
 _UNSURE = 0.3
 """Standard deviation of the share of a ramp in the flow between two samples, before a log is seen."""
@@ -46,56 +46,60 @@ class FlowEquation(Equation):
 
     def residual(self, run: Run) -> Residual:
         """Return the residual flow of both muscles, kg/s."""
-        gas = run.model.params.gas
-        gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
-        supplied = entropic_supply(
-            run.P,
-            run.mdot,
-            heat_capacity_ratio=gamma,
-            gas_constant=gas.gas_constant,
-            temperature=gas.temperature,
-        )
-        content = entropic_content(run.P, run.volume, heat_capacity_ratio=gamma)
-        gain = np.diff(content, axis=0) / run.dt
-        per_flow = RT * run.P ** (1.0 / gamma - 1.0)
-        if (added := run.added_flow()) is not None:
-            gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
         windows = run.windows(self)
-        scale = windows.mean(per_flow[:-1])
-        growth = (1.0 + self._opening(run)) * (per_flow[1:] / per_flow[:-1])
-        drift = supplied[:-1] * (growth - 1.0) / 2
-        held = windows.mean(supplied[:-1] + drift - gain) / scale
-        ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
-        value = held + _share(held, ramp) * ramp
+        value = gas_balance(run, windows, run.mdot)
         time, measured = windows.time(run.time[:-1]) + run.dt / 2, windows.mean(run.mdot[:-1])
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
-        weights = kernel(run.n, 2)
-        change = np.convolve(weights, [1.0, -1.0]) / run.dt
-        joint, muscle = run.model.params.joint, run.model.params.muscle
-        turn = SIGNS * joint.pulley_radius / muscle.rest_length
-        capacity = run.volume / (gamma * RT) + run.added_capacity()
         noise, shared = spread(
-            (1.0, run.covariances(windows, "mdot", weights)),
-            (windows.centre(capacity), run.covariances(windows, "P", change)),
-            (windows.centre(run.P * run.volume_slope) * turn / RT, run.covariances(windows, "q", change)),
+            (1.0, run.covariances(windows, "mdot", kernel(run.n, 2))),
+            *gas_sensitivities(run, windows),
             n_windows=len(time),
         )
         return Residual(time, value, measured, noise, shared)
 
-    @staticmethod
-    def _opening(run: Run) -> np.ndarray:
-        """Return by what share the flow at a held command grows to the next sample, by the measured flow's sign."""
-        gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
-        key = ("opening", gas.supply_pressure, gas.atmospheric_pressure, b)
-        if key in run.smoothed:
-            return run.smoothed[key]
+
+def gas_balance(run: Run, windows: Windows, mdot: np.ndarray) -> np.ndarray:
+    """Return a flow into both muscles less what pressure and volume say of it, over windows of order 2, kg/s."""
+    gas = run.model.params.gas
+    gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
+    per_flow = RT * run.P ** (1.0 / gamma - 1.0)
+    supplied = per_flow * mdot
+    gain = np.diff(entropic_content(run.P, run.volume, heat_capacity_ratio=gamma), axis=0) / run.dt
+    if (added := run.added_flow()) is not None:
+        gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
+    scale = windows.mean(per_flow[:-1])
+    growth = (1.0 + _opening(run, mdot)) * (per_flow[1:] / per_flow[:-1])
+    drift = supplied[:-1] * (growth - 1.0) / 2
+    held = windows.mean(supplied[:-1] + drift - gain) / scale
+    ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
+    return np.asarray(held + _share(held, ramp) * ramp)
+
+
+def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return what the noise of pressure and angle does to that, as `spread` takes it."""
+    p = run.model.params
+    RT = p.gas.gas_constant * p.gas.temperature
+    change = np.convolve(kernel(run.n, 2), [1.0, -1.0]) / run.dt
+    turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
+    capacity = run.volume / (p.gas.heat_capacity_ratio * RT) + run.added_capacity()
+    return [
+        (windows.centre(capacity), run.covariances(windows, "P", change)),
+        (windows.centre(run.P * run.volume_slope) * turn / RT, run.covariances(windows, "q", change)),
+    ]
+
+
+def _opening(run: Run, mdot: np.ndarray) -> np.ndarray:
+    """Return by what share the flow at a held command grows to the next sample, by the flow's sign."""
+    gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
+    key = ("opening", gas.supply_pressure, gas.atmospheric_pressure, b)
+    if key not in run.smoothed:
         least = 0.05 * gas.supply_pressure  # near balance the flow is too small to matter
         filling = np.maximum(gas.supply_pressure * flow_function(run.P / gas.supply_pressure, b), least)
         venting = np.maximum(run.P * flow_function(gas.atmospheric_pressure / run.P, b), least)
-        opening = np.where(run.mdot[:-1] > 0, filling[1:] / filling[:-1], venting[1:] / venting[:-1]) - 1.0
-        run.smoothed[key] = opening
-        return opening
+        run.smoothed[key] = np.stack([filling[1:] / filling[:-1], venting[1:] / venting[:-1]]) - 1.0
+    filling, venting = run.smoothed[key]
+    return np.where(mdot[:-1] > 0, filling, venting)
 
 
 def _share(held: np.ndarray, ramp: np.ndarray) -> float:

@@ -31,26 +31,35 @@ class ForceEquation(Equation):
 
     def residual(self, run: Run) -> Residual:
         """Return the residual tension of both muscles, N."""
-        p = run.model.params
-        L0 = p.muscle.rest_length
-        gauge = run.P - p.gas.atmospheric_pressure
-        modelled = gauge / L0 * run.volume_slope + run.added_force()
+        modelled = tension(run)
         windows = run.windows(self)
         measured, time = windows.mean(run.F), windows.time(run.time)
-        value = measured - windows.mean(np.asarray(modelled))
+        value = measured - windows.mean(modelled)
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(run.n, 1)
-        h = 1e-6
-        plant = run.model.plant
-        eps = windows.centre(run.eps)
-        curvature = (plant.volume_slope(eps + h) - plant.volume_slope(eps - h)) / (2 * h)
-        per_angle = windows.centre(gauge) / L0 * curvature * SIGNS * p.joint.pulley_radius / L0
-        per_pressure = run.volume_slope / L0 + run.added_stiffness()
+        per_pressure, per_angle = tension_slopes(run)
         noise, _ = spread(
             (1.0, run.covariances(windows, "F", weights)),
             (windows.centre(per_pressure), run.covariances(windows, "P", weights)),
-            (per_angle, run.covariances(windows, "q", weights)),
+            (windows.centre(per_angle), run.covariances(windows, "q", weights)),
             n_windows=len(time),
         )
         return Residual(time, value, measured, noise)
+
+
+def tension(run: Run) -> np.ndarray:
+    """Return the modelled tension of both muscles, N."""
+    p = run.model.params
+    gauge = run.P - p.gas.atmospheric_pressure
+    return np.asarray(gauge / p.muscle.rest_length * run.volume_slope + run.added_force())
+
+
+def tension_slopes(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a pascal and what a radian more change in that, N/Pa and N/rad."""
+    p, plant, h = run.model.params, run.model.plant, 1e-6
+    L0 = p.muscle.rest_length
+    curvature = (plant.volume_slope(run.eps + h) - plant.volume_slope(run.eps - h)) / (2 * h)
+    turn = SIGNS * p.joint.pulley_radius / L0
+    gauge = run.P - p.gas.atmospheric_pressure
+    return np.asarray(run.volume_slope / L0 + run.added_stiffness()), np.asarray(gauge / L0 * curvature * turn)

@@ -93,6 +93,8 @@ class Run:
     def _noise(self, name: str) -> list[ChannelNoise]:
         """Return the noise of each column of a channel."""
         series, bridges = self.stretch.readings[name], self.stretch.bridges.get(name)
+        if name == "u":  # what was commanded is known; only between samples it is not
+            return [ChannelNoise(0.0, 0.0, 0.0)] * series.shape[1]
         drive = self._driven_flow() if name == "mdot" else None
         found = []
         for k in range(series.shape[1]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,33 +33,53 @@ class ValveEquation(Equation):
 
     def residual(self, run: Run) -> Residual:
         """Return the residual flow through both valves, kg/s."""
-        p = run.model.params
-        supply = run.inlet_pressure()
-        u = run.followed_command()
-
-        def passed(P: np.ndarray, u: np.ndarray, supply: Any) -> np.ndarray:
-            return valve_flow(
-                u,
-                P,
-                supply,
-                p.gas.atmospheric_pressure,
-                sonic_conductance=p.valve.sonic_conductance,
-                critical_pressure_ratio=p.valve.critical_pressure_ratio,
-                reference_density=p.valve.reference_density,
-            )
-
-        modelled = np.asarray(passed(run.P, u, supply) + run.added_valve_flow())
+        modelled = passed(run)
         windows = run.windows(self)
         measured, time = windows.mean(run.mdot), windows.time(run.time)
         value = measured - windows.mean(modelled)
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(run.n, 1)
-        h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
-        slope = (passed(run.P + h, u, supply) - passed(run.P - h, u, supply)) / (2 * h)
         noise, _ = spread(
             (1.0, run.covariances(windows, "mdot", weights)),
-            (windows.centre(slope), run.covariances(windows, "P", weights)),
+            (windows.centre(passed_slope(run)), run.covariances(windows, "P", weights)),
             n_windows=len(time),
         )
         return Residual(time, value, measured, noise)
+
+
+def passed(run: Run, shift: float = 0.0) -> np.ndarray:
+    """Return the flow that both valves let through at their commands, kg/s, at pressures shifted by so many Pa."""
+    p = run.model.params
+    flow = valve_flow(
+        run.followed_command(),
+        run.P + shift,
+        run.inlet_pressure(),
+        p.gas.atmospheric_pressure,
+        sonic_conductance=p.valve.sonic_conductance,
+        critical_pressure_ratio=p.valve.critical_pressure_ratio,
+        reference_density=p.valve.reference_density,
+    )
+    return np.asarray(flow + run.added_valve_flow())
+
+
+def passed_slope(run: Run) -> np.ndarray:
+    """Return what a pascal more in the muscle changes in that, kg/(s Pa)."""
+    h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
+    return (passed(run, h) - passed(run, -h)) / (2 * h)
+
+
+def passed_per_command(run: Run) -> np.ndarray:
+    """Return what opening a nominal valve fully lets through the way it is open, kg/s."""
+    p = run.model.params
+    way = np.where(run.u > 0, 1.0, -1.0)
+    flow = valve_flow(
+        way,
+        run.P,
+        p.gas.supply_pressure,
+        p.gas.atmospheric_pressure,
+        sonic_conductance=p.valve.sonic_conductance,
+        critical_pressure_ratio=p.valve.critical_pressure_ratio,
+        reference_density=p.valve.reference_density,
+    )
+    return np.asarray(way * flow)

@@ -53,6 +53,8 @@ RESIDUALS = {
     "flow": "flow error",
     "valve": "valve flow error",
     "joint": "torque error",
+    "gas_valve": "valve flow error",
+    "joint_modelled": "torque error",
 }
 """What an equation's residual is called."""
 

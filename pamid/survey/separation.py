@@ -164,8 +164,7 @@ def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gra
     except (ValueError, ArithmeticError):
         return None
     columns = {"trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2"}
-    columns |= {"F1", "F2"} if {"force", "joint"} & set(evidence.equations) else set()
-    columns |= {"mdot1", "mdot2"} if {"flow", "valve"} & set(evidence.equations) else set()
+    columns |= {f"{channel}{k}" for channel in ("F", "mdot") if evidence.reads(channel) for k in (1, 2)}
     trial = Evidence(log[[c for c in log.columns if c in columns]], params)
     others, D = _responses(trial)
     at = {name: k for k, name in enumerate(others)}

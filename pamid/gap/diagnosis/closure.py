@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...effects import all_effects
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.significance import NOISE_KNOWN
 from ..inference.student_t import NU
@@ -214,5 +213,5 @@ def main_equation(evidence: ResidualSource, effect: str, contribution: np.ndarra
         name: float(np.mean(np.square(contribution[part])))
         for name, part in zip(evidence.equations, evidence.parts, strict=True)
     }
-    allowed = [e for e in evidence.equations if e in all_effects()[effect].equations] or evidence.equations
+    allowed = evidence.touched([effect]) or evidence.equations
     return max(allowed, key=lambda e: loud[e])

@@ -103,7 +103,7 @@ def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: in
         Most regions, those of both muscles together.
     """
     part = evidence.parts[evidence.equations.index(equation)]
-    names = _JOINT_FEATURES if equation == "joint" else _FEATURES
+    names = _JOINT_FEATURES if equation in ("joint", "joint_modelled") else _FEATURES
     sides, total = np.unique(evidence.side[part]), float(power[part].sum())
     found: list[Region] = []
     for side in sides:

@@ -45,10 +45,9 @@ def next_experiment(
     except (ValueError, FloatingPointError, ArithmeticError):
         return None, ()
     columns = [c for c in log.columns if c in _COLUMNS]
-    if not any(e in ("force", "joint") for e in evidence.equations):
-        columns = [c for c in columns if not c.startswith("F")]
-    if not any(e in ("flow", "valve") for e in evidence.equations):
-        columns = [c for c in columns if not c.startswith("mdot")]
+    for channel in ("F", "mdot"):
+        if not evidence.reads(channel):
+            columns = [c for c in columns if not c.startswith(channel)]
     trial = Evidence(log[columns], params)
     difference = trial.z(specs[1]) - trial.z(specs[0]) if specs[1] else trial.z0 - trial.z(specs[0])
     expected = np.zeros(len(trial.trajectories))

@@ -203,7 +203,11 @@ class Evidence:
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""
         library = all_effects()
-        return [e for e in self.equations if any(e in library[name].equations for name in names)]
+        return [e for e in self.equations if any(self._equations[e].changed_by(library[name]) for name in names)]
+
+    def reads(self, channel: str) -> bool:
+        """Tell whether an equation that is tested reads a channel."""
+        return any(channel in self._equations[e].channels for e in self.equations)
 
     def z(
         self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()

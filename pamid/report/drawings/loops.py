@@ -22,6 +22,8 @@ _ACROSS = {
     "flow": ("P", "eps"),
     "valve": ("u", "P"),
     "joint": ("q", "eps"),
+    "gas_valve": ("u", "P"),
+    "joint_modelled": ("q", "eps"),
     "torque": ("q",),
 }
 _MOST = 1500  # windows drawn of one run

@@ -25,6 +25,8 @@ AXES = {
     "flow": (("P", "dP"), ("eps", "dP"), ("eps", "deps")),
     "valve": (("u", "P"), ("P", "dP"), ("u", "dP")),
     "joint": (("q", "dq"), ("q", "P"), ("q", "deps")),
+    "gas_valve": (("u", "P"), ("P", "dP"), ("eps", "dP")),
+    "joint_modelled": (("q", "dq"), ("q", "P"), ("q", "deps")),
 }
 """State over which an equation is mapped, the most telling first."""
 _COLUMNS, _ROWS = 22, 16
