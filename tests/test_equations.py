@@ -207,8 +207,9 @@ def test_refit_without_tolerances_changes_nothing(log):
 # --- what a log allows --------------------------------------------------------------------------------------
 def test_skipped_equations_say_why(log):
     result = evaluate_log(log.drop(columns=["mdot1", "mdot2"]), NOMINAL)
-    assert list(result) == ["force", "joint"]
-    assert result.skipped["flow"] == "flow needs q, P1, P2, mdot1, mdot2; the log lacks mdot1, mdot2"
+    assert list(result) == ["force", "joint", "gas_valve"]
+    lacking = "flow needs q, P1, P2, mdot1, mdot2; the log lacks mdot1, mdot2"
+    assert result.skipped["flow"] == f"{lacking}; it is tested together with valve instead"
     assert "valve needs" in result.skipped["valve"]
     assert evaluate_log(log[["trajectory", "time", "q"]], NOMINAL).skipped.keys() == {"force", "flow", "valve", "joint"}
 
@@ -305,7 +306,7 @@ def test_unknown_equation(log):
 
 
 def test_equations_are_discovered():
-    assert list(all_equations()) == ["force", "flow", "valve", "joint"]
+    assert list(all_equations()) == ["force", "flow", "valve", "joint", "gas_valve", "joint_modelled"]
 
 
 def test_jitter_that_a_command_really_causes_is_no_noise():

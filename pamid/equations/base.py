@@ -80,8 +80,8 @@ class Equation(ABC):
 
     @classmethod
     def title(cls) -> str:
-        """Return its name for people, such as ``"flow"``, or what it combines."""
-        return " and ".join(cls.combines) + " combined" if cls.combines else cls.name
+        """Return its name for people, such as ``"flow"``, or what it combines, such as ``"flow–valve"``."""
+        return "–".join(cls.combines) or cls.name
 
     @classmethod
     def changed_by(cls, effect: type[Effect]) -> bool:

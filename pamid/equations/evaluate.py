@@ -120,7 +120,7 @@ class LogEvaluation(Mapping[str, Evaluation]):
     >>> bench = BenchParameters.for_muscle("B")
     >>> found = evaluate_log(simulate(bench, [sine(4, 15, 400)]).drop(columns=["mdot1", "mdot2"]), bench)
     >>> list(found), list(found.skipped)
-    (['force', 'joint'], ['flow', 'valve'])
+    (['force', 'joint', 'gas_valve'], ['flow', 'valve'])
     """
 
     def __init__(self, equations: Mapping[str, Evaluation], skipped: Mapping[str, str]) -> None:

@@ -27,7 +27,7 @@ class GasValveEquation(Equation):
     --------
     >>> from pamid.equations.gas_valve import GasValveEquation
     >>> GasValveEquation.title(), GasValveEquation.channels
-    ('flow and valve combined', ('q', 'P', 'u'))
+    ('flow–valve', ('q', 'P', 'u'))
     """
 
     name: ClassVar[str] = "gas_valve"

@@ -26,7 +26,7 @@ class JointModelledEquation(Equation):
     --------
     >>> from pamid.equations.joint_modelled import JointModelledEquation
     >>> JointModelledEquation.title(), JointModelledEquation.channels
-    ('force and joint combined', ('q', 'P'))
+    ('force–joint', ('q', 'P'))
     """
 
     name: ClassVar[str] = "joint_modelled"
@@ -41,7 +41,7 @@ class JointModelledEquation(Equation):
     def residual(self, run: Run) -> Residual:
         """Return the residual torque, N m."""
         windows, radius = run.windows(self), run.model.params.joint.pulley_radius
-        torque = radius * (tension(run) @ SIGNS)
+        torque = radius * ((tension(run) + run.added_force_of_speed()) @ SIGNS)
         value = torque_balance(run, windows, torque)
         time, modelled = windows.time(run.time[1:-1]), windows.mean(torque[1:-1])[:, None]
         if not run.model.noise:

@@ -276,6 +276,21 @@ class Run:
         """Return what effects add to the tensions, N."""
         return sum((e.force(s, x, self.model.plant) for e, s, x in self._having("force")), start=0.0)
 
+    def added_force_of_speed(self) -> np.ndarray | float:
+        """Return what the motion that smoothing takes from the speed adds to those tensions, N, to first order.
+
+        Smoothing bends the speed where a step begins, and the noise of the bare difference of angles cancels under the
+        test function of an acceleration.
+        """
+        total: Any = 0.0
+        for e, s, x in self._having("force"):
+            if "velocity" in e.roles:
+                left = _differences(self.eps, self.dt) - s.velocity
+                h = max(float(np.std(left)), 1e-12)
+                near, far = (e.force(s.with_(velocity=s.velocity + sign * h), x, self.model.plant) for sign in (-1, 1))
+                total = total + (np.asarray(far) - np.asarray(near)) / (2 * h) * left
+        return total
+
     def added_stiffness(self) -> np.ndarray | float:
         """Return what a pascal of the pressure readings adds to that, N/Pa; it decides what their noise adds."""
         h, total = 10.0, 0.0
@@ -330,6 +345,13 @@ class Run:
             part = np.asarray(e.torque(s, x, self.model.plant))
             total = total + (part[:, 0] if part.ndim == 2 else part)
         return total
+
+
+def _differences(x: np.ndarray, dt: float) -> np.ndarray:
+    """Return central differences, 0 at both ends, which no test function of an acceleration reaches."""
+    out = np.zeros_like(x)
+    out[1:-1] = (x[2:] - x[:-2]) / (2 * dt)
+    return out
 
 
 def _local_fit(x: np.ndarray, width: int, deriv: int) -> np.ndarray:

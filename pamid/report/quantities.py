@@ -58,6 +58,15 @@ RESIDUALS = {
 }
 """What an equation's residual is called."""
 
+
+def equation(name: str) -> str:
+    """Return what an equation is called; one that combines two, by both."""
+    from ..equations import all_equations
+
+    known = all_equations()
+    return known[name].title() if name in known else name
+
+
 NAMES = ("coulomb", "stribeck", "bouc", "wen")
 """Words in names of effects that are names of people."""
 

@@ -6,7 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .quantities import amount, effect, listed, percent, probability, share_span, signal, span
+from .quantities import amount, effect, equation, listed, percent, probability, share_span, signal, span
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.result import Candidate, Cause, Closure, Diagnosis, NextExperiment, Region
@@ -83,7 +83,7 @@ def verdict(d: Diagnosis) -> str:
     if not d.tested:
         return "Nothing could be tested"
     if d.verdict == "none":
-        return "No gap beyond the noise" + (" in what could be tested" if d.not_tested else "")
+        return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     if d.verdict == "several":
@@ -98,7 +98,7 @@ def verdict(d: Diagnosis) -> str:
 # --- where --------------------------------------------------------------------------------------------------
 def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
-    names = [e.equation for e in d.equations]
+    names = [equation(e.equation) for e in d.equations]
     if not d.tested or (d.verdict == "none" and not names):
         return f"It is not known: no equation could be held against the log.{_left_out(d)}"
     if d.verdict == "none":
@@ -115,16 +115,29 @@ def where(d: Diagnosis) -> str:
             break
     first = told[0].equation
     if len(told) == 1:
-        text = f"{_capital(percent(told[0].share))} of the gap lies in the {first} equation"
+        text = f"{_capital(percent(told[0].share))} of the gap lies in the {equation(first)} equation"
     else:
-        text = f"The gap lies in the equations of {listed([f'{e.equation} ({percent(e.share)})' for e in told])}"
-    part = "that" if len(told) == 1 else f"the {first} part"
+        places = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
+        text = f"The gap lies in the equations of {listed(places)}"
+    part = "that" if len(told) == 1 else f"the {equation(first)} part"
     return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
 
 
 def _left_out(d: Diagnosis) -> str:
     """Return which equations were not tested, and why."""
-    return "".join(f" Not tested: {_sentence_end(why)}" for why in d.not_tested.values())
+    from ..equations import all_equations
+
+    known = all_equations()
+    tested = [known[e.equation] for e in d.equations if e.equation in known]
+    together = [e for e in tested if set(e.combines) & set(d.not_tested)]
+    combined = {name for e in together for name in e.combines}
+    text = "".join(
+        f" {_capital(listed(list(e.combines)))} were tested in one, since the log lacks "
+        f"a {signal(e.without).words} of each muscle."
+        for e in together
+    )
+    alone = {name: why for name, why in d.not_tested.items() if name not in combined}
+    return text + "".join(f" Not tested: {_sentence_end(why)}" for why in alone.values())
 
 
 def _region_text(regions: list[Region], equation: str, part: str) -> str:
@@ -213,15 +226,15 @@ def which(d: Diagnosis) -> str:
             text += f"; what is left depends on {listed([signal(str(s)).words for s in depends])}"
         return text + "."
     if d.verdict == "several":
-        parts = [f"{_either(c)} ({c.equation}, {percent(c.share)} of the gap)" for c in d.causes]
+        parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
         low = min(c.confidence for c in d.causes)
         return f"{_capital(listed(parts))}; confidence {percent(low)} or more in each."
     cause = d.causes[0]
-    certain = f"confidence {percent(cause.confidence)}"
+    certain, place = f"confidence {percent(cause.confidence)}", f"in the {equation(cause.equation)} equation"
     if len(cause.effects) > 1:
-        text = f"Either {_either(cause)}, in the {cause.equation} equation ({certain} that it is one of them)"
+        text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
         return f"{text}; {_sentence_end(cause.told_apart_by or 'this log cannot tell them apart')}"
-    return f"{_capital(effect(cause.effects[0]))}, in the {cause.equation} equation ({certain}){_sizes(cause)}."
+    return f"{_capital(effect(cause.effects[0]))}, {place} ({certain}){_sizes(cause)}."
 
 
 def _sizes(cause: Cause) -> str:
@@ -259,11 +272,12 @@ def how_far(d: Diagnosis) -> str:
     c = closures[0]
     it = "them" if len(d.causes) > 1 else "the likelier one" if len(d.causes[0].effects) > 1 else "it"
     text = (
-        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the {c.equation} gap "
-        f"on runs that the fit had not seen: {amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} "
-        f"at a noise of {_noise(c)}"
+        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the "
+        f"{equation(c.equation)} gap on runs that the fit had not seen: {amount(c.rmse_before, c.unit)} becomes "
+        f"{amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     )
-    others = [f"{o.equation} {percent(o.closed_share)}" for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
+    rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
+    others = [f"{equation(o.equation)} {percent(o.closed_share)}" for o in rest]
     return f"{text}; {listed(others)}." if others else f"{text}."
 
 
@@ -277,7 +291,7 @@ def _errors(d: Diagnosis) -> str:
         if len(part) and finding.equation in known:
             error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
             unit = known[finding.equation].unit
-            lines.append(f"{finding.equation} {amount(error, unit)} at a noise of {amount(noise, unit)}")
+            lines.append(f"{equation(finding.equation)} {amount(error, unit)} at a noise of {amount(noise, unit)}")
     return f": {listed(lines)}" if lines else ""
 
 

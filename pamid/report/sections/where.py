@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from ..quantities import cell, probability
+from ..quantities import cell, equation, probability
 from ..sentences import query_words
 from .base import Section
 
@@ -35,7 +35,7 @@ class WhereSection(Section):
         gap = d.gap
         equations = [
             {
-                "name": e.equation,
+                "name": equation(e.equation),
                 "share": e.share if gap else math.nan,
                 "text": cell(e.share) if gap else "",
                 "excess": f"{float(f'{e.excess:.2g}'):g}" if math.isfinite(e.excess) else "",
@@ -45,7 +45,7 @@ class WhereSection(Section):
         ]
         regions = [
             {
-                "equation": r.equation,
+                "equation": equation(r.equation),
                 "words": query_words(r.query),
                 "query": r.query,
                 "share": r.share,
