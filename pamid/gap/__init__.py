@@ -14,6 +14,7 @@ from .diagnosis.result import (
     TrajectoryShare,
 )
 from .engine import diagnose
+from .simulated import diagnose_simulator
 
 __all__ = [
     "Band",
@@ -27,5 +28,6 @@ __all__ = [
     "Region",
     "TrajectoryShare",
     "diagnose",
+    "diagnose_simulator",
     "state_table",
 ]

@@ -206,6 +206,7 @@ def _written(
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
+        deviations=dict(zip(evidence.free, map(float, (fit if known else base).x), strict=True)),
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
         not_tested=dict(evidence.skipped),
         cannot_show=[name for name in search.library if not evidence.touched([name])],

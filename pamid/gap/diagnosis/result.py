@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...bench.parameters import BenchParameters
-
 SCHEMA = 1
 VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
 """One effect is the cause; one of a class that the data can't split; several causes; a gap that no effect of the
@@ -168,6 +166,8 @@ class Candidate:
         Share of the explainable gap that it closes on this log, by itself.
     ruled_out : str
         Why it is not the answer; empty for what is.
+    where : str
+        Port of the simulator at which it would act; empty where the effect itself says so.
 
     Examples
     --------
@@ -181,6 +181,7 @@ class Candidate:
     score: float
     closed_share: float
     ruled_out: str = ""
+    where: str = ""
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,8 @@ class Cause:
         Parameters of the first effect.
     told_apart_by : str or None
         What would split the class.
+    where : tuple of str
+        Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
 
     Examples
     --------
@@ -219,6 +222,7 @@ class Cause:
     share_ci90: Interval
     parameters: dict[str, ParameterEstimate]
     told_apart_by: str | None = None
+    where: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -309,9 +313,9 @@ class Diagnosis:
         What to record next.
     notes : list of str
         What the reader must know: what the log lacks, what the noise floor rests on.
-    nominal : BenchParameters or None
+    nominal : BenchParameters, Simulator or None
         The simulator as given, refitted within its tolerances; None where a single equation was diagnosed.
-    corrected : BenchParameters or None
+    corrected : BenchParameters, Simulator or None
         The simulator with the causes added.
     windows : DataFrame
         One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
@@ -322,6 +326,8 @@ class Diagnosis:
         Equations that were left out, and why.
     cannot_show : list of str
         Effects of the library that change no equation that was tested: nothing is said about them.
+    deviations : dict of str to float
+        How far the parameters with a tolerance were refitted together with the causes, in tolerances.
 
     Examples
     --------
@@ -345,10 +351,11 @@ class Diagnosis:
     closure: list[Closure]
     next_experiment: NextExperiment | None
     notes: list[str]
-    nominal: BenchParameters | None
-    corrected: BenchParameters | None
+    nominal: Any
+    corrected: Any
     windows: pd.DataFrame
     leftover: dict[str, Any] = field(default_factory=dict)
+    deviations: dict[str, float] = field(default_factory=dict)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
 

@@ -1,0 +1,474 @@
+r"""Residuals of a simulator's own equations, where the log holds its states: nothing is simulated.
+
+The rates of the states are tested in the weak form, as the bench's equations are (`pamid.equations.windows`):
+
+.. math:: r_w = \int B_{m+1}^{(w)}\,\big(c^{(m)} - f(x, u, p)\big)\,\mathrm{d}t
+
+with the m-th derivative of the channel c moved onto the test function: m = 1 where a state is logged, m = 2 where only
+the position is whose velocity it is, and m = 0 for an output. Chaotic and unstable systems do not diverge, and an
+effect that acts on a joint adds to one equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...equations.windows import average, span, starts
+from ...errors import ShortTrajectoryError
+from ...signals.rates import differentiate, tune_cutoff
+from ...simulators.base import Simulator
+from ...simulators.catalogue import Survey
+from ...simulators.port_log import PortLog, steady_path
+from ...simulators.structure import (
+    Joint,
+    joints_of,
+    kinematic_pairs,
+    pushes_of,
+    rate_unit,
+    some_instants,
+    spread_numbers,
+)
+from .ports import Active, PortEvidence, Windows
+
+LEAST_WINDOWS = 400
+"""Windows in a log, where its rows allow as many."""
+POWER, PER_PERIOD = 0.9, 6.0
+"""Share of the power of what is modelled that lies below a frequency, and windows in its period."""
+
+
+class Balance(NamedTuple):
+    """One equation: a derivative of a channel against what the simulator says.
+
+    Parameters
+    ----------
+    name : str
+        The port at which it looks.
+    channel : str
+        What was measured.
+    order : int
+        Order of its derivative.
+    row : int
+        Row of the states' rates, or of the outputs where the order is 0.
+    unit : str
+        Its unit.
+    """
+
+    name: str
+    channel: str
+    order: int
+    row: int
+    unit: str
+
+
+def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
+    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    log : PortLog
+        The log.
+
+    Returns
+    -------
+    dict of str to str, or None
+        Velocity by position, for those that are not logged themselves.
+    """
+    if simulator.form == "algebraic":
+        return {}
+    if simulator.form != "ode":
+        return None
+    pairs = _pairs(simulator, log)
+    derived = {p: v for p, v in pairs.items() if p in log.channels and v not in log.channels}
+    known = set(log.channels) | set(derived.values())
+    hidden = [s for s in simulator.states if s not in known]
+    return derived if all(_idle(simulator, log, s) for s in hidden) else None
+
+
+def _probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return instants of the log with states that all differ, to ask for structure."""
+    at, rng = some_instants(log.n), np.random.RandomState(0)
+    x = np.stack(
+        [
+            log.channels[s][at] if s in log.channels and np.ptp(log.channels[s]) > 0 else _around(simulator, s, rng, at)
+            for s in simulator.states
+        ]
+    )
+    return log.t[at], x, log.inputs(simulator)[:, at]
+
+
+def _around(simulator: Simulator, state: str, rng: np.random.RandomState, at: np.ndarray) -> np.ndarray:
+    start = simulator.port(state).start
+    return start + 0.1 * (abs(start) or 1.0) * rng.uniform(0.1, 1.0, len(at))
+
+
+def _pairs(simulator: Simulator, log: PortLog) -> dict[str, str]:
+    return kinematic_pairs(simulator, *_probe(simulator, log))
+
+
+def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
+    """Tell whether nothing depends on a state, such as a position that no force knows of."""
+    t, x, u = _probe(simulator, log)
+    moved, k = x.copy(), simulator.states.index(state)
+    moved[k] += 0.1 * (float(np.max(np.abs(x[k]))) or 1.0)
+    p = spread_numbers(simulator, len(t))
+    same = np.allclose(simulator.rate(t, x, u, p), simulator.rate(t, moved, u, p), rtol=1e-12, atol=0.0)
+    shown = simulator.outputs and np.allclose(simulator.output(t, x, u, p), simulator.output(t, moved, u, p))
+    return bool(same and (not simulator.outputs or shown))
+
+
+class DirectEvidence(PortEvidence):
+    """Residuals of the equations of a simulator whose states the log holds.
+
+    Parameters
+    ----------
+    log : PortLog
+        The log.
+    simulator : Simulator
+        Of the form ``"ode"`` or ``"algebraic"``.
+    derived : mapping of str to str
+        Velocities by positions, see `measured_states`.
+
+    Raises
+    ------
+    ShortTrajectoryError
+        No run holds a window.
+    """
+
+    how = "of the simulator's own equations, whose states the log holds, in the weak form"
+
+    def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str]) -> None:
+        super().__init__(log, simulator)
+        self.derived = dict(derived)
+        self.pairs = _pairs(simulator, log) if simulator.form == "ode" else {}
+        self._tuning: dict[str, float] = {}
+        self._slopes: dict[int, np.ndarray | None] = {}
+        self._table: dict[str, np.ndarray] = {}
+        self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
+        self._x, self._table = self._motion(log.channels)
+        self._u = log.inputs(simulator)
+        self.held = True
+        if simulator.form == "ode":
+            some = some_instants(log.n)
+            step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
+            at = log.t[some], self._x[:, some], self._u[:, some]
+            self.pushes = pushes_of(simulator, *at, step)
+            self.joints: list[Joint] = joints_of(simulator, self.pairs, self.pushes)
+            self._base_rates = self._rates(self._x, self._u, self._u, simulator.numbers)
+        else:
+            self.pushes, self.joints = {}, []
+        self.balances = self._balances()
+        self._lay_windows()
+        self._settle()
+
+    # --- the equations --------------------------------------------------------------------------------------
+    def _balances(self) -> list[Balance]:
+        simulator, log = self.simulator, self.log
+        names = {j.velocity: j.name for j in self.joints}
+        positions = {v: p for p, v in self.pairs.items()}
+        found = []
+        for row, state in enumerate(simulator.states):
+            if state in self.pairs:
+                continue
+            unit, name = rate_unit(simulator, state), names.get(state, state)
+            if state in log.channels:
+                found.append(Balance(name, state, 1, row, unit))
+            elif state in self.derived.values():
+                found.append(Balance(name, positions[state], 2, row, unit))
+        for row, output in enumerate(simulator.outputs):
+            if output in log.channels:
+                found.append(Balance(output, output, 0, row, simulator.port(output).unit))
+        return found
+
+    def _lay_windows(self) -> None:
+        log, self.n = self.log, self._samples()
+        self._first: list[list[np.ndarray]] = []
+        self.windows = []
+        for b in self.balances:
+            firsts, rows, centres, measured = [], [], [], []
+            for a, e in log.spans:
+                first = starts(e - a - b.order, self.n, b.order + 1)
+                reach = span(self.n, b.order + 1) + b.order
+                kept = np.array([not log.lost[a + f : a + f + reach].any() for f in first], dtype=bool)
+                first = first[kept] if len(first) else first
+                firsts.append(first)
+                rows.append(a + first)
+                centres.append(a + first + (reach - 1) // 2)
+                series = np.diff(log.channels[b.channel][a:e], b.order) / log.dt**b.order
+                measured.append(average(series, self.n, b.order + 1, first))
+            self._first.append(firsts)
+            unit = b.unit
+            self.windows.append(
+                Windows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
+            )
+        if not any(len(w.first) for w in self.windows):
+            raise ShortTrajectoryError(
+                f"No run of the log holds a window of {self.n} samples.", "longer runs", "Record longer runs."
+            )
+
+    def _samples(self) -> int:
+        """Return the samples in a window: several in a period of the fastest motion, and enough windows in all."""
+        log, shortest = self.log, max(e - a for a, e in self.log.spans)
+        most = max(1, min(log.n // LEAST_WINDOWS, shortest // 8))
+        fastest = most
+        for series in self._modelled():
+            frequency = _top_frequency(series, log)
+            if frequency > 0.0:
+                fastest = min(fastest, round(1.0 / (PER_PERIOD * frequency * log.dt)))
+        return max(1, fastest, min(most, 3 if log.n > 3 * LEAST_WINDOWS else 1))
+
+    def _modelled(self) -> list[np.ndarray]:
+        n = self.log.n
+        return [self._base_rates[b.row, :n] if b.order else self.log.channels[b.channel] for b in self.balances]
+
+    # --- motion ---------------------------------------------------------------------------------------------
+    def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return the states at each row, and all signals by name with the paths of the joints."""
+        log, table = self.log, dict(channels)
+        for position, velocity in self.derived.items():
+            table[velocity] = self._derivative(position, channels[position])
+        x = np.stack([table.get(s, np.full(log.n, self.simulator.port(s).start)) for s in self.simulator.states]) if (
+            self.simulator.states
+        ) else np.zeros((0, log.n))  # fmt: skip
+        table.update(zip(self.simulator.states, x, strict=True))
+        return x, table
+
+    def _derivative(self, name: str, x: np.ndarray) -> np.ndarray:
+        log, out = self.log, np.empty(self.log.n)
+        if name not in self._tuning:
+            pieces = [slice(a, b) for a, b in log.spans]
+            self._tuning[name] = tune_cutoff([x[s] for s in pieces], [log.t[s] for s in pieces])
+        for a, b in log.spans:
+            out[a:b] = differentiate(x[a:b], log.t[a:b], tuning=self._tuning[name], warn=False)[1]
+        return out
+
+    def _path(self, name: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the path of a joint without turns that are noise; of a speed alone its integral."""
+        key = f"{name}.steady"
+        if key not in self._table or table is not self._table:
+            if name.endswith(".path"):
+                joint = next(j for j in self.joints if f"{j.name}.path" == name)
+                path = _integral(table[joint.velocity], self.log)
+            else:
+                sigma = self.channel_noise(name) if name in self.log.channels else 0.0
+                path = steady_path(table[name], self.log.starts, sigma, max(self.n, 5))
+            if table is not self._table:
+                return path
+            self._table[key] = path
+        return self._table[key]
+
+    # --- residuals ------------------------------------------------------------------------------------------
+    def _residual(
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        log, simulator = self.log, self.simulator
+        readings = dict(channels or log.channels)
+        restored = channels is not None
+        for place, made in active:
+            if place.enters == "output" and place.at in simulator.states:
+                readings[place.at] = place.truth(made, readings[place.at], log.dt, log.starts)
+                restored = True
+        x, table = self._motion(readings) if restored else (self._x, self._table)
+        u = np.stack([readings.get(n, self._u[k]) for k, n in enumerate(simulator.inputs)]) if len(self._u) else self._u
+        p: np.ndarray = numbers
+        for place, made in active:
+            if place.enters == "parameter":
+                p = self._changed(p, place.at, made)
+        pushed = u.copy()
+        added = np.zeros_like(x)
+        for place, made in active:
+            if place.enters == "input" and not place.acts:
+                k = simulator.inputs.index(place.at)
+                u = u.copy()
+                u[k] = place.drive(made, u[k], log.dt, log.starts)
+                pushed[k] = u[k]
+        pushed = pushed + 0.0
+        for place, made in active:
+            if place.acts:
+                force = self._force(place, made, table)
+                if place.enters == "input":
+                    pushed[simulator.inputs.index(place.at)] += force
+                else:
+                    added[simulator.states.index(place.at)] += force
+        if simulator.form == "algebraic":
+            return self._of_outputs(active, readings, x, pushed, p)
+        rates = self._total_rates(x, u, pushed, p, restored)
+        outputs = simulator.output(log.t, x, pushed, _wide(p, log.n)) if simulator.outputs else np.zeros((0, log.n))
+        return self._windowed(active, readings, rates, added, outputs, x)
+
+    def _force(self, place: object, made: object, table: Mapping[str, np.ndarray]) -> np.ndarray:
+        from ...simulators.placement import Placement
+
+        assert isinstance(place, Placement)
+        log, found = self.log, dict(table)
+        for role, name in place.follows.items():
+            if role == "position" and (place.effect.path_dependent or name not in found):
+                found[name] = self._path(name, table)
+        s = place.signals(found, log.t)
+        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)  # type: ignore[attr-defined]
+        return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)  # type: ignore[arg-type]
+
+    def _changed(self, p: np.ndarray, name: str, made: object) -> np.ndarray:
+        k = list(self.simulator.parameters).index(name)
+        wide = _wide(p, self.log.n).copy()
+        wide[k] = made.adjust({"value": wide[k], "along": self.log.along})["value"]  # type: ignore[attr-defined]
+        return wide
+
+    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates at both ends of each step, under the inputs there, shape (n_states, 2 n_rows)."""
+        log = self.log
+        t = np.concatenate([log.t, log.t + log.dt])
+        wide = _wide(p, log.n)
+        return self.simulator.rate(
+            t, np.hstack([x, _next(x, log)]), np.hstack([u0, u1]), np.hstack([wide, _next(wide, log)])
+        )
+
+    def _total_rates(
+        self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
+    ) -> np.ndarray:
+        """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
+        ends = (u if self.held else _next(u, self.log)) + _next(pushed - u, self.log)
+        plain = not restored and p.ndim == 1 and np.array_equal(p, self.simulator.numbers)
+        if not plain:
+            return self._rates(x, pushed, ends, p)
+        change = np.hstack([pushed - self._u, ends - (self._u if self.held else _next(self._u, self.log))])
+        moved = [k for k in range(len(change)) if np.any(change[k])]
+        slopes = [self._slope(k) for k in moved]
+        if any(s is None for s in slopes):
+            return self._rates(x, pushed, ends, p)
+        out = self._base_rates
+        for k, slope in zip(moved, slopes, strict=True):
+            out = out + slope * change[k]
+        return out
+
+    def _slope(self, k: int) -> np.ndarray | None:
+        """Return what an input does to the rates at both ends of each step; None where they are not straight in it."""
+        if k not in self._slopes:
+            step = float(np.ptp(self._u[k])) or 1.0
+            up, ends = self._u.copy(), (self._u if self.held else _next(self._u, self.log)).copy()
+            up[k] += step
+            ends[k] += step
+            slope = (self._rates(self._x, up, ends, self.simulator.numbers) - self._base_rates) / step
+            some = some_instants(self.log.n)
+            down = self._u[:, some].copy()
+            down[k] -= 0.37 * step
+            p = spread_numbers(self.simulator, len(some))
+            found = self.simulator.rate(self.log.t[some], self._x[:, some], down, p)
+            straight = self._base_rates[:, some] - 0.37 * step * slope[:, some]
+            size = np.max(np.abs(0.37 * step * slope[:, some]), axis=1, keepdims=True)
+            self._slopes[k] = slope if np.all(np.abs(found - straight) <= 1e-6 * size + 1e-12) else None
+        return self._slopes[k]
+
+    def _of_outputs(
+        self, active: Active, readings: Mapping[str, np.ndarray], x: np.ndarray, u: np.ndarray, p: np.ndarray
+    ) -> np.ndarray:
+        outputs = self.simulator.output(self.log.t, x, u, _wide(p, self.log.n))
+        return self._windowed(active, readings, np.zeros((0, 0)), x, outputs, x)
+
+    def _windowed(
+        self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
+        outputs: np.ndarray, x: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        log, found = self.log, []
+        for b, firsts in zip(self.balances, self._first, strict=True):
+            if b.order:
+                start = rates[b.row, : log.n] + added[b.row]
+                end = rates[b.row, log.n :] + _next(added[b.row : b.row + 1], log)[0]
+            else:
+                modelled = outputs[b.row]
+                for place, made in active:
+                    if place.enters == "output" and place.at == b.name:
+                        modelled = place.reading(made, modelled, log.dt, log.starts)
+            for (a, e), first in zip(log.spans, firsts, strict=True):
+                y = np.diff(readings[b.channel][a:e], b.order) / log.dt**b.order
+                if b.order == 1:
+                    y = y - 0.5 * (start[a : e - 1] + end[a : e - 1])
+                elif b.order == 2:
+                    y = y - (start[a : e - 2] + 2.0 * end[a : e - 2]) / 6.0
+                    y = y - (2.0 * start[a + 1 : e - 1] + end[a + 1 : e - 1]) / 6.0
+                else:
+                    y = y - modelled[a:e]
+                found.append(average(y, self.n, b.order + 1, first))
+        return self._as_forces(np.concatenate(found), x)
+
+    def _as_forces(self, r: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return residuals of rates as those of forces, where the simulator knows its inertia."""
+        return r
+
+    # --- for the diagnosis ----------------------------------------------------------------------------------
+    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+        log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
+        for j in self.joints:
+            if not j.position:
+                spans[f"{j.name}.path"] = float(np.ptp(_integral(self._table[j.velocity], log)))
+        lengths = [(b - a) * log.dt for a, b in log.spans]
+        readings = list(dict.fromkeys(b.channel for b in self.balances))
+        tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
+        return Survey(spans, tops, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return all signals at each row of the log, by name."""
+        inputs = dict(zip(self.simulator.inputs, self._u, strict=True))
+        return {**{k: v for k, v in self._table.items() if "." not in k}, **inputs}
+
+    def roles(self, equation: str) -> dict[str, str]:
+        """Return for an equation the signal behind each name of the state, as far as there is one."""
+        return roles_of(self.simulator, self.joints, equation)
+
+
+def roles_of(simulator: Simulator, joints: Sequence[Joint], equation: str) -> dict[str, str]:
+    """Return the signal behind each name of the state, for the equation of a port."""
+    found = {}
+    joint = next((j for j in joints if equation in (j.name, j.velocity, j.position)), None)
+    states = list(simulator.states)
+    if joint is not None:
+        found = {"eps": joint.position, "deps": joint.velocity}
+    elif equation in states:
+        found = {"eps": equation}
+    elif states:
+        found = {"eps": states[0]}
+    used = set(found.values())
+    others = [s for s in states if s not in used] + list(simulator.inputs[1:])
+    if others:
+        found["P"] = others[0]
+    if len(others) > 1:
+        found["dP"] = others[1]
+    if simulator.inputs:
+        found["u"] = joint.through if joint is not None and joint.through else simulator.inputs[0]
+    if "eps" not in found and simulator.inputs:
+        found["eps"] = simulator.inputs[0]
+    return {k: v for k, v in found.items() if v}
+
+
+def _wide(p: np.ndarray, n: int) -> np.ndarray:
+    return p if p.ndim == 2 else np.repeat(p[:, None], n, axis=1)
+
+
+def _next(x: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return each row's successor within its run; the last row stays."""
+    at = np.arange(log.n) + 1
+    for _, b in log.spans:
+        at[b - 1] = b - 1
+    return x[:, at]
+
+
+def _integral(v: np.ndarray, log: PortLog) -> np.ndarray:
+    out = np.zeros(log.n)
+    for a, b in log.spans:
+        out[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * log.dt
+    return out
+
+
+def _top_frequency(x: np.ndarray, log: PortLog) -> float:
+    """Return the frequency, Hz, below which most of the power of a signal lies, over its longest run."""
+    a, b = max(log.spans, key=lambda s: s[1] - s[0])
+    part = x[a:b] - np.mean(x[a:b])
+    power = np.cumsum(np.square(np.abs(np.fft.rfft(part))))
+    if not power[-1] > 0.0:
+        return 0.0
+    at = int(np.searchsorted(power, POWER * power[-1]))
+    return float(np.fft.rfftfreq(b - a, log.dt)[max(at, 1)])

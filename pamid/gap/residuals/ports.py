@@ -1,0 +1,323 @@
+"""A log held against a simulator with ports: what direct and simulated residuals share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...effects import all_effects
+from ...equations.noise import channel_noise
+from ...simulators.base import Simulator
+from ...simulators.catalogue import Survey, placements
+from ...simulators.placement import Placement
+from ...simulators.port_log import PortLog
+from .protocol import STATE, Spec
+from .single import _memory
+from .whitening import Whitening
+
+Active = list[tuple[Placement, Any]]
+"""Effects with their values, made: what acts at which port."""
+
+REPLICATES = 6
+"""Copies of the log with as much noise again, from which the noise of each window is taken."""
+NEAR = 12
+"""Windows to either side over which the noise of one is averaged."""
+LAGS = 3
+"""Neighbouring windows whose noise is told apart."""
+MOST_KEPT = 600
+_LEAST = 1e-6
+
+
+class Windows(NamedTuple):
+    """The windows of one equation.
+
+    Parameters
+    ----------
+    equation : str
+        Its name: the port at which it looks.
+    unit : str
+        Unit of its residual.
+    first : array of int
+        Rows of the log at which the windows begin.
+    centre : array of int
+        Rows at their centres.
+    measured : array
+        What was measured, in the equation's unit.
+    """
+
+    equation: str
+    unit: str
+    first: np.ndarray
+    centre: np.ndarray
+    measured: np.ndarray
+
+
+class PortEvidence(ABC):
+    """Residuals at the ports of a simulator, under effects at any of them.
+
+    A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals come about.
+
+    Parameters
+    ----------
+    log : PortLog
+        The log.
+    simulator : Simulator
+        The simulator; its own effects are part of it.
+
+    Attributes
+    ----------
+    placements : dict of str to Placement
+        Every effect at every port.
+    """
+
+    form_left = 0.12
+    """Share of the gap that a cause may leave: a real friction is never quite the library's."""
+    exact = False
+    """Any model may be wrong in several small ways at once."""
+    sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
+    """Windows in which none may be far out: none, where the noise is only guessed."""
+    least_gain = 6.0
+    decisive = np.inf
+    audible = 0.1
+    how = ""
+    """How residuals come about, for the reader."""
+
+    def __init__(self, log: PortLog, simulator: Simulator) -> None:
+        self.log, self.simulator = log, simulator
+        self.windows: list[Windows] = []
+        self._kept: dict[str, np.ndarray] = {}
+        self._touches: dict[str, list[str]] = {}
+        self.notes: list[str] = list(log.notes)
+        self.placements: dict[str, Placement] = {}
+        self._own: Active = []
+
+    def _settle(self) -> None:
+        """Make everything that the protocol asks for, once the windows are known."""
+        log = self.log
+        self.equations = [w.equation for w in self.windows]
+        self.units = {w.equation: w.unit for w in self.windows}
+        ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
+        self.parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        centre = np.concatenate([w.centre for w in self.windows] or [np.zeros(0, int)])
+        self.run = log.run[centre]
+        self.block, self.trajectories = self.run, list(log.names)
+        self.side = np.concatenate([np.full(len(w.first), k) for k, w in enumerate(self.windows)] or [np.zeros(0, int)])
+        self.time = log.t[centre]
+        self.measured = np.concatenate([w.measured for w in self.windows] or [np.zeros(0)])
+        self.centre = centre
+        plain = self._residual([], self.simulator.numbers)
+        gaps = {e: _rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
+        self.placements = placements(self.simulator, self._survey(gaps))
+        self._own = self._made_own()
+        self.value = self._residual(self._own, self.simulator.numbers)
+        self.skipped: dict[str, str] = {}
+        self._measure_noise()
+        self.weights = np.ones(len(self.parts))
+        lengths = np.array([b - a for a, b in log.spans]) * log.dt
+        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
+        self.free = [n for n, p in self.simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
+        self.z0 = self._whitening.white(self.value / self.noise)
+        columns = [self.z({}, {name: 1.0}) - self.z0 for name in self.free]
+        self.J = np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def _made_own(self) -> Active:
+        made: Active = []
+        for name, where, values in self.simulator.effects:
+            place = self.placements.get(f"{name}@{where}")
+            if place is None:
+                self.notes.append(f"The simulator's own effect {name} at {where} cannot act on this log.")
+                continue
+            made.append((place, place.effect(**place.inward(values))))
+        return made
+
+    # --- what a subclass says -------------------------------------------------------------------------------
+    @abstractmethod
+    def _residual(
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
+
+    @abstractmethod
+    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+        """Return the sizes of the signals."""
+
+    @abstractmethod
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return all signals at each row of the log, by name."""
+
+    @abstractmethod
+    def roles(self, equation: str) -> dict[str, str]:
+        """Return for an equation the signal behind each name of `STATE`, as far as there is one."""
+
+    # --- noise ----------------------------------------------------------------------------------------------
+    def channel_noise(self, name: str, width: int = 10) -> float:
+        """Return the standard deviation of a channel's noise a sample."""
+        x = self.log.channels[name]
+        found = [channel_noise(x[a:b], width).white for a, b in self.log.spans]
+        return float(np.sqrt(np.average(np.square(found), weights=[b - a for a, b in self.log.spans])))
+
+    def _noisy(self) -> list[str]:
+        """Return the channels that are readings, noise and all; commands are what they are."""
+        commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
+        return [name for name in self.log.channels if name not in commands]
+
+    def _measure_noise(self) -> None:
+        rng = np.random.RandomState(0)
+        sigma = {name: self.channel_noise(name) for name in self._noisy()}
+        drawn = np.zeros((REPLICATES, len(self.value)))
+        for k in range(REPLICATES):
+            noise = {n: x + sigma.get(n, 0.0) * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
+            drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
+        self.noise = np.empty(len(self.value))
+        self._drawn, self._whitening = drawn, Whitening()
+        for part in self.parts:
+            power = np.mean(np.square(drawn[:, part]), axis=0)
+            for run in np.unique(self.run[part]):
+                mine = self.run[part] == run
+                power[mine] = _smooth(power[mine], NEAR)
+            typical = float(np.median(power)) if len(power) else 0.0
+            least = max(0.04 * typical, (_LEAST * _rms(self.value[part])) ** 2, 1e-300)
+            self.noise[part] = np.sqrt(np.maximum(power, least))
+        self._whiten()
+
+    def _whiten(self) -> None:
+        """See how the noise of neighbouring windows is related."""
+        self._whitening = Whitening()
+        for part in self.parts:
+            d = self._drawn[:, part] / self.noise[part]
+            power = float(np.mean(np.square(d))) if d.size else 0.0
+            if power <= 0.0:
+                continue
+            correlations = []
+            for lag in range(1, min(LAGS, d.shape[1] - 1) + 1):
+                same = self.run[part][lag:] == self.run[part][:-lag]
+                r = float(np.mean((d[:, lag:] * d[:, :-lag])[:, same])) / power if same.any() else 0.0
+                band = np.zeros(d.shape[1])
+                band[: d.shape[1] - lag] = np.where(same, r if abs(r) > 0.03 else 0.0, 0.0)
+                correlations.append(band)
+            self._whitening.add(part, correlations, 1)
+
+    def remember(self, left: Sequence[np.ndarray]) -> None:
+        """Take what a flexible learner leaves in each equation for how long its noise remembers.
+
+        Parameters
+        ----------
+        left : sequence of array
+            For each equation what is left of its residual.
+        """
+        for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
+            if len(rest) > 8:
+                memory = _memory(self._whitened(rest, part), self.run[part])
+                self.weights[k] = 1.0 / memory
+                step = float(np.median(np.diff(self.time[part])))
+                span = len(rest) * step
+                self.stretch = max(self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3, span / 24.0))))
+
+    def _whitened(self, rest: np.ndarray, part: slice) -> np.ndarray:
+        whole = np.zeros(len(self.value))
+        whole[part] = rest / self.noise[part]
+        return self._whitening.white(whole)[part]
+
+    # --- the protocol ---------------------------------------------------------------------------------------
+    def raw(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals as the windows have them, in units of each window's noise."""
+        return self._whitening.raw(z)
+
+    def white(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals with noise that is independent from window to window: the inverse of `raw`."""
+        return self._whitening.white(z)
+
+    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
+        """Return the parameters changed by multiples of their tolerances."""
+        out = self.simulator.numbers
+        for k, (name, p) in enumerate(self.simulator.parameters.items()):
+            out[k] *= 1.0 + p.tolerance * (deviations or {}).get(name, 0.0)
+        return out
+
+    def active(self, spec: Spec) -> Active:
+        """Return the simulator's own effects and those of a spec, made."""
+        return [*self._own, *((self.placements[k], self.placements[k].effect(**v)) for k, v in spec.items())]
+
+    def z(
+        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    ) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in units of the noise and white."""
+        if not spec and not any((deviations or {}).values()):
+            return self.z0.copy()
+        key = repr(({k: dict(v) for k, v in spec.items()}, dict(deviations or {})))
+        if key not in self._kept:
+            if len(self._kept) > MOST_KEPT:
+                self._kept.clear()
+            with np.errstate(all="ignore"):
+                found = self._residual(self.active(spec), self.numbers(deviations))
+            found = np.where(np.isfinite(found), found, 1e3 * self.noise)
+            self._kept[key] = self._whitening.white(found / self.noise)
+        return self._kept[key].copy()
+
+    def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
+        return self.z(spec, dict(zip(self.free, map(float, x), strict=True))) - self.J @ x
+
+    def touched(self, names: Collection[str]) -> list[str]:
+        """Return the equations that effects change."""
+        found: set[str] = set()
+        for name in names:
+            if name not in self._touches:
+                self._touches[name] = self._touched(name) if name in self.placements else []
+            found |= set(self._touches[name])
+        return [e for e in self.equations if e in found]
+
+    def _touched(self, name: str) -> list[str]:
+        place = self.placements[name]
+        values = {p.name: p.nominal or (0.1 * p.upper if p.linear else p.nominal) for p in place.effect.parameters}
+        try:
+            change = np.abs(self.raw(self.z({name: values}) - self.z0))
+        except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
+            return []
+        return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
+
+    def widening(self, spec: Spec) -> np.ndarray | None:
+        """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
+        return None
+
+    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
+        """Return None: the noise is taken to be the same under any model."""
+        return None
+
+    def prior(self, name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected."""
+        return float(all_effects()[name].prior)
+
+    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
+        """Return what causes may leave for their form, in noise, of residuals of a scale."""
+        return self.form_left * scales
+
+    @property
+    def state(self) -> dict[str, np.ndarray]:
+        """The state at each window, by the names of `STATE`; NaN where it has none."""
+        signals = self.signals()
+        out = {name: np.full(len(self.value), np.nan) for name in STATE}
+        for equation, part in zip(self.equations, self.parts, strict=True):
+            for name, signal in self.roles(equation).items():
+                out[name][part] = signals[signal][self.centre[part]]
+        return out
+
+    def column(self, name: str, side: int = 0) -> str:
+        """Return the name under which a reader knows a signal of the state."""
+        return self.roles(self.equations[side]).get(name, name) if side < len(self.equations) else name
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0
+
+
+def _smooth(power: np.ndarray, near: int) -> np.ndarray:
+    """Return means over neighbours, fewer at the ends."""
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    at = np.arange(len(power))
+    low, high = np.maximum(at - near, 0), np.minimum(at + near + 1, len(power))
+    return (sums[high] - sums[low]) / (high - low)

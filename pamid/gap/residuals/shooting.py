@@ -1,0 +1,344 @@
+r"""Residuals of what a simulator predicts over stretches of a log, where the log does not hold its states.
+
+Each stretch begins at a state of its own, fitted to what was measured (multiple shooting), so that chaotic, unstable
+and integrating systems do not diverge. The stretches are as long as the simulator can follow the log. What a small
+change of the initial states would explain is taken out of the residual,
+
+.. math:: r = (I - O\,O^{+})\,(y - \hat y(x_0)), \qquad O = \partial \hat y/\partial x_0
+
+References
+----------
+H. G. Bock, K. J. Plitt, "A multiple shooting algorithm for direct solution of optimal control problems", IFAC
+Proceedings Volumes 17(2), 1984. https://doi.org/10.1016/S1474-6670(17)61205-9
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.catalogue import Survey
+from ...simulators.integrate import Runner, substeps_for
+from ...simulators.port_log import PortLog
+from ...simulators.structure import Joint, joints_of, kinematic_pairs, pushes_of, some_instants
+from .direct import LEAST_WINDOWS, roles_of
+from .ports import Active, PortEvidence, Windows
+
+FOLLOWS = 0.5
+"""Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
+ROUNDS = 6
+"""Rounds of fitting the initial states."""
+SHORTEST = 24
+"""Least samples of a stretch."""
+_REACH = 10.0
+
+
+class Stretch(NamedTuple):
+    """A piece of a run.
+
+    Parameters
+    ----------
+    first, stop : int
+        Its rows.
+    """
+
+    first: int
+    stop: int
+
+
+class ShootingEvidence(PortEvidence):
+    """Residuals of predictions over stretches of a log.
+
+    Parameters
+    ----------
+    log : PortLog
+        The log.
+    simulator : Simulator
+        Of the form ``"ode"`` or ``"run"``.
+    """
+
+    def __init__(self, log: PortLog, simulator: Simulator) -> None:
+        super().__init__(log, simulator)
+        self._u = log.inputs(simulator)
+        self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
+        if simulator.form == "run":
+            self.shown = [n for n in self.shown if n in simulator.outputs]
+        self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
+        self.n = max(1, min(log.n // LEAST_WINDOWS, min(b - a for a, b in log.spans) // 12))
+        self.joints: list[Joint] = []
+        self.pushes: dict[tuple[str, str], float] = {}
+        self.substeps = 1
+        self._guess = np.array([simulator.port(s).start for s in simulator.states])
+        self._lay()
+        self._look()
+        self._blocks()
+        self._settle()
+
+    # --- stretches ------------------------------------------------------------------------------------------
+    def _lay(self) -> None:
+        """Choose the longest stretches that the simulator can follow, and fit where each begins."""
+        longest = max(b - a for a, b in self.log.spans)
+        best: tuple[float, list[Stretch], np.ndarray] | None = None
+        length = longest
+        while True:
+            self.stretches = self._cut(length)
+            x0 = self._fitted_starts()
+            missed = self._missed(x0)
+            if best is None or missed < 0.7 * best[0]:
+                best = missed, self.stretches, x0
+            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run":
+                break
+            length //= 2
+        _, self.stretches, self._x0 = best
+        length = max(s.stop - s.first for s in self.stretches)
+        whole = length >= longest
+        pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
+        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
+
+    def _cut(self, length: int) -> list[Stretch]:
+        found = []
+        for a, b in self.log.spans:
+            count = max(1, round((b - a) / length))
+            edges = np.linspace(a, b, count + 1).astype(int)
+            found += [Stretch(int(x), int(y)) for x, y in pairwise(edges)]
+        return found
+
+    def _starts(self) -> np.ndarray:
+        """Return first guesses of the initial states: what was measured, else where runs start."""
+        x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
+        for k, state in enumerate(self.simulator.states):
+            if state in self.log.channels:
+                x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
+        return x0
+
+    def _fitted_starts(self) -> np.ndarray:
+        x0 = self._starts()
+        if not len(x0):
+            return x0
+        error = self._error(x0)
+        for _ in range(ROUNDS):
+            slopes = self._slopes(x0)
+            trial = x0 + self._shift(slopes, error)
+            found = self._error(trial)
+            better = np.array([np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)])
+            if not better.any():
+                break
+            x0 = np.where(better, trial, x0)
+            error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
+        return x0
+
+    def _missed(self, x0: np.ndarray) -> float:
+        """Return the largest share of a signal's deviation that predictions miss."""
+        error = np.concatenate(self._error(x0), axis=1)
+        worst = 0.0
+        for row, name in zip(error, self.shown, strict=True):
+            size = float(np.std(self.log.channels[name])) or 1.0
+            worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
+        return worst if np.isfinite(worst) else np.inf
+
+    def _error(self, x0: np.ndarray) -> list[np.ndarray]:
+        """Return what predictions miss, in units of each channel's noise, shape (n_shown, length) a stretch."""
+        predicted = self._predict(x0, [], self.simulator.numbers)
+        return [
+            np.stack([self.log.channels[n][s.first : s.stop] - p for n, p in zip(self.shown, rows, strict=True)])
+            / np.array([self.sigma[n] for n in self.shown])[:, None]
+            for s, rows in zip(self.stretches, predicted, strict=True)
+        ]
+
+    def _slopes(self, x0: np.ndarray) -> list[np.ndarray]:
+        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
+        base = self._error(x0)
+        found = [np.zeros((len(x0), *e.shape)) for e in base]
+        for k in range(len(x0)):
+            step = 1e-4 * (np.max(np.abs(x0[k])) or 1.0)
+            moved = x0.copy()
+            moved[k] += step
+            for j, error in enumerate(self._error(moved)):
+                found[j][k] = (base[j] - error) / step
+        return found
+
+    def _shift(self, slopes: list[np.ndarray], error: list[np.ndarray]) -> np.ndarray:
+        """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""
+        columns = []
+        for slope, e in zip(slopes, error, strict=True):
+            A = slope.reshape(len(slope), -1)
+            size = np.sqrt(np.sum(np.square(A), axis=1))
+            size = np.where(size > 0.0, size, 1.0)
+            H = (A / size[:, None]) @ (A / size[:, None]).T + 1e-9 * np.eye(len(A))
+            columns.append(np.linalg.solve(H, A @ np.nan_to_num(e).ravel() / size) / size)
+        return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
+
+    # --- prediction -----------------------------------------------------------------------------------------
+    def _predict(self, x0: np.ndarray, active: Active, numbers: np.ndarray) -> list[np.ndarray]:
+        """Return the predicted channels, shape (n_shown, length) a stretch."""
+        log, simulator = self.log, self.simulator
+        u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
+        for place, made in active:
+            if place.enters == "parameter":
+                k = list(simulator.parameters).index(place.at)
+                p[k] = made.adjust({"value": p[k], "along": log.along})["value"]
+            elif place.enters == "input" and not place.acts:
+                k, u = simulator.inputs.index(place.at), u.copy()
+                u[k] = place.drive(made, u[k], log.dt, log.starts)
+        if simulator.form == "run":
+            outputs = [
+                simulator.run(
+                    log.t[s.first : s.stop], u[:, s.first : s.stop], np.mean(p[:, s.first : s.stop], axis=1), x
+                )
+                for s, x in zip(self.stretches, x0.T if len(x0) else [np.zeros(0)] * len(self.stretches), strict=True)
+            ]
+            states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+        else:
+            states, outputs = self._simulate(x0, u, p, [(pl, m) for pl, m in active if pl.acts])
+        found = []
+        for x, y in zip(states, outputs, strict=True):
+            signals = dict(zip((*simulator.outputs, *simulator.states), (*y, *x), strict=False))
+            rows = {n: np.asarray(signals[n], dtype=float) for n in self.shown}
+            for place, made in active:
+                if place.enters == "output" and place.at in rows:
+                    rows[place.at] = place.reading(made, rows[place.at], log.dt, np.array([0]))
+            found.append(np.stack([rows[n] for n in self.shown]))
+        return found
+
+    def _simulate(
+        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        simulator, log = self.simulator, self.log
+        length = max(s.stop - s.first for s in self.stretches)
+        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
+        t, drive, numbers = log.t[rows], np.moveaxis(u[:, rows], 0, 1), np.moveaxis(p[:, rows], 0, 1)
+        runner = Runner(simulator, log.dt, self.joints, self.substeps)
+        x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
+        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(self.stretches)]
+        if not simulator.outputs:
+            return states, [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+        outputs = []
+        for s, own in zip(self.stretches, states, strict=True):
+            at = slice(s.first, s.stop)
+            with np.errstate(all="ignore"):
+                outputs.append(simulator.output(log.t[at], own, u[:, at], p[:, at]))
+        return states, outputs
+
+    def _look(self) -> None:
+        """See how the simulator moves: its states along the log, its joints, and what its inputs do."""
+        simulator, log = self.simulator, self.log
+        self._states = np.zeros((len(simulator.states), log.n))
+        if simulator.form != "ode":
+            return
+        p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
+        s = self.stretches[0]
+        some = slice(s.first, min(s.stop, s.first + 400))
+        drive = self._u[:, some].T[:, :, None]
+        self.substeps = substeps_for(
+            simulator, log.dt, log.t[some][:, None], self._x0[:, :1], drive, simulator.numbers[:, None]
+        )
+        self._x0 = self._fitted_starts() if self.substeps > 1 else self._x0
+        states, _ = self._simulate(self._x0, self._u, p, [])
+        for stretch, x in zip(self.stretches, states, strict=True):
+            self._states[:, stretch.first : stretch.stop] = x
+        at = some_instants(log.n)
+        x, u = self._states[:, at], self._u[:, at]
+        pairs = kinematic_pairs(simulator, log.t[at], x, u)
+        self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
+        self.joints = joints_of(simulator, pairs, self.pushes)
+        self._rates = simulator.rate(log.t, self._states, self._u, p)
+
+    # --- residuals ------------------------------------------------------------------------------------------
+    def _blocks(self) -> None:
+        self._first = [np.arange(s.first, s.stop - self.n + 1, self.n) for s in self.stretches]
+        self._first = [f[[not self.log.lost[k : k + self.n].any() for k in f]] if len(f) else f for f in self._first]
+        rows = np.concatenate(self._first)
+        self.windows = [
+            Windows(n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows))
+            for n in self.shown
+        ]
+        self._plain = self._predict(self._x0, [], self.simulator.numbers)
+        sigma = np.array([self.sigma[n] for n in self.shown])
+        slopes = self._slopes(self._x0) if len(self._x0) else [np.zeros((0, *p.shape)) for p in self._plain]
+        self._O = [
+            np.stack([self._cut_means(o * sigma[:, None], s) for o in slope]) if len(slope) else np.zeros((0, 0, 0))
+            for s, slope in enumerate(slopes)
+        ]
+
+    def _means(self, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([[0.0], np.cumsum(x)])
+        return (sums[rows + self.n] - sums[rows]) / self.n
+
+    def _cut_means(self, x: np.ndarray, k: int) -> np.ndarray:
+        """Return means over the windows of a stretch, shape (n_shown, n_windows)."""
+        rows = self._first[k] - self.stretches[k].first
+        return np.stack([self._means(row, rows) for row in x])
+
+    def _residual(
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        readings = channels or self.log.channels
+        changed = bool(active) or not np.array_equal(numbers, self.simulator.numbers)
+        predicted = self._predict(self._x0, active, numbers) if changed else self._plain
+        left = self._left(readings, predicted)
+        shift = self._explained(left)
+        if changed and channels is None and shift.size:
+            # The initial states that fit best under the change, not only to first order.
+            predicted = self._predict(self._x0 + shift, active, numbers)
+            moved = self._left(readings, predicted)
+            better = [
+                float(np.sum(np.square(m))) < 4.0 * float(np.sum(np.square(v)))
+                for m, v in zip(moved, left, strict=True)
+            ]
+            left = [m if b else v for m, v, b in zip(moved, left, better, strict=True)]
+            shift = self._explained(left)
+        for k in range(len(left)):
+            if shift.size:
+                left[k] = left[k] - np.tensordot(shift[:, k], self._O[k], axes=1)
+        return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+
+    def _left(self, readings: Mapping[str, np.ndarray], predicted: list[np.ndarray]) -> list[np.ndarray]:
+        found = []
+        for k, (s, rows) in enumerate(zip(self.stretches, predicted, strict=True)):
+            measured = np.stack([readings[n][s.first : s.stop] for n in self.shown])
+            found.append(self._cut_means(measured - np.clip(np.nan_to_num(rows), -1e12, 1e12), k))
+        return found
+
+    def _explained(self, left: list[np.ndarray]) -> np.ndarray:
+        """Return the changes of the initial states that explain most of what is left."""
+        if not len(self._x0):
+            return np.zeros((0, 0))
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        return self._shift([slope / sigma for slope in self._O], [e / sigma for e in left])
+
+    # --- for the diagnosis ----------------------------------------------------------------------------------
+    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+        log, simulator = self.log, self.simulator
+        signals = self.signals()
+        spans = {name: float(np.ptp(x)) for name, x in signals.items()}
+        sizes = dict(gaps)
+        if simulator.form == "ode":
+            for j in self.joints:
+                sizes[j.name] = 0.3 * float(np.std(self._rates[simulator.states.index(j.velocity)]))
+                if not j.position:
+                    speed = self._states[simulator.states.index(j.velocity)]
+                    spans[f"{j.name}.path"] = max(float(np.ptp(np.cumsum(speed[a:b]))) * log.dt for a, b in log.spans)
+            for k, state in enumerate(simulator.states):
+                sizes[state] = 0.3 * float(np.std(self._rates[k]))
+        lengths = [(b - a) * log.dt for a, b in log.spans]
+        tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
+        return Survey(spans, tops, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return all signals at each row of the log, by name."""
+        found = dict(zip(self.simulator.inputs, self._u, strict=True)) | dict(self.log.channels)
+        for k, state in enumerate(self.simulator.states):
+            if state not in found and self.simulator.form == "ode":
+                found[state] = self._states[k]
+        return found
+
+    def roles(self, equation: str) -> dict[str, str]:
+        """Return for an equation the signal behind each name of the state, as far as there is one."""
+        found = roles_of(self.simulator, self.joints, equation)
+        if self.simulator.form != "ode":
+            found = {k: v for k, v in found.items() if v in self.simulator.inputs}
+        return found

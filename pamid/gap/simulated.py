@@ -1,0 +1,218 @@
+"""The diagnosis of any simulator with ports: which effect, at which port, and what the simulator is with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..effects.registry import effects_beside
+from ..simulators.base import Simulator
+from ..simulators.catalogue import chosen
+from ..simulators.placement import Placement
+from ..simulators.port_log import port_log
+from .diagnosis.result import Candidate, Cause, Diagnosis
+from .engine import explain
+from .inference.floor import explainable
+from .inference.sensitivity import templates
+from .residuals.direct import DirectEvidence, measured_states
+from .residuals.ports import PortEvidence
+from .residuals.protocol import STATE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def diagnose_simulator(
+    log: pd.DataFrame,
+    simulator: Simulator,
+    effects: str | Sequence[str] = "all",
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Say where a simulator and a log disagree, which effect at which port is the cause, and how far the gap closes.
+
+    Parameters with a tolerance are refitted within it together with every candidate.
+
+    Parameters
+    ----------
+    log : DataFrame
+        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name.
+    simulator : Simulator
+        The simulator.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be causes: names as `pamid.simulators.port_effects` gives them, at every port, or such as
+        ``"viscous_friction@motor"``.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer; its causes say where they act, and ``corrected`` is the simulator with them.
+
+    Raises
+    ------
+    MissingColumnError, ShortTrajectoryError
+        The log cannot be used.
+    UnknownOptionError
+        No effect has a name.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.gap import diagnose_simulator
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> rng, runs = np.random.default_rng(0), []
+    >>> for k in range(4):  # a mass of 2 kg on a rail, pushed to and fro, with 3 N s/m of friction
+    ...     t, x, v = np.arange(0, 8, 0.01), [0.0], [0.0]
+    ...     F = 5 * np.sin((1 + k) * t) + 3 * np.sin(0.7 * t)
+    ...     for f in F[:-1]:
+    ...         v.append(v[-1] + 0.01 * (f - 3 * v[-1]) / 2)
+    ...         x.append(x[-1] + 0.005 * (v[-1] + v[-2]))
+    ...     noisy = {"x": x + 1e-5 * rng.standard_normal(800), "v": v + 1e-3 * rng.standard_normal(800)}
+    ...     runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, **noisy}))
+    >>> ports = [Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    >>> rail = FunctionSimulator(lambda t, x, u, p: [x.v, u.F / p.m], ports, {"m": (2.0, 0.05, "kg")})
+    >>> found = diagnose_simulator(pd.concat(runs), rail, ["viscous_friction", "quadratic_drag", "actuator_gain"])
+    >>> found.causes[0].effects, found.causes[0].where, round(found.causes[0].parameters["coefficient"].value, 1)
+    (('viscous_friction',), ('x',), 3.0)
+    """
+    from threadpoolctl import threadpool_limits
+
+    say = progress or (lambda _: None)
+    say("read the log")
+    evidence = evidence_of(log, simulator)
+    library = [k for k in chosen(evidence.placements, effects) if evidence.touched([k])]
+    # Thousands of small products: threads would only wait for one another.
+    with threadpool_limits(1), effects_beside({k: p.effect for k, p in evidence.placements.items()}):
+        say("what could be explained at all")
+        _learn(evidence, library)
+        notes = [f"The residuals are {evidence.how}.", *evidence.notes]
+        found = explain(evidence, library, np.random.RandomState(seed), notes, say)
+    return outward(found, evidence)
+
+
+def evidence_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
+    """Return a log held against a simulator: directly where it holds the states, else by simulating short stretches.
+
+    Parameters
+    ----------
+    log : DataFrame
+        The log.
+    simulator : Simulator
+        The simulator.
+
+    Returns
+    -------
+    PortEvidence
+        The residuals.
+    """
+    at_ports = port_log(log, simulator)
+    derived = measured_states(simulator, at_ports)
+    if derived is not None:
+        return DirectEvidence(at_ports, simulator, derived)
+    from .residuals.shooting import ShootingEvidence
+
+    return ShootingEvidence(at_ports, simulator)
+
+
+def _learn(evidence: PortEvidence, library: Sequence[str]) -> None:
+    """Let the evidence know for how long what no learner predicts in an equation remembers."""
+    left = []
+    found = [t for name in library for t in templates(evidence, evidence.placements[name].effect)]
+    for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+        mine = [replace(t, columns=evidence.raw(t.columns)[part]) for t in found]
+        noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
+        view = _view(evidence, equation, part)
+        left.append(explainable(view, [t for t in mine if np.any(t.columns)], noise).left)
+    evidence.remember(left)
+
+
+def _view(evidence: PortEvidence, equation: str, part: slice) -> Any:
+    """Return one equation of the evidence as a learner reads it."""
+    signals = {k: v for k, v in evidence.signals().items() if np.ptp(v) > 0.0}
+    roles = evidence.roles(equation)
+    table = {k: v for k, v in signals.items() if k != roles.get("eps")}
+    if roles.get("eps") in signals:
+        table["position"] = signals[roles["eps"]]
+    return SimpleNamespace(
+        value=evidence.value[part], noise=evidence.noise[part], run=evidence.run[part], table=table,
+        path=table.get("position", np.zeros(evidence.log.n)), first=evidence.centre[part], n=1,
+        borders=evidence.log.starts, dt=evidence.log.dt,
+    )  # fmt: skip
+
+
+# --- the answer ---------------------------------------------------------------------------------------------
+def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
+    """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        What the inference says, in the library's units.
+    evidence : PortEvidence
+        What it was found on.
+
+    Returns
+    -------
+    Diagnosis
+        The same for the reader.
+    """
+    places = evidence.placements
+    causes = [_cause(c, places) for c in found.causes]
+    known = found.verdict in ("cause", "class", "several")
+    corrected = corrected_simulator(evidence, found) if known else None
+    return replace(
+        found,
+        causes=causes,
+        candidates=[_candidate(c, places) for c in found.candidates],
+        windows=_windows(found, evidence),
+        nominal=evidence.simulator,
+        corrected=corrected,
+    )
+
+
+def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
+    """Return the simulator with the causes added: its own effects, and the first of each cause."""
+    added = []
+    for cause in found.causes:
+        place = evidence.placements[cause.effects[0]]
+        inward = {k: p.value for k, p in cause.parameters.items()}
+        added.append((place, place.outward(inward)))
+    simulator = evidence.simulator
+    numbers = dict(zip(simulator.parameters, evidence.numbers(found.deviations), strict=True))
+    for place, values in added:
+        if place.enters == "parameter" and "deviation" in values:
+            numbers[place.at] = numbers[place.at] * (1.0 + values["deviation"])
+    kept = [(p.name, p.port, v) for p, v in added if p.enters != "parameter" or "deviation" not in v]
+    return simulator.with_(numbers, [*simulator.effects, *kept])
+
+
+def _cause(cause: Cause, places: Mapping[str, Placement]) -> Cause:
+    first = places[cause.effects[0]]
+    parameters = {}
+    for name, p in cause.parameters.items():
+        f = first.factor(name)
+        low, high = sorted((p.ci90[0] * f, p.ci90[1] * f))
+        parameters[name] = replace(p, value=p.value * f, ci90=(low, high), unit=first.units.get(name, p.unit))
+    names = tuple(places[e].name for e in cause.effects)
+    return replace(cause, effects=names, where=tuple(places[e].port for e in cause.effects), parameters=parameters)
+
+
+def _candidate(c: Candidate, places: Mapping[str, Placement]) -> Candidate:
+    place = places.get(c.effect)
+    return c if place is None else replace(c, effect=place.name, where=place.port)
+
+
+def _windows(found: Diagnosis, evidence: PortEvidence) -> pd.DataFrame:
+    signals = {k: v[evidence.centre] for k, v in evidence.signals().items()}
+    table = found.windows.drop(columns=[c for c in STATE if c in found.windows.columns])
+    taken = [c for c in table.columns if c in signals]
+    return table.assign(**{k: v for k, v in signals.items() if k not in taken})

@@ -1,0 +1,175 @@
+"""What a simulator is to the diagnosis: ports, parameters, and one of three ways to say what the system does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import ParameterError, UnknownParameterError
+from .ports import ModelParameter, Port, as_parameters
+
+FORMS = ("algebraic", "ode", "run")
+"""How a simulator answers: outputs from inputs at an instant; the rates of its states; a whole run from its inputs."""
+
+
+class Simulator:
+    """A model of a system with ports, of any origin.
+
+    A subclass states its `form` and overrides the methods of that form: ``output`` for an algebraic one; ``rate`` (and
+    ``output``, where not every state is one) for one of states; ``run`` for whole runs.
+
+    Parameters
+    ----------
+    ports : sequence of Port
+        Its ports.
+    parameters : mapping of str to float, tuple or ModelParameter, optional
+        Its numbers: values, or (value, tolerance, unit).
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it: name, port, values of the parameters.
+
+    Raises
+    ------
+    ParameterError
+        Two ports share a name, or one refers to another that is not there.
+
+    Examples
+    --------
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> ports = [Port("voltage", "input", "V"), Port("speed", "state", "rad/s")]
+    >>> motor = FunctionSimulator(lambda t, x, u, p: [(u.voltage - p.k * x.speed) / p.J], ports, {"k": 0.04, "J": 1e-4})
+    >>> motor.form, motor.inputs, motor.states
+    ('ode', ('voltage',), ('speed',))
+    """
+
+    form: str = "ode"
+    kind: ClassVar[str] = "function"
+    """Kind of its page, see `pamid.systems`."""
+
+    def __init__(
+        self,
+        ports: Sequence[Port],
+        parameters: Mapping[str, Any] | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
+    ) -> None:
+        self.ports = tuple(ports)
+        self.parameters: dict[str, ModelParameter] = as_parameters(parameters)
+        self.effects = tuple((name, where, dict(values)) for name, where, values in effects)
+        names = [p.name for p in self.ports]
+        if twice := sorted({n for n in names if names.count(n) > 1 or n in self.parameters}):
+            raise ParameterError(f"The name {', '.join(twice)} stands for two ports.", "one each", "Rename one.")
+        for port in self.ports:
+            self._check_links(port)
+
+    def _check_links(self, port: Port) -> None:
+        for what, kinds in (("position", ("state",)), ("velocity", ("state",)), ("level", ("state", "output"))):
+            named = getattr(port, what)
+            if named and not any(p.name == named and p.kind in kinds for p in self.ports):
+                raise ParameterError(
+                    f"{what} of the {port.kind} {port.name} is {named!r}.",
+                    f"a state: {', '.join(self.states) or 'there is none'}",
+                    "Name a state of the simulator.",
+                )
+        if port.through and port.through not in self.inputs:
+            raise ParameterError(
+                f"through of the {port.kind} {port.name} is {port.through!r}.",
+                f"an input: {', '.join(self.inputs) or 'there is none'}",
+                "Name the input that its forces act like.",
+            )
+
+    def _of(self, kind: str) -> tuple[str, ...]:
+        return tuple(p.name for p in self.ports if p.kind == kind)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self._of("input")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self._of("state")
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self._of("output")
+
+    def port(self, name: str) -> Port:
+        """Return a port by its name.
+
+        Raises
+        ------
+        ParameterError
+            There is none of that name.
+        """
+        for p in self.ports:
+            if p.name == name:
+                return p
+        if name in self.parameters:
+            return Port(name, "parameter", self.parameters[name].unit)
+        known = [p.name for p in self.ports] + list(self.parameters)
+        raise ParameterError(f"There is no port {name!r}.", f"one of {', '.join(known)}", "Correct the name.")
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Values of the parameters, in order."""
+        return np.array([p.value for p in self.parameters.values()], dtype=float)
+
+    def with_(
+        self,
+        parameters: Mapping[str, float] | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] | None = None,
+    ) -> Simulator:
+        """Return the same simulator with other values of parameters, or other effects.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float, optional
+            New values; the others stay.
+        effects : sequence of (str, str, mapping), optional
+            All effects: name, port, values.
+
+        Returns
+        -------
+        Simulator
+            A copy.
+
+        Raises
+        ------
+        UnknownParameterError
+            It has no parameter of a name.
+        """
+        import copy
+        from dataclasses import replace
+
+        if extra := sorted(set(parameters or {}) - set(self.parameters)):
+            raise UnknownParameterError(
+                f"The simulator has no parameter {', '.join(extra)}.",
+                f"only {', '.join(self.parameters)}",
+                "Correct it.",
+            )
+        out = copy.copy(self)
+        changed = {k: replace(self.parameters[k], value=float(v)) for k, v in (parameters or {}).items()}
+        out.parameters = {**self.parameters, **changed}
+        if effects is not None:
+            out.effects = tuple((name, where, dict(values)) for name, where, values in effects)
+        return out
+
+    # --- the forms ------------------------------------------------------------------------------------------
+    def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates of the states, shape (n_states, n); t (n,), x (n_states, n), u (n_inputs, n), p (n_p, n)."""
+        raise NotImplementedError
+
+    def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the outputs, shape (n_outputs, n)."""
+        raise NotImplementedError
+
+    def inertia(self, x: np.ndarray) -> np.ndarray | None:
+        """Return what turns the rates of the velocities into forces, shape (n, n_velocities, n_velocities), or None."""
+        return None
+
+    def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs of a run, shape (n_outputs, n); t (n,), u (n_inputs, n), p (n_p,), x0 (n_states,)."""
+        raise NotImplementedError

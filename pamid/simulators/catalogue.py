@@ -1,0 +1,302 @@
+"""Which effects can act at which ports of a simulator, under names that say both."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ..effects import Effect, Parameter, all_effects
+from ..errors import UnknownOptionError
+from .base import Simulator
+from .dimensions import powers, unit_powers, unit_text
+from .placement import Placement, Scales, named
+from .structure import Joint, rate_unit
+
+_STRAIN, _RUN = 0.2, 10.0
+_RUNS = 0.5, 100.0
+_TOP = 5e5
+_GAP = {"force": 10.0, "flow": 1e-4}
+_PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
+_MOTOR = {True: "viscous_friction", False: "back_emf"}
+_GEOMETRY = {"bladder_elasticity"}
+
+
+class Survey(NamedTuple):
+    """Sizes of the signals of a log at the ports of a simulator.
+
+    Parameters
+    ----------
+    spans : dict of str to float
+        Range of each state, input and output.
+    tops : dict of str to float
+        Largest size of each state.
+    gaps : dict of str to float
+        How large a force or flow would matter at a joint or state, in the unit of its rate.
+    readings : sequence of str
+        Outputs and states that sensors measured.
+    pushes : dict of (str, str) to float
+        For an input and a state what the input does to its rate.
+    joints : list of Joint
+        The joints.
+    run_length, interval : float
+        Typical length of a run and sampling interval, s.
+    """
+
+    spans: Mapping[str, float]
+    tops: Mapping[str, float]
+    gaps: Mapping[str, float]
+    readings: Sequence[str]
+    pushes: Mapping[tuple[str, str], float]
+    joints: Sequence[Joint]
+    run_length: float
+    interval: float
+
+    @property
+    def time(self) -> float:
+        """What a second of the log counts, s: runs of other lengths than usual are taken as usual ones."""
+        usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
+        return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
+
+
+class ParameterDeviation(Effect):
+    r"""A parameter that is off by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
+
+    family = "parameter"
+    equations = ()
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("deviation", "-", -0.95, 5.0, 0.1, "relative deviation"),)
+    deviation: float
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the changed value."""
+        return {"value": values["value"] * (1.0 + self.deviation)}
+
+
+class ParameterDrift(Effect):
+    r"""A parameter that drifts over the log: :math:`p' = p\,(1 + d\,(s - \tfrac12))`, s going from 0 to 1 along it."""
+
+    family = "parameter"
+    equations = ()
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("drift", "-", -0.9, 0.9, 0.1, "relative change from the beginning of the log to its end"),)
+    drift: float
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the value at a share ``along`` of the log."""
+        return {"value": values["value"] * (1.0 + self.drift * (values["along"] - 0.5))}
+
+
+_OF_PARAMETERS = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
+
+
+def placements(simulator: Simulator, survey: Survey) -> dict[str, Placement]:
+    """Return every effect at every port where it can act.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    survey : Survey
+        Sizes of the signals.
+
+    Returns
+    -------
+    dict of str to Placement
+        By their keys, such as ``"viscous_friction@motor"``.
+    """
+    found = [*_at_inputs(simulator, survey), *_at_outputs(simulator, survey), *_at_joints(simulator, survey)]
+    found += [*_at_chambers(simulator, survey), *_at_parameters(simulator)]
+    return {p.key: p for p in found}
+
+
+def port_effects() -> dict[str, tuple[str, type[Effect]]]:
+    """Return the effects that can act at ports, by their names there, with the kind of port.
+
+    Returns
+    -------
+    dict of str to (str, class)
+        Kind of port and effect of the library.
+
+    Examples
+    --------
+    >>> from pamid.simulators import port_effects
+    >>> port_effects()["actuator_dead_zone"][0], port_effects()["viscous_friction"][0]
+    ('input', 'joint')
+    """
+    found: dict[str, tuple[str, type[Effect]]] = {}
+    own = [(name, effect) for name, effect in all_effects().items() if "@" not in name]
+    for name, effect in sorted(own, key=lambda item: _rank(item[0])):
+        hooks, bare = effect.hooks(), _PREFIX.sub("", name)
+        if "command" in hooks and powers(effect, "command") is not None:
+            found.setdefault(f"actuator_{bare}", ("input", effect))
+        if "measure" in hooks and "joint" in effect.kinds and powers(effect, "measure") is not None:
+            found.setdefault(f"sensor_{bare}", ("output", effect))
+            if not effect.n_states:  # lags and delays of commands are effects of their own
+                found.setdefault(f"actuator_{bare}", ("input", effect))
+        acts = bool({"force", "torque"} & set(hooks)) and {"joint", "motor"} & set(effect.kinds)
+        if acts and name not in _GEOMETRY and powers(effect, "force") is not None:
+            found.setdefault(name, ("joint", effect))
+        if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
+            found.setdefault(name, ("chamber", effect))
+    return found | {name: ("parameter", effect) for name, effect in _OF_PARAMETERS.items()}
+
+
+def _rank(name: str) -> tuple[bool, str]:
+    """Return where an effect stands among those that become the same one at a port: a force's sensor first."""
+    return not name.startswith("force"), name
+
+
+def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list[str]:
+    """Return the keys that a choice among the library stands for.
+
+    Parameters
+    ----------
+    found : mapping of str to Placement
+        Every effect at every port.
+    effects : "all", str or sequence of str
+        The whole library, or names: of effects (at every port), or of effects at ports.
+
+    Raises
+    ------
+    UnknownOptionError
+        Nothing has one of the names.
+    """
+    if isinstance(effects, str) and effects == "all":
+        return list(found)
+    wanted = [effects] if isinstance(effects, str) else list(effects)
+    library, known = all_effects(), port_effects()
+    keys: list[str] = []
+    for name in wanted:
+        own = [k for k, p in found.items() if name in (k, p.name) or library.get(name) is known[p.name][1]]
+        if not own and name not in library and name not in known:
+            raise UnknownOptionError(
+                f"No effect {name!r} can act at a port of this simulator.",
+                f"one of {', '.join(dict.fromkeys(p.name for p in found.values()))}",
+                "Correct the name.",
+            )
+        keys += own
+    return list(dict.fromkeys(keys))
+
+
+# --- the kinds of ports -------------------------------------------------------------------------------------
+def _placed(
+    name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
+    scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
+) -> Placement:  # fmt: skip
+    key = f"{name}@{port}"
+    known = {} if hook == "flow" else powers(effect, hook) or {}
+    units = {}
+    for p in effect.parameters:
+        plain = [("s", unit_powers(p.unit).get("s", 0))]
+        if hook in ("force", "flow"):
+            plain = [({"N": target, "m": "", "kg": target}.get(w, w), n) for w, n in unit_powers(p.unit).items()]
+        units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
+    changes = {} if prior is None else {"prior": prior}
+    bound = named(effect, key, hidden, equations=(), **changes)
+    return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
+
+
+def _at_inputs(simulator: Simulator, survey: Survey) -> list[Placement]:
+    found = []
+    for port in simulator.ports:
+        span = survey.spans.get(port.name, 0.0)
+        if port.kind != "input" or not span > 0.0:
+            continue
+        for name, (kind, effect) in port_effects().items():
+            if kind == "input":
+                hook = "command" if "command" in effect.hooks() else "measure"
+                scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
+                hidden = tuple(p.name for p in effect.parameters if p.share and p.nominal == 0.0)
+                found.append(
+                    _placed(name, effect, port.name, hook, "input", port.name, {}, scales, port.unit, port.unit, hidden)
+                )
+    return found
+
+
+def _at_outputs(simulator: Simulator, survey: Survey) -> list[Placement]:
+    found = []
+    for port in survey.readings:
+        span = survey.spans.get(port, 0.0)
+        if not span > 0.0:
+            continue
+        unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
+        for name, (kind, effect) in port_effects().items():
+            if kind == "output":
+                found.append(_placed(name, effect, port, "measure", "output", port, {}, scales, unit, unit))
+    return found
+
+
+def _at_joints(simulator: Simulator, survey: Survey) -> list[Placement]:
+    found = []
+    for joint in survey.joints:
+        span = survey.spans.get(joint.position) or survey.spans.get(f"{joint.name}.path", 0.0)
+        if not span > 0.0:
+            continue
+        unit = simulator.port(joint.position).unit if joint.position else _travel(simulator.port(joint.velocity).unit)
+        size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
+        if joint.through:
+            size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
+        follows = {"position": joint.position or f"{joint.name}.path", "velocity": joint.velocity}
+        enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
+        for name, (kind, effect) in port_effects().items():
+            if kind == "joint" and name == _MOTOR.get(joint.unit == "V"):
+                continue  # in volts a viscous friction and a motor's back-EMF are one and the same
+            if kind != "joint" or ("pressure" in effect.roles and not _without_pressure(effect)):
+                continue
+            scale = 1.0 if effect.site == "joint" else span / _STRAIN
+            scales = Scales(scale, survey.time, size / _GAP["force"] or 1.0)
+            hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
+            used = {r: s for r, s in follows.items() if r in effect.roles}
+            prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
+            found.append(
+                _placed(name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior)
+            )
+    return found
+
+
+def _without_pressure(effect: type[Effect]) -> bool:
+    """Tell whether an effect that may follow a pressure does without one."""
+    return any(p.linear and p.nominal and "Pa" not in unit_powers(p.unit) for p in effect.parameters)
+
+
+def _travel(unit: str) -> str:
+    return unit.removesuffix("/s") or "-"
+
+
+def _at_chambers(simulator: Simulator, survey: Survey) -> list[Placement]:
+    found = []
+    moving = {n for j in survey.joints for n in (j.position, j.velocity)}
+    chambers = {p.level: (p.name, p.through, p.unit) for p in simulator.ports if p.kind == "chamber"}
+    for state in simulator.states:
+        span = survey.spans.get(state, 0.0)
+        if state in moving or not span > 0.0:
+            continue
+        name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
+        size = survey.gaps.get(state, 0.0)
+        if through:
+            size /= abs(survey.pushes.get((through, state), 1.0)) or 1.0
+            unit = simulator.port(through).unit
+        for effect_name, (kind, effect) in port_effects().items():
+            if kind == "chamber":
+                scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, pressure=_TOP / survey.tops[state])
+                enters, at = ("input", through) if through else ("state", state)
+                found.append(
+                    _placed(
+                        effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
+                        simulator.port(state).unit,
+                    )
+                )  # fmt: skip
+    return found
+
+
+def _at_parameters(simulator: Simulator) -> list[Placement]:
+    found = []
+    for name, parameter in simulator.parameters.items():
+        if parameter.value == 0.0:
+            continue
+        for effect_name, effect in _OF_PARAMETERS.items():
+            bound = named(effect, f"{effect_name}@{name}", equations=(), prior=-1.0)
+            units = {p.name: "-" for p in effect.parameters}
+            found.append(Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units))
+    return found

@@ -1,0 +1,154 @@
+"""In which power of a signal's unit each parameter of an effect counts."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ..effects import Effect, Parameter, Signals
+
+_SHRUNK = 0.6
+_STARTS = np.array([0])
+
+
+def ambient() -> Any:
+    """Return what an effect may know of a system without a bench's numbers: surroundings at zero."""
+    return SimpleNamespace(atmospheric_pressure=0.0, critical_pressure_ratio=0.5, reference_density=1.185)
+
+
+@cache
+def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
+    """Return for each parameter of an effect the power of a signal's unit in it.
+
+    With the signal shrunk by a factor and every parameter by that power of it, the effect does the same: it adds the
+    same force, or changes a command or a reading by the same share.
+
+    Parameters
+    ----------
+    effect : class
+        An effect.
+    hook : str
+        ``"force"`` (the signal is the position), ``"command"`` or ``"measure"`` (the signal is what is changed).
+
+    Returns
+    -------
+    dict of str to int, or None
+        The powers; None where the effect has no such scaling, as one that knows a muscle's geometry.
+    """
+    if hook == "force" and effect.site == "joint":  # an angle is an angle
+        return dict.fromkeys((p.name for p in effect.parameters), 0)
+    if hook == "force":
+        declared = {p.name: p.position for p in effect.parameters}
+        return (
+            declared
+            if _scales(effect, hook, declared, {p.name: _generic(p, True) for p in effect.parameters})
+            else None
+        )
+    for fill in (True, False):
+        values = {p.name: _generic(p, fill) for p in effect.parameters}
+        choices = [(0,) if p.unit == "s" or p.share else (0, 1) for p in effect.parameters]
+        for some in sorted(itertools.product(*choices), key=sum):
+            named = dict(zip(values, some, strict=True))
+            if _scales(effect, hook, named, values):
+                return named
+    return None
+
+
+def _scales(effect: type[Effect], hook: str, named: Mapping[str, int], values: Mapping[str, float]) -> bool:
+    """Tell whether an effect does the same to a smaller signal, its parameters changed by powers of the factor."""
+    does = {"force": _force, "command": _command, "measure": _reading}[hook]
+    wanted = _quietly(does, effect, values, 1.0)
+    if wanted is None or not np.any(wanted):
+        return False
+    found = _quietly(does, effect, {k: v * _SHRUNK ** named[k] for k, v in values.items()}, _SHRUNK)
+    return found is not None and bool(np.allclose(found, wanted, rtol=1e-6, atol=1e-9 * float(np.max(np.abs(wanted)))))
+
+
+def _generic(p: Parameter, fill: bool) -> float:
+    """Return a value of a parameter that shows what it does; nominal ones where nothing need be shown."""
+    value = p.nominal
+    if not value and fill:
+        value = 0.4 if p.share else min(0.1 * p.upper, 10.0)
+    return float(np.clip(value, p.lower, p.upper))
+
+
+def _quietly(does: Any, effect: type[Effect], values: Mapping[str, float], scale: float) -> np.ndarray | None:
+    try:
+        with np.errstate(all="ignore"):
+            return np.asarray(does(effect(**values), scale), dtype=float)
+    except Exception:  # it reads a signal or a number of a muscle, or a value has left its bounds
+        return None
+
+
+def _force(made: Effect, scale: float) -> Any:
+    t = np.linspace(0.0, 3.0, 80)
+    s = Signals(
+        time=t,
+        position=scale * (0.1 + 0.03 * np.sin(3.0 * t) + 0.015 * np.sin(7.0 * t)),
+        velocity=scale * (0.09 * np.cos(3.0 * t) + 0.105 * np.cos(7.0 * t)),
+        pressure=3e5 + 1e5 * np.sin(2.0 * t),
+        command=np.sin(4.0 * t),
+        force=20.0 + 10.0 * np.cos(5.0 * t),
+    )
+    x = made.trace(s, ambient(), t[1], _STARTS)
+    hooks = made.hooks()
+    return sum((getattr(made, hook)(s, x, ambient()) for hook in ("force", "torque") if hook in hooks), np.zeros(80))
+
+
+def _command(made: Effect, scale: float) -> Any:
+    t = np.linspace(0.0, 3.0, 80)
+    s = Signals(time=t, command=scale * np.sin(4.0 * t))
+    return made.command(s.command, s, made.trace(s, ambient(), t[1], _STARTS), ambient()) / scale - s.command / scale
+
+
+def _reading(made: Effect, scale: float) -> Any:
+    t = np.linspace(0.0, 3.0, 80)
+    y = 1000.0 * scale * np.sin(4.0 * t)  # larger than any typical limit
+    s = Signals(time=t, position=y, force=y, flow=y, pressure=y)
+    x = made.trace(s, ambient(), t[1], _STARTS) if made.n_states else np.zeros((0,))
+    return made.measure(y, x) / scale - y / scale
+
+
+def unit_powers(unit: str) -> dict[str, int]:
+    """Return a unit as powers of its words.
+
+    Examples
+    --------
+    >>> from pamid.simulators.dimensions import unit_powers
+    >>> unit_powers("m^3/(s Pa)")
+    {'m': 3, 's': -1, 'Pa': -1}
+    """
+    above, _, below = unit.partition("/")
+    found: dict[str, int] = {}
+    for part, sign in ((above, 1), (below, -1)):
+        for word, power in re.findall(r"([A-Za-z]+)(?:\^(\d+))?", part):
+            found[word] = found.get(word, 0) + sign * int(power or 1)
+    return {k: v for k, v in found.items() if v}
+
+
+def unit_text(factors: list[tuple[str, int]]) -> str:
+    """Return a product of units with powers as text.
+
+    Examples
+    --------
+    >>> from pamid.simulators.dimensions import unit_text
+    >>> unit_text([("V", 1), ("s", 1), ("rad", -1)])
+    'V s/rad'
+    """
+    total: dict[str, int] = {}
+    for unit, power in factors:
+        plain = unit not in ("", "-", "1")
+        for word, own in (unit_powers(unit) if re.fullmatch(r"[A-Za-z ^0-9/()]*", unit) else {unit: 1}).items():
+            if plain:
+                total[word] = total.get(word, 0) + own * power
+    top = [w if n == 1 else f"{w}^{n}" for w, n in total.items() if n > 0]
+    bottom = [w if n == -1 else f"{w}^{-n}" for w, n in total.items() if n < 0]
+    if not bottom:
+        return " ".join(top) or "-"
+    return f"{' '.join(top) or '1'}/{bottom[0] if len(bottom) == 1 else '(' + ' '.join(bottom) + ')'}"

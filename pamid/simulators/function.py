@@ -1,0 +1,261 @@
+"""A simulator that is a Python function: an algebraic model, the rates of its states, or whole runs."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import ParameterError, ShapeError, SimulatorNotFoundError, UnknownOptionError
+from .base import Simulator
+from .ports import Port, Values
+
+_FORMS = ("ode", "algebraic", "run")
+
+
+class FunctionSimulator(Simulator):
+    r"""A function with ports.
+
+    .. math:: \dot x = f(t, x, u, p) \quad\text{or}\quad y = g(u, p) \quad\text{or}\quad y(t) = s(u, p, x_0)
+
+    Parameters
+    ----------
+    function : callable
+        ``f(t, x, u, p)`` returns the rates of the states; ``g(u, p)`` (or ``g(t, u, p)``) the outputs at an instant;
+        ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``. x, u and p go by name
+        (``x["angle"]``, ``x.angle``) and by place (``x[0]``). It returns numbers in the order of the ports, or a
+        mapping by name.
+    ports : sequence of Port
+        Its ports.
+    parameters : mapping, optional
+        Its numbers: values, or (value, tolerance, unit).
+    output : callable, optional
+        ``h(t, x, u, p)`` for a function of rates: what the output ports show.
+    form : {"ode", "algebraic", "run"}, optional
+        Which of the three it is; by default what its arguments say.
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it.
+    source : str, default=""
+        Where it was imported from, for its page.
+
+    Raises
+    ------
+    UnknownOptionError
+        The form is none.
+
+    Examples
+    --------
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
+    >>> piston = FunctionSimulator(lambda u, p: {"F": u.P * p.area}, ports, {"area": (5e-4, 0.02, "m^2")})
+    >>> piston.form
+    'algebraic'
+    """
+
+    kind: ClassVar[str] = "function"
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        ports: Sequence[Port],
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        output: Callable[..., Any] | None = None,
+        form: str | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
+        source: str = "",
+    ) -> None:
+        super().__init__(ports, parameters, effects)
+        self.function, self.output_function, self.source = function, output, source
+        self._arguments = _arguments(function)
+        self.form = form or _form_of(self._arguments, bool(self.states))
+        if self.form not in _FORMS:
+            raise UnknownOptionError(f"form is {form!r}.", f"one of {', '.join(_FORMS)}", "Correct it.")
+        self._fast: dict[str, bool] = {}
+
+    def _call(
+        self, what: str, function: Callable[..., Any], arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
+        t: np.ndarray | None, names: tuple[str, ...],
+    ) -> np.ndarray:  # fmt: skip
+        """Return a function at many instants at once where it can be asked so, else one after the other."""
+        n = arguments[0][0].shape[1]
+
+        def at(k: Any) -> np.ndarray:
+            given = [Values.of(rows[:, k], labels) for rows, labels in arguments]
+            with np.errstate(all="ignore"):
+                return _rows(function(*([] if t is None else [t[k]]), *given), names, function)
+
+        if n == 0:
+            return np.zeros((len(names), 0))
+        fast = self._fast.get(what)
+        if fast is None and n > 1:
+            fast = self._fast[what] = _agrees(at, n, len(names))
+        if fast:
+            out = at(slice(None))
+            return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
+        return np.stack([at(k).reshape(len(names)) for k in range(n)], axis=1).astype(float)
+
+    def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates of the states, shape (n_states, n)."""
+        given = [(x, self.states), (u, self.inputs), (p, tuple(self.parameters))]
+        return self._call("rate", self.function, given, t, self.states)
+
+    def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the outputs, shape (n_outputs, n)."""
+        if self.form == "algebraic":
+            timed = len(self._arguments) > 2
+            given = [(u, self.inputs), (p, tuple(self.parameters))]
+            return self._call("output", self.function, given, t if timed else None, self.outputs)
+        if self.output_function is None:
+            return np.zeros((0, x.shape[1]))
+        given = [(x, self.states), (u, self.inputs), (p, tuple(self.parameters))]
+        return self._call("output", self.output_function, given, t, self.outputs)
+
+    def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs of a whole run, shape (n_outputs, n)."""
+        given = Values.of(np.vstack([t[None], u]), ("time", *self.inputs))
+        answer = self.function(given, Values.of(p, self.parameters), Values.of(x0, self.states))
+        out = _rows(answer, self.outputs, self.function)
+        if out.shape != (len(self.outputs), len(t)):
+            raise ShapeError(
+                f"{_name(self.function)} returned {out.shape} for a run of {len(t)} samples.",
+                f"{len(self.outputs)} outputs of {len(t)} samples each",
+                "Return the outputs at the times u['time'].",
+            )
+        return out
+
+
+def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]:
+    """Import a function: this runs the code of its module.
+
+    Parameters
+    ----------
+    source : str
+        ``"module:function"``, or ``"file.py:function"``.
+    folder : Path, optional
+        Where a file is looked for, and modules before all others.
+
+    Returns
+    -------
+    callable
+        The function.
+
+    Raises
+    ------
+    SimulatorNotFoundError
+        There is no such module or function.
+    ParameterError
+        The text is no name of a function, or its module fails.
+    """
+    module, colon, name = source.rpartition(":")
+    if not colon or not module or not name:
+        raise ParameterError(f"The function is {source!r}.", "'module:function' or 'file.py:function'", "Correct it.")
+    try:
+        loaded = _load_file(Path(folder or ".") / module) if module.endswith(".py") else _load_module(module, folder)
+    except (SimulatorNotFoundError, ParameterError):
+        raise
+    except (Exception, SystemExit) as error:
+        raise ParameterError(
+            f"{module} cannot be imported: {type(error).__name__}: {error}.", "a module without errors", "Correct it."
+        ) from error
+    found = getattr(loaded, name, None)
+    if found is None:
+        raise SimulatorNotFoundError(
+            f"{module} has no {name!r}.", "the name of a function in it", "Correct the name after the colon."
+        )
+    return found
+
+
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise SimulatorNotFoundError(f"{path} is not there.", "a Python file", "Check the path.")
+    spec = importlib.util.spec_from_file_location(f"pamid_simulator_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise SimulatorNotFoundError(f"{path} is no Python file.", "a file that ends in .py", "Check the path.")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _load_module(name: str, folder: Path | None) -> Any:
+    added = str(folder) if folder is not None else ""
+    if added:
+        sys.path.insert(0, added)
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and name.startswith(error.name):
+            raise SimulatorNotFoundError(
+                f"There is no module {name!r}.", "a module on the path, or a file beside the page", "Check the name."
+            ) from None
+        raise
+    finally:
+        if added:
+            sys.path.remove(added)
+
+
+def _arguments(function: Callable[..., Any]) -> list[str]:
+    try:
+        return [
+            p.name
+            for p in inspect.signature(function).parameters.values()
+            if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty
+        ]
+    except (TypeError, ValueError):
+        return []
+
+
+def _form_of(arguments: list[str], has_states: bool) -> str:
+    if len(arguments) == 4 or (has_states and len(arguments) != 3):
+        return "ode"
+    return "run" if len(arguments) == 3 and arguments[0] not in ("t", "time") else "algebraic"
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return getattr(function, "__name__", type(function).__name__)
+
+
+def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> np.ndarray:
+    """Return what a function returned as rows in the order of names."""
+    if isinstance(answer, Mapping):
+        if lacking := [n for n in names if n not in answer]:
+            raise ShapeError(
+                f"{_name(function)} returned {', '.join(map(str, answer)) or 'nothing'}.",
+                f"also {', '.join(lacking)}",
+                "Return every port by name.",
+            )
+        answer = [answer[n] for n in names]
+    rows = [answer] if len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer) else list(answer)
+    if len(rows) != len(names):
+        raise ShapeError(
+            f"{_name(function)} returned {len(rows)} values.",
+            f"{len(names)}: {', '.join(names)}",
+            "Return all, in order.",
+        )
+    try:
+        return np.stack(np.broadcast_arrays(*[np.asarray(r, dtype=float) for r in rows]))
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{_name(function)} returned no plain numbers ({error}).", "numbers", "Correct it.") from None
+
+
+def _is_list_of_one(answer: Any) -> bool:
+    return (isinstance(answer, (list, tuple)) and len(answer) == 1) or (np.ndim(answer) > 0 and len(answer) == 1)
+
+
+def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
+    """Tell whether a function gives many instants at once what it gives one by one."""
+    some = np.unique(np.linspace(0, n - 1, min(n, 5)).astype(int))
+    single = np.stack([at(k).reshape(rows) for k in some], axis=1)
+    try:
+        many = at(some)
+    except Exception:  # a branch on a number, math.sin ...: it is then asked one instant at a time
+        return False
+    if many.ndim == 1:
+        many = np.repeat(many[:, None], len(some), axis=1)
+    return many.shape == single.shape and bool(np.allclose(many, single, rtol=1e-9, atol=0.0, equal_nan=True))

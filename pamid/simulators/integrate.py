@@ -1,0 +1,152 @@
+"""Runs of a simulator from given states, many at once, with effects that act while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..effects import Effect
+from .base import Simulator
+from .placement import Placement
+from .structure import Joint
+
+Acting = Sequence[tuple[Placement, Effect]]
+MOST = 1e9
+"""Size, in spans of a state, at which a run has left its senses: it is held there."""
+
+
+class Runner:
+    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    dt : float
+        Sampling interval, s.
+    joints : sequence of Joint
+        Its joints: one without a position gets a path.
+    substeps : int, default=1
+        Steps in a sample.
+    """
+
+    def __init__(self, simulator: Simulator, dt: float, joints: Sequence[Joint] = (), substeps: int = 1) -> None:
+        self.simulator, self.dt, self.substeps = simulator, dt, substeps
+        self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+
+    def states(
+        self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST
+    ) -> np.ndarray:
+        """Return the states along runs.
+
+        Parameters
+        ----------
+        t : array, shape (n_samples, n_runs)
+            Times, s.
+        x0 : array, shape (n_states, n_runs)
+            Where they begin.
+        u : array, shape (n_samples, n_inputs, n_runs)
+            Inputs as they reach the system.
+        p : array, shape (n_parameters, n_runs) or (n_samples, n_parameters, n_runs)
+            Parameters.
+        acting : sequence of (Placement, Effect)
+            Effects that act like forces or flows.
+        most : float, default=MOST
+            States beyond this are held there.
+
+        Returns
+        -------
+        array, shape (n_samples, n_states, n_runs)
+            The states, and the paths of joints that have no position below them.
+        """
+        wanted = {name for place, _ in acting for name in place.follows.values()}
+        paths = [name for name in self.paths if name in wanted]
+        x = np.vstack([x0, np.zeros((len(paths), x0.shape[1]))])
+        out = np.empty((len(t), *x.shape))
+        memory: list[Any] = []
+        for place, made in acting:
+            s = place.signals(self._table(x, u[0], paths), t[0])
+            memory.append(made.start(s, place.plant, self.dt * place.scales.time))
+        h = self.dt / self.substeps
+        for k in range(len(t)):
+            out[k] = x
+            if k + 1 == len(t):
+                break
+            now = p[k] if p.ndim == 3 else p
+            for j in range(self.substeps):
+                x, memory = self._step(t[k] + j * h, h, x, u[k], now, acting, memory, paths)
+                x = np.clip(np.nan_to_num(x, nan=most), -most, most)
+        return out
+
+    def _table(self, x: np.ndarray, u: np.ndarray, paths: Sequence[str]) -> dict[str, np.ndarray]:
+        return dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), (*x, *u), strict=True))
+
+    def _step(
+        self, t: np.ndarray, h: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
+        memory: list[Any], paths: Sequence[str],
+    ) -> tuple[np.ndarray, list[Any]]:  # fmt: skip
+        before = [place.signals(self._table(x, u, paths), t) for place, _ in acting]
+
+        def rate(later: float, y: np.ndarray) -> np.ndarray:
+            return self._rate(
+                t + later, y, u, p, acting, self._moved(acting, memory, before, y, u, later, t, paths), paths
+            )
+
+        a = rate(0.0, x)
+        b = rate(h / 2, x + h / 2 * a)
+        c = rate(h / 2, x + h / 2 * b)
+        d = rate(h, x + h * c)
+        x = x + h / 6 * (a + 2 * b + 2 * c + d)
+        return x, self._moved(acting, memory, before, x, u, h, t, paths)
+
+    def _moved(
+        self, acting: Acting, memory: list[Any], before: list[Any], x: np.ndarray, u: np.ndarray, later: float,
+        t: np.ndarray, paths: Sequence[str],
+    ) -> list[Any]:  # fmt: skip
+        if later == 0.0 or not any(made.n_states for _, made in acting):
+            return memory
+        table, out = self._table(x, u, paths), []
+        for (place, made), m, s0 in zip(acting, memory, before, strict=True):
+            if made.n_states:
+                s1 = place.signals(table, t + later)
+                out.append(made.step(m, s0, s1, later * place.scales.time, place.plant))
+            else:
+                out.append(m)
+        return out
+
+    def _rate(
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting, memory: list[Any],
+        paths: Sequence[str],
+    ) -> np.ndarray:  # fmt: skip
+        simulator, n = self.simulator, len(self.simulator.states)
+        added = np.zeros_like(x)
+        if acting:
+            table, u = self._table(x, u, paths), u.copy()
+            for (place, made), m in zip(acting, memory, strict=True):
+                force = place.force(made, place.signals(table, t), m)
+                if place.enters == "input":
+                    u[simulator.inputs.index(place.at)] += force
+                else:
+                    added[simulator.states.index(place.at)] += force
+        with np.errstate(all="ignore"):
+            added[:n] += simulator.rate(t, x[:n], u, p)
+        for k, name in enumerate(paths):
+            added[n + k] = x[simulator.states.index(self.paths[name])]
+        return added
+
+
+def substeps_for(
+    simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, most: int = 32
+) -> int:
+    """Return the steps in a sample beyond which a run does not change by more than a thousandth of its range."""
+    steps = 1
+    coarse = Runner(simulator, dt, (), steps).states(t, x0, u, p)
+    while steps < most:
+        fine = Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p)
+        size = np.ptp(fine, axis=(0, 2)) + 1e-300
+        if np.all(np.max(np.abs(fine - coarse), axis=(0, 2)) < 1e-3 * size):
+            break
+        steps, coarse = 2 * steps, fine
+    return steps

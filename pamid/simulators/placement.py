@@ -1,0 +1,191 @@
+"""An effect of the library at a port: what it follows there, where it enters, and in which units it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..effects import Effect, Signals
+from .dimensions import ambient, unit_powers
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What counts as one in the units for which the library's bounds and grids are written.
+
+    Parameters
+    ----------
+    position : float
+        Position that counts as a strain of one.
+    time : float
+        What a second of the log counts, s.
+    target : float
+        What counts as one newton.
+    command : float
+        What counts as a full command.
+    pressure : float
+        What counts as one pascal.
+    """
+
+    position: float = 1.0
+    time: float = 1.0
+    target: float = 1.0
+    command: float = 1.0
+    pressure: float = 1.0
+
+
+@dataclass(frozen=True)
+class Placement:
+    """An effect at a port.
+
+    Parameters
+    ----------
+    key : str
+        Its name in a diagnosis: effect and port.
+    name : str
+        Name of the effect.
+    port : str
+        Name of the port: where it acts.
+    effect : class
+        The library's effect, under the name `key`.
+    enters : str
+        ``"input"``, ``"output"``, ``"state"`` (its rate) or ``"parameter"``, see `at`.
+    at : str
+        The input, output, state or parameter that it changes.
+    follows : dict of str to str
+        The signal (state or input) behind each role of the effect.
+    scales : Scales
+        Units in which it counts.
+    powers : dict of str to int
+        Power of the signal's unit in each parameter, see `pamid.simulators.dimensions.powers`.
+    units : dict of str to str
+        Units of its parameters.
+    """
+
+    key: str
+    name: str
+    port: str
+    effect: type[Effect]
+    enters: str
+    at: str
+    follows: Mapping[str, str]
+    scales: Scales
+    powers: Mapping[str, int] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    # --- values ---------------------------------------------------------------------------------------------
+    def factor(self, parameter: str) -> float:
+        """Return what a parameter in the library's units is multiplied by, to be in those of the port."""
+        s, p = self.scales, next(q for q in self.effect.parameters if q.name == parameter)
+        base = {"s": 1.0 / s.time}
+        if self.acts:
+            base |= {"N": s.target, "Pa": 1.0 / s.pressure}
+        if "flow" in self.effect.hooks():  # a flow is what the rate of the level counts in
+            base |= {"kg": s.target / s.time, "m": (s.target / s.time) ** (1 / 3)}
+        factor = 1.0
+        for word, power in unit_powers(p.unit).items():
+            factor *= base.get(word, 1.0) ** power
+        signal = s.position if self.acts else s.command if "command" in self.effect.hooks() else s.target
+        return factor * signal ** self.powers.get(parameter, 0)
+
+    @property
+    def acts(self) -> bool:
+        """Whether it acts like a force or flow, rather than changing a command or a reading."""
+        return bool({"force", "torque", "flow"} & set(self.effect.hooks()))
+
+    def outward(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return values of parameters in the units of the port."""
+        return {k: float(v) * self.factor(k) for k, v in values.items()}
+
+    def inward(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return values in the units of the port as the library has them, within its bounds."""
+        found = {}
+        for p in self.effect.parameters:
+            if p.name in values:
+                found[p.name] = float(np.clip(values[p.name] / self.factor(p.name), p.lower, p.upper))
+        return found
+
+    # --- what it adds ---------------------------------------------------------------------------------------
+    @property
+    def plant(self) -> Any:
+        """What the effect may know of the system."""
+        return ambient()
+
+    def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
+        """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""
+        s, out = self.scales, Signals()
+        for role, name in self.follows.items():
+            x = found[name]
+            if role == "position":
+                x = x / s.position
+            elif role == "velocity":
+                x = x / (s.position * s.time)
+            elif role == "pressure":
+                x = x * s.pressure
+            elif role == "command":
+                x = x / s.command
+            elif role in ("force", "flow"):
+                x = x / s.target
+            setattr(out, role, x)
+        if t is not None:
+            out.time = t * s.time
+        return out
+
+    def force(self, made: Effect, s: Signals, x: Any) -> Any:
+        """Return what an effect adds to a force or to the rate of what is stored, in the unit of the port."""
+        total: Any = 0.0
+        hooks = made.hooks()
+        for hook in ("force", "torque"):
+            if hook in hooks:
+                total = total + getattr(made, hook)(s, x, self.plant)
+        if "flow" in hooks:
+            total = total + made.flow(s, x, self.plant)[0]
+        return total * self.scales.target
+
+    def drive(self, made: Effect, u: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
+        """Return the input that the system gets where it is given u, along runs."""
+        if "command" not in made.hooks():
+            return self.reading(made, u, dt, starts)
+        s = Signals(command=u / self.scales.command)
+        x = made.trace(s, self.plant, dt * self.scales.time, starts)
+        return np.asarray(made.command(s.command, s, x, self.plant), dtype=float) * self.scales.command
+
+    def reading(self, made: Effect, y: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
+        """Return what a sensor reads of y, along runs."""
+        s = Signals(**{role: y / self.scales.target for role in ("position", "force", "flow", "pressure")})
+        x = made.trace(s, self.plant, dt * self.scales.time, starts) if made.n_states else np.zeros((0,))
+        return np.asarray(made.measure(y / self.scales.target, x), dtype=float) * self.scales.target
+
+    def truth(self, made: Effect, reading: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
+        """Return what is behind the readings of a sensor, along runs."""
+        found = made.restore(reading / self.scales.target, dt * self.scales.time, starts)
+        return np.asarray(found, dtype=float) * self.scales.target
+
+
+def named(effect: type[Effect], key: str, hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
+    """Return an effect of the library under another name, which the library itself does not learn of.
+
+    Parameters
+    ----------
+    effect : class
+        The effect.
+    key : str
+        Its name.
+    hidden : tuple of str, default=()
+        Parameters that do nothing at this port: they stay at their nominal values.
+    **changes : object
+        Other attributes of the class.
+
+    Returns
+    -------
+    class
+        The effect under that name.
+    """
+    kept = tuple(p for p in effect.parameters if p.name not in hidden)
+    fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
+    bound: type[Effect] = type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})
+    bound.name = key  # after its making: the library learns names of classes as they are made
+    return bound

@@ -1,0 +1,199 @@
+"""A log at the ports of a simulator: even in time, in the units of the ports, run after run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import MissingColumnError, ShortTrajectoryError
+from ..signals.paths import play, reversals
+from .base import Simulator
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_UNEVEN = 0.02
+_LEAST = 8
+_DITHER = 3.0
+
+
+@dataclass(frozen=True)
+class PortLog:
+    """Signals of a log under the names of ports.
+
+    Parameters
+    ----------
+    channels : dict of str to array, shape (n,)
+        What was measured, by port.
+    t : array, shape (n,)
+        Time within each run, s.
+    starts : array of int, shape (n_runs,)
+        First row of each run.
+    dt : float
+        Sampling interval, s.
+    names : list of str
+        Names of the runs.
+    lost : array of bool, shape (n,)
+        Rows in which something was missing; it is filled in.
+    notes : list of str
+        What a reader must know.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    t: np.ndarray
+    starts: np.ndarray
+    dt: float
+    names: list[str]
+    lost: np.ndarray
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.t)
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """First row of each run and the one after its last."""
+        return list(pairwise([*self.starts.tolist(), self.n]))
+
+    @property
+    def run(self) -> np.ndarray:
+        """Number of the run of each row."""
+        return np.searchsorted(self.starts, np.arange(self.n), side="right") - 1
+
+    @property
+    def along(self) -> np.ndarray:
+        """How far each row is along the log, from 0 to 1."""
+        return np.arange(self.n) / max(self.n - 1, 1)
+
+    def with_channels(self, channels: Mapping[str, np.ndarray]) -> PortLog:
+        """Return the same log with other readings."""
+        return replace(self, channels=dict(channels))
+
+    def inputs(self, simulator: Simulator) -> np.ndarray:
+        """Return the inputs, shape (n_inputs, n); those that were not logged stand at their start value."""
+        rows = [
+            self.channels[p.name] if p.name in self.channels else np.full(self.n, p.start)
+            for p in simulator.ports
+            if p.kind == "input"
+        ]
+        return np.stack(rows) if rows else np.zeros((0, self.n))
+
+
+def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
+    """Return a log at the ports of a simulator.
+
+    Parameters
+    ----------
+    log : DataFrame
+        ``trajectory``, ``time`` (s) and the columns that the ports name.
+    simulator : Simulator
+        The simulator.
+
+    Returns
+    -------
+    PortLog
+        Evenly sampled, without missing values.
+
+    Raises
+    ------
+    MissingColumnError
+        The log has no time, an input that a port names by column is missing, or nothing of what the simulator says.
+    ShortTrajectoryError
+        No run is long enough.
+    """
+    signals = [p for p in simulator.ports if p.kind in ("input", "output", "state")]
+    has = ", ".join(map(str, log.columns[:20]))
+    wanted = [p for p in signals if p.kind == "input" and (p.column or p.start == 0.0)]
+    mute = {p.through for p in simulator.ports if p.through}
+    lacking = [p.source for p in wanted if p.source not in log.columns and (p.column or p.name not in mute)]
+    if "time" not in log.columns:
+        lacking.insert(0, "time")
+    there = [p for p in signals if p.source in log.columns]
+    if lacking:
+        raise MissingColumnError(
+            f"The log lacks {', '.join(lacking)}; it has {has}.",
+            f"a column for each input: {', '.join(p.source for p in signals if p.kind == 'input') or 'none'}",
+            "Name the columns in [ports], or map them ('pamid init' writes both).",
+        )
+    if not any(p.kind in ("output", "state") for p in there):
+        raise MissingColumnError(
+            f"The log holds no state and no output of the simulator; it has {has}.",
+            f"at least one of {', '.join(p.source for p in signals if p.kind != 'input')}",
+            "Name the columns in [ports].",
+        )
+    pieces, notes = _runs(log, [p.source for p in there]), []
+    if not pieces:
+        raise ShortTrajectoryError(
+            f"No run of the log has {_LEAST} rows.", f"runs of at least {_LEAST} rows", "Record longer runs."
+        )
+    dt = float(np.median(np.concatenate([np.diff(t) for _, t, _ in pieces])))
+    if any(np.max(np.abs(np.diff(t) - dt)) > _UNEVEN * dt for _, t, _ in pieces):
+        notes.append(f"The sampling is uneven: rows were interpolated to steps of {dt:.4g} s.")
+    even = [(name, *_even(t, x, dt)) for name, t, x in pieces]
+    starts = np.concatenate([[0], np.cumsum([len(t) for _, t, _, _ in even])[:-1]]).astype(int)
+    values = np.concatenate([x for _, _, x, _ in even])
+    lost = np.concatenate([bad for *_, bad in even])
+    channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
+    t = np.concatenate([t for _, t, _, _ in even])
+    return PortLog(channels, t, starts, dt, [name for name, *_ in even], lost, notes)
+
+
+def _runs(log: pd.DataFrame, columns: list[str]) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    frames = log.groupby("trajectory", sort=False) if "trajectory" in log.columns else [("run", log)]
+    found = []
+    for name, run in frames:
+        t = run["time"].to_numpy(dtype=float)
+        x = run[columns].to_numpy(dtype=float, na_value=np.nan)
+        keep = np.isfinite(t) & np.concatenate([[True], np.diff(t) > 0])
+        if keep.sum() >= _LEAST and np.isfinite(x[keep]).any(axis=0).all():
+            found.append((str(name), t[keep] - t[keep][0], x[keep]))
+    return found
+
+
+def _even(t: np.ndarray, x: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a run in even steps without gaps, and the rows that were missing."""
+    bad = ~np.isfinite(x).all(axis=1)
+    even = np.abs(np.diff(t) - dt).max() <= _UNEVEN * dt
+    grid = t if even else np.arange(0.0, t[-1] + 1e-9 * dt, dt)
+    if even and not bad.any():
+        return grid, x, bad
+    columns = []
+    for k in range(x.shape[1]):
+        known = np.isfinite(x[:, k])
+        columns.append(np.interp(grid, t[known], x[known, k]))
+    lost = bad if even else np.interp(grid, t, bad.astype(float)) > 0.0
+    return grid, np.column_stack(columns), lost
+
+
+def steady_path(position: np.ndarray, starts: np.ndarray, sigma: float, width: int) -> np.ndarray:
+    """Return a position without turns that are noise: friction would follow every one of them.
+
+    Parameters
+    ----------
+    position : array, shape (n,)
+        The position.
+    starts : array of int
+        First row of each run.
+    sigma : float
+        Standard deviation of its noise.
+    width : int
+        Samples over which it may be smoothed.
+    """
+    from scipy.signal import savgol_filter
+
+    out = np.array(position, dtype=float)
+    for a, b in pairwise([*np.asarray(starts).tolist(), len(out)]):
+        x, noise = out[a:b], sigma
+        w = min(2 * (width // 2) + 1, (b - a) - (b - a + 1) % 2)
+        if w >= 5 and sigma > 0.0:
+            x, noise = savgol_filter(x, w, 2), sigma * float(np.sqrt(2.25 / w))
+        if noise > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
+            x = play(np.array(x), _DITHER * noise)
+        out[a:b] = x
+    return out

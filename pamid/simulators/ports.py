@@ -1,0 +1,206 @@
+"""Ports of a simulator: what goes in, what comes out, what it remembers, and where forces and losses can act."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ParameterError, UnknownOptionError
+
+KINDS = ("input", "output", "state", "joint", "chamber", "parameter")
+"""Kinds of ports. A joint joins a position and its velocity, a chamber is where something is stored and may leak."""
+_NAME = re.compile(r"[A-Za-z_]\w*$")
+
+
+@dataclass(frozen=True)
+class Port:
+    """A place at which a simulator meets the world.
+
+    Parameters
+    ----------
+    name : str
+        Its name, a Python identifier.
+    kind : str
+        One of `KINDS`.
+    unit : str, default="-"
+        Its unit, ``"-"`` for a plain number. For a joint the unit of what acts on it: a torque, a force, a voltage.
+    column : str, default=""
+        Column of the log that holds it; its own name by default. A state or input without a column is not measured.
+    position, velocity : str, default=""
+        For a joint: the states that are its position and velocity.
+    level : str, default=""
+        For a chamber: the state that says how full it is, a pressure, level or amount.
+    through : str, default=""
+        For a joint or chamber: the input through which forces or flows act on it. Without one they are added to the
+        rate of its velocity or level.
+    start : float, default=0.0
+        For a state: its value at the start of a run where the log does not say; for an input that is not logged, its
+        value.
+
+    Raises
+    ------
+    ParameterError
+        A name or a number is none.
+    UnknownOptionError
+        There is no such kind.
+
+    Examples
+    --------
+    >>> from pamid.simulators import Port
+    >>> motor = Port("motor", "joint", "V", position="theta", velocity="omega", through="voltage")
+    >>> f"effects at {motor.name} act on {motor.through}, in {motor.unit}"
+    'effects at motor act on voltage, in V'
+    """
+
+    name: str
+    kind: str
+    unit: str = "-"
+    column: str = ""
+    position: str = ""
+    velocity: str = ""
+    level: str = ""
+    through: str = ""
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.match(self.name):
+            raise ParameterError(
+                f"A port is named {self.name!r}.", "a name of letters, digits and _", "Choose a plain name."
+            )
+        if self.kind not in KINDS:
+            raise UnknownOptionError(
+                f"The port {self.name} is of the kind {self.kind!r}.", f"one of {', '.join(KINDS)}", "Correct it."
+            )
+        if isinstance(self.start, bool) or not isinstance(self.start, (int, float)) or not math.isfinite(self.start):
+            raise ParameterError(f"start of the port {self.name} is {self.start!r}.", "a number", "Write a number.")
+
+    @property
+    def source(self) -> str:
+        """Column of the log that holds it."""
+        return self.column or self.name
+
+
+@dataclass(frozen=True)
+class ModelParameter:
+    """A number of a simulator.
+
+    Parameters
+    ----------
+    value : float
+        Its value.
+    tolerance : float, default=0.0
+        Relative: how well it is known. What a change within it explains is no gap; 0 holds it fixed.
+    unit : str, default="-"
+        Its unit.
+
+    Raises
+    ------
+    ParameterError
+        A number is none, or the tolerance is not within 0 and 10.
+
+    Examples
+    --------
+    >>> from pamid.simulators import ModelParameter
+    >>> ModelParameter(8.4, tolerance=0.1, unit="ohm").unit
+    'ohm'
+    """
+
+    value: float
+    tolerance: float = 0.0
+    unit: str = "-"
+
+    def __post_init__(self) -> None:
+        for name in ("value", "tolerance"):
+            number = getattr(self, name)
+            if isinstance(number, bool) or not isinstance(number, (int, float, np.floating, np.integer)):
+                raise ParameterError(f"The {name} of a parameter is {number!r}.", "a number", "Write a number.")
+            if not math.isfinite(number):
+                raise ParameterError(f"The {name} of a parameter is {number}.", "a finite number", "Correct it.")
+        if not 0.0 <= self.tolerance <= 10.0:
+            raise ParameterError(
+                f"The tolerance of a parameter is {self.tolerance:g}.", "0 to 10, relative", "10 % are 0.1."
+            )
+
+
+def as_parameters(given: Mapping[str, Any] | None) -> dict[str, ModelParameter]:
+    """Return parameters by name from numbers, pairs of value and tolerance, or `ModelParameter`.
+
+    Parameters
+    ----------
+    given : mapping of str to float, tuple or ModelParameter, or None
+        The parameters.
+
+    Returns
+    -------
+    dict of str to ModelParameter
+        The same, checked.
+    """
+    found = {}
+    for name, value in (given or {}).items():
+        if isinstance(value, ModelParameter):
+            found[str(name)] = value
+        elif isinstance(value, (tuple, list)):
+            found[str(name)] = ModelParameter(*value)
+        else:
+            found[str(name)] = ModelParameter(value)
+    return found
+
+
+class Values(np.ndarray):
+    """Numbers by name: an array whose rows also go by name, as items or as attributes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.simulators.ports import Values
+    >>> x = Values.of(np.array([0.1, 2.0]), ("angle", "speed"))  # rad, rad/s
+    >>> angle, speed = x
+    >>> float(x["speed"]) == float(x.speed) == float(x[1]) == float(speed)
+    True
+    """
+
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, rows: np.ndarray, names: Iterable[str]) -> Values:
+        """Return rows under names.
+
+        Parameters
+        ----------
+        rows : array, shape (n_names, ...)
+            The numbers.
+        names : iterable of str
+            One name a row.
+
+        Returns
+        -------
+        Values
+            The same numbers.
+        """
+        out = np.asarray(rows, dtype=float).view(cls)
+        out.names = tuple(names)
+        return out
+
+    def __array_finalize__(self, other: Any) -> None:
+        self.names = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            if key not in self.names:
+                raise KeyError(f"{key}; there are {', '.join(self.names) or 'none'}")
+            return np.asarray(self)[self.names.index(key)]
+        return np.asarray(self)[key]
+
+    def __getattr__(self, name: str) -> Any:
+        names = self.__dict__.get("names", ())
+        if name in names:
+            return np.asarray(self)[names.index(name)]
+        raise AttributeError(f"no value is named {name!r}; there are {', '.join(names) or 'none'}")
+
+    def __iter__(self) -> Any:
+        return iter(np.asarray(self))

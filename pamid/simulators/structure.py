@@ -1,0 +1,139 @@
+"""The structure of a simulator: which states are positions and velocities, and which input acts on which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from .base import Simulator
+
+_SOME = 200
+"""Instants at which a simulator is asked for its structure."""
+_OWN = 0.98
+"""Share of instants at which an input must push the same way to be the drive of a joint."""
+
+
+class Joint(NamedTuple):
+    """A place where forces act.
+
+    Parameters
+    ----------
+    name : str
+        Its name: that of the joint port, else of the position, else of the velocity.
+    position, velocity : str
+        States; empty where there is none.
+    through : str
+        Input that forces there act like; empty where they add to the rate of the velocity.
+    unit : str
+        Unit of those forces.
+    """
+
+    name: str
+    position: str
+    velocity: str
+    through: str
+    unit: str
+
+
+def kinematic_pairs(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:
+    """Return the states whose rate is another state: positions, with their velocities.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Instants at which it is asked, the states with some motion in them.
+    """
+    rate = simulator.rate(t, x, u, spread_numbers(simulator, x.shape[1]))
+    found = {}
+    for i, name in enumerate(simulator.states):
+        for k, other in enumerate(simulator.states):
+            if i != k and np.ptp(x[k]) > 0.0 and np.allclose(rate[i], x[k], rtol=1e-9, atol=0.0):
+                found[name] = other
+                break
+    return found
+
+
+def spread_numbers(simulator: Simulator, n: int) -> np.ndarray:
+    """Return the values of the parameters at n instants, shape (n_parameters, n)."""
+    return np.repeat(simulator.numbers[:, None], n, axis=1)
+
+
+def joints_of(simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]) -> list[Joint]:
+    """Return the joints of a simulator: those of its joint ports, and what its kinematics show.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    pairs : mapping of str to str
+        Positions and their velocities, see `kinematic_pairs`.
+    pushes : mapping of (str, str) to float
+        For an input and a velocity the force that the input exerts there, a rate per unit, where its sign is constant.
+    """
+    found = []
+    for port in simulator.ports:
+        if port.kind == "joint":
+            velocity = port.velocity or pairs.get(port.position, "")
+            unit = port.unit if port.unit != "-" or not port.through else simulator.port(port.through).unit
+            if unit == "-" and velocity:
+                unit = rate_unit(simulator, velocity)
+            found.append(Joint(port.name, port.position, velocity, port.through, unit))
+    known = {j.position for j in found} | {j.velocity for j in found}
+    taken = {j.through for j in found}
+    speeds = {v: k for k, v in pairs.items()}
+    for name in simulator.states:
+        position = speeds.get(name, "")
+        is_speed = bool(position) or simulator.port(name).unit.endswith("/s")
+        if name in known or not is_speed:
+            continue
+        drives = [u for u in simulator.inputs if (u, name) in pushes and u not in taken]
+        through = drives[0] if drives else ""
+        taken |= {through} if through else set()
+        unit = simulator.port(through).unit if through else rate_unit(simulator, name)
+        found.append(Joint(position or name, position, name, through, unit))
+    return found
+
+
+def pushes_of(
+    simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, step: np.ndarray
+) -> dict[tuple[str, str], float]:
+    """Return what each input does to the rate of each state, where it always pushes the same way.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Instants at which it is asked.
+    step : array, shape (n_inputs,)
+        Changes of the inputs that count as small.
+    """
+    p = spread_numbers(simulator, x.shape[1])
+    base = simulator.rate(t, x, u, p)
+    found = {}
+    for k, name in enumerate(simulator.inputs):
+        if not step[k] > 0.0:
+            continue
+        moved = u.copy()
+        moved[k] += step[k]
+        slope = (simulator.rate(t, x, moved, p) - base) / step[k]
+        for i, state in enumerate(simulator.states):
+            if np.mean(slope[i] > 0.0) > _OWN or np.mean(slope[i] < 0.0) > _OWN:
+                found[name, state] = float(np.median(slope[i]))
+    return found
+
+
+def rate_unit(simulator: Simulator, state: str) -> str:
+    """Return the unit of a state's rate."""
+    from .dimensions import unit_text
+
+    return unit_text([(simulator.port(state).unit, 1), ("s", -1)])
+
+
+def some_instants(n: int) -> np.ndarray:
+    """Return some of n instants, evenly spread."""
+    return np.unique(np.linspace(0, max(n - 1, 0), min(n, _SOME)).astype(int))

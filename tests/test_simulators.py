@@ -1,0 +1,166 @@
+"""Simulators with ports: what they are, effects at their ports, and the diagnosis of a log against them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.effects import all_effects
+from pamid.errors import MissingColumnError, PamidError, ParameterError, ShapeError, UnknownOptionError
+from pamid.gap import diagnose_simulator
+from pamid.gap.simulated import evidence_of
+from pamid.simulators import FunctionSimulator, Port, Simulator, port_effects
+from pamid.simulators.dimensions import powers, unit_text
+from pamid.simulators.ports import Values
+
+CART = (Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s"))
+
+
+def cart(friction: str = "none", size: float = 0.0, bias: float = 0.0, runs: int = 4, seed: int = 0) -> pd.DataFrame:
+    """A log of a cart of 2 kg on a rail, integrated in steps of a tenth of a sample."""
+    rng, parts, dt = np.random.default_rng(seed), [], 0.01
+    for k in range(runs):
+        t = np.arange(0, 8, dt)
+        F = 6 * np.sin((1 + k) * t) + 4 * np.sin(0.7 * t + k)
+        x, v, rows = 0.0, 0.0, []
+        for f in F:
+            rows.append((x, v))
+            for _ in range(10):
+                loss = {
+                    "none": 0.0,
+                    "viscous": size * v,
+                    "coulomb": size * math.tanh(v / 0.002),
+                    "drag": size * v * abs(v),
+                }[friction]
+                v += dt / 10 * (f - loss) / 2.0
+                x += dt / 10 * v
+        x, v = np.array(rows).T
+        noisy = {"x": x + 1e-5 * rng.standard_normal(len(t)), "v": v + bias + 1e-3 * rng.standard_normal(len(t))}
+        parts.append(pd.DataFrame({"trajectory": f"run{k}", "time": t, "F": F, **noisy}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def rail(mass: float = 2.0, tolerance: float = 0.05) -> FunctionSimulator:
+    def rates(t, x, u, p):
+        return [x.v, u.F / p.m]
+
+    return FunctionSimulator(rates, CART, {"m": (mass, tolerance, "kg")})
+
+
+LIBRARY = [
+    "viscous_friction", "quadratic_drag", "coulomb_friction", "stribeck_friction", "actuator_gain",
+    "actuator_dead_zone", "sensor_gain", "actuator_lag",
+]  # fmt: skip
+
+
+# --- ports and values ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("wrong", "what"),
+    [
+        (lambda: Port("two words", "input"), "named"),
+        (lambda: Port("a", "socket"), "kind"),
+        (lambda: Port("a", "state", start=math.nan), "start"),
+        (lambda: FunctionSimulator(print, [Port("a", "input"), Port("a", "output")]), "two ports"),
+        (lambda: FunctionSimulator(print, [Port("j", "joint", velocity="w")]), "velocity"),
+        (lambda: FunctionSimulator(print, [Port("a", "input")], {"k": math.inf}), "parameter"),
+        (lambda: FunctionSimulator(print, [Port("a", "input")], {"k": (1.0, -0.1)}), "tolerance"),
+        (lambda: FunctionSimulator(print, [Port("a", "input")], form="guess"), "form"),
+    ],
+)
+def test_what_is_no_port_or_parameter_is_refused(wrong, what: str) -> None:
+    with pytest.raises(PamidError, match=what):
+        wrong()
+
+
+def test_values_go_by_name_place_and_attribute() -> None:
+    v = Values.of(np.array([[1.0, 2.0], [3.0, 4.0]]), ("a", "b"))
+    a, b = v
+    assert np.array_equal(v["b"], v.b) and np.array_equal(b, v[1]) and np.array_equal(a, [1.0, 2.0])
+    with pytest.raises(KeyError, match="there are a, b"):
+        v["c"]
+    with pytest.raises(AttributeError, match="there are a, b"):
+        v.c  # noqa: B018
+
+
+@pytest.mark.parametrize("many", [True, False])
+def test_a_function_is_asked_at_many_instants_or_one_by_one(many: bool) -> None:
+    def rates(t, x, u, p):
+        return {"v": u.F / p.m if many else math.sqrt(abs(float(u["F"]))) / p[0], "x": x["v"]}
+
+    s = FunctionSimulator(rates, CART, {"m": 2.0})
+    x, u, p = np.ones((2, 7)), np.linspace(1, 4, 7)[None], np.full((1, 7), 2.0)
+    found = s.rate(np.zeros(7), x, u, p)
+    assert np.allclose(found[0], 1.0)
+    assert np.allclose(found[1], u[0] / 2 if many else np.sqrt(u[0]) / 2)
+
+
+def test_a_function_that_returns_too_little_says_what_is_missing() -> None:
+    s = FunctionSimulator(lambda t, x, u, p: [0.0], CART)
+    with pytest.raises(ShapeError, match="x, v"):
+        s.rate(np.zeros(3), np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((0, 3)))
+
+
+# --- effects at ports ---------------------------------------------------------------------------------------
+def test_powers_of_the_position_follow_from_what_stays_the_same() -> None:
+    library = all_effects()
+    assert powers(library["viscous_friction"], "force") == {"coefficient": -1}
+    assert powers(library["quadratic_drag"], "force") == {"coefficient": -2}
+    assert powers(library["coulomb_friction"], "force")["presliding"] == 1
+    assert powers(library["valve_dead_zone"], "command")["width"] == 1
+    assert powers(library["end_cap"], "force") is None  # it knows a muscle's geometry
+    assert unit_text([("V", 1), ("s", 1), ("rad", -1)]) == "V s/rad"
+
+
+def test_the_library_learns_nothing_of_effects_at_ports() -> None:
+    before = set(all_effects())
+    evidence_of(cart(), rail())
+    assert set(all_effects()) == before
+    assert {"joint", "input", "output", "chamber", "parameter"} == {kind for kind, _ in port_effects().values()}
+
+
+def test_values_at_a_port_are_those_of_its_units() -> None:
+    evidence = evidence_of(cart("viscous", 3.0), rail())
+    place = evidence.placements["viscous_friction@x"]
+    assert place.units == {"coefficient": "N s/m"}
+    made = place.effect(**place.inward({"coefficient": 3.0}))
+    s = place.signals({"v": np.array([0.5])})
+    assert place.force(made, s, None) == pytest.approx([-1.5])
+    assert place.outward(place.inward({"coefficient": 3.0})) == pytest.approx({"coefficient": 3.0})
+
+
+# --- diagnoses ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("friction", "size", "effect", "parameter"),
+    [("viscous", 3.0, "viscous_friction", "coefficient"), ("drag", 2.0, "quadratic_drag", "coefficient"),
+     ("coulomb", 1.5, "coulomb_friction", "amplitude")],
+)  # fmt: skip
+def test_friction_on_a_rail_is_named_with_its_size(friction: str, size: float, effect: str, parameter: str) -> None:
+    found = diagnose_simulator(cart(friction, size), rail(), LIBRARY)
+    assert found.verdict in ("cause", "class") and found.causes[0].effects[0] == effect
+    assert found.causes[0].where[0] == "x"
+    assert found.causes[0].parameters[parameter].value == pytest.approx(size, rel=0.06)
+    # The corrected simulator closes on another log what the diagnosis said of this one.
+    assert isinstance(found.corrected, Simulator)
+    other = cart(friction, size, seed=1)
+    before, after = (float(np.mean(np.square(evidence_of(other, s).value))) for s in (rail(), found.corrected))
+    assert 1.0 - after / before >= found.closure[0].closed_share - 0.02
+
+
+def test_no_gap_is_none_and_a_mass_within_its_tolerance_is_no_gap() -> None:
+    assert diagnose_simulator(cart(), rail(), LIBRARY).verdict == "none"
+    assert diagnose_simulator(cart(), rail(1.94), LIBRARY).verdict == "none"
+
+
+def test_what_a_log_lacks_is_said() -> None:
+    log = cart()
+    with pytest.raises(MissingColumnError, match="F"):
+        diagnose_simulator(log.drop(columns="F"), rail())
+    with pytest.raises(MissingColumnError, match="no state and no output"):
+        diagnose_simulator(log.drop(columns=["x", "v"]), rail())
+    with pytest.raises(UnknownOptionError, match="sofa"):
+        diagnose_simulator(log, rail(), ["sofa"])
+    with pytest.raises(ParameterError, match="no port"):
+        rail().port("sofa")
