@@ -139,6 +139,7 @@ class DirectEvidence(PortEvidence):
         No run holds a window.
     """
 
+    undoes = True
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
 
     def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str]) -> None:

@@ -83,6 +83,8 @@ class PortEvidence(ABC):
     least_gain = 6.0
     decisive = np.inf
     audible = 0.1
+    undoes = False
+    """Whether faults of sensors are undone in what they read, rather than put on what is predicted."""
     how = ""
     """How residuals come about, for the reader."""
 
@@ -91,6 +93,7 @@ class PortEvidence(ABC):
         self.windows: list[Windows] = []
         self._kept: dict[str, np.ndarray] = {}
         self._touches: dict[str, list[str]] = {}
+        self._spreads: dict[str, np.ndarray] = {}
         self.notes: list[str] = list(log.notes)
         self.placements: dict[str, Placement] = {}
         self._own: Active = []
@@ -171,6 +174,8 @@ class PortEvidence(ABC):
         drawn = np.zeros((REPLICATES, len(self.value)))
         for k in range(REPLICATES):
             noise = {n: x + sigma.get(n, 0.0) * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
+            if not k:
+                self._noisy_copy = noise
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
         self.noise = np.empty(len(self.value))
         self._drawn, self._whitening = drawn, Whitening()
@@ -285,8 +290,24 @@ class PortEvidence(ABC):
         return None
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return None: the noise is taken to be the same under any model."""
-        return None
+        """Return how wide the noise is under effects that are undone in readings, as a share; None without such.
+
+        A gain undone makes residuals smaller, and their noise with them: that alone is no evidence.
+        """
+        undone = {k: v for k, v in spec.items() if self.undoes and self.placements[k].enters == "output"}
+        undone = {k: v for k, v in undone.items() if self.placements[k].at in self.simulator.states}
+        if not undone:
+            return None
+        key = repr({k: dict(v) for k, v in undone.items()})
+        if key not in self._spreads:
+            active, numbers = self.active(undone), self.simulator.numbers
+            changed = self._residual(active, numbers, self._noisy_copy) - self._residual(active, numbers)
+            out = np.ones(len(self.value))
+            for part in self.parts:
+                usual = _rms(self._drawn[0, part])
+                out[part] = _rms(changed[part]) / usual if usual > 0.0 else 1.0
+            self._spreads[key] = out
+        return self._spreads[key]
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
