@@ -122,6 +122,12 @@ class NonFiniteError(SignalError):
     page = "docs/logs.md#missing-values-gaps-order"
 
 
+class ReadingError(SignalError):
+    """A reading that its quantity cannot take, such as an absolute pressure of 0."""
+
+    page = "docs/logs.md#readings-that-cannot-be"
+
+
 class ConstantSignalError(SignalError):
     """A signal that must vary does not."""
 
@@ -305,6 +311,10 @@ class PamidWarning(UserWarning):
 
 class UnitWarning(PamidWarning):
     """Values that look like another unit than the one expected."""
+
+
+class ReadingWarning(PamidWarning):
+    """Readings that cannot be, that jump there and back, or that stand still, and what is done about them."""
 
 
 class ExcitationWarning(PamidWarning):

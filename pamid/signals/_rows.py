@@ -18,6 +18,8 @@ from pamid.errors import (
     TimeOrderError,
 )
 
+from .reading_notes import Readings
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -27,7 +29,7 @@ _GAP = 20.0
 
 @dataclass
 class Notes:
-    """What was bridged while reading, to be told in one warning.
+    """What was bridged or doubted while reading, to be told.
 
     Parameters
     ----------
@@ -37,11 +39,14 @@ class Notes:
         Longest gap, s, by trajectory.
     periods : dict of str to float
         Sampling period, s, by trajectory.
+    readings : Readings
+        Readings that cannot be, or hardly.
     """
 
     duplicates: dict[str, int] = field(default_factory=dict)
     gaps: dict[str, float] = field(default_factory=dict)
     periods: dict[str, float] = field(default_factory=dict)
+    readings: Readings = field(default_factory=Readings)
 
     def sentences(self) -> list[str]:
         """Word the notes."""

@@ -42,11 +42,17 @@ class Part:
         Signals whose units the mapping takes from the check.
     variable : str or None
         Variable of the file that held it.
+    fixed : set of str
+        Signals that are constants of the mapping.
+    unread : dict of str to str
+        Columns that look like a signal and are not read as one, with the reason.
     """
 
     frame: pd.DataFrame
     unchecked: set[str]
     variable: str | None
+    fixed: set[str]
+    unread: dict[str, str]
 
 
 def tidy(
@@ -106,6 +112,7 @@ def tidy(
             unchecked.add(signal)
         zero = _zero(zero_run, position, raw, signal, path, mapping) if how.subtract_zero_run else 0.0
         columns[signal] = _to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
+    read = set(columns)
     _add_constants(columns, constants, len(raw))
     if "time" not in columns:
         columns["time"] = _time_from_rows(len(raw), mapping, path, own)
@@ -117,7 +124,7 @@ def tidy(
         keep &= frame.groupby(TRAJECTORY, sort=False).cumcount().to_numpy() >= mapping.skip_rows
     if not keep.all():
         frame = frame.loc[keep].reset_index(drop=True)
-    return Part(_clock_to_run_time(frame), unchecked, table.variable)
+    return Part(_clock_to_run_time(frame), unchecked, table.variable, set(columns) - read, _unread(mapping, signals))
 
 
 def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
@@ -166,6 +173,18 @@ def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Pa
     if not signals:
         raise MissingColumnError(f"{path.name} has no numeric column.", "signals", "Check the export.")
     return signals
+
+
+def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str, str]:
+    """Return the columns whose name in front of a bracket is a signal's, and whose unit in it is none."""
+    if mapping.signals:
+        return {}
+    found = {name: match for name in signals if (match := _NAME_WITH_UNIT.match(name))}
+    return {
+        name: f"not read as {match[1]}, since '{match[2][:20]}' is no known unit"
+        for name, match in found.items()
+        if dimension_of(match[1]) is not None and match[1] not in signals
+    }
 
 
 def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own: dict[str, int]) -> int:

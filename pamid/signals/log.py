@@ -17,16 +17,18 @@ from pamid.errors import (
     LogFormatError,
     LogNotFoundError,
     ParameterError,
+    ReadingWarning,
     SamplingWarning,
 )
 
 from ..files import replacing
 from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
-from ._tidy import as_names, tidy
+from ._tidy import Part, as_names, tidy
 from .formats import format_of, known_extensions
 from .formats._variables import natural
 from .mapping import LogMapping
 from .plausibility import require_plausible
+from .readings import impossible, screen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
+_MOST_FAULTS = 0.1  # share of readings that cannot be: above it they tell of a wrong unit rather than of a sensor
 
 
 def read_log(
@@ -60,7 +63,8 @@ def read_log(
         Names, units, references and constants of the log, see `LogMapping`. Without it the columns must have their
         names of the frame (``time``, ``P1``, ``q``, ...) and SI units, or the unit in brackets: ``P1 [bar]``.
     nan : {"raise", "drop", "keep"}, default="raise"
-        What to do with rows that hold NaN. Infinite values, and NaN in time, are never kept.
+        What to do with rows that hold NaN. Infinite values, and NaN in time, are never kept. Readings that cannot be,
+        such as an absolute pressure of 0, are an error with "raise" and missing values else.
     time_order : {"raise", "sort", "split"}, optional
         Overrules the mapping's `time_order` (default "raise").
     duplicates : {"drop", "mean", "raise", "keep"}, optional
@@ -90,6 +94,8 @@ def read_log(
     -----
     SamplingWarning
         Once, on merged rows, gaps or mixed sampling periods.
+    ReadingWarning
+        Once, on readings that cannot be, that jump there and back, or that stand still, and what is done about them.
 
     Examples
     --------
@@ -109,9 +115,23 @@ def read_log(
     >>> log["P"].round(3).tolist(), log["time"].tolist()
     ([401325.0, 411325.0, 431325.0], [0.0, 0.01, 0.02])
     """
+    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    log, notes = read_with_notes(paths, settings, nan=nan, check_units=check_units, max_bytes=max_bytes)
+    say_notes(notes, sampling, stacklevel=3)
+    return log
+
+
+def read_with_notes(
+    paths: PathLike | Iterable[PathLike],
+    settings: LogMapping,
+    *,
+    nan: str = "raise",
+    check_units: bool = True,
+    max_bytes: int = MAX_BYTES,
+) -> tuple[pd.DataFrame, Notes]:
+    """Read logs as `read_log` does, and return what there is to tell about them instead of warning."""
     import pandas as pd
 
-    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
     files = find_logs(paths)
     notes = Notes()
     frames = []
@@ -124,8 +144,7 @@ def read_log(
     order = ["trajectory", "time"]
     log = log[[*order, *[c for c in log.columns if c not in order]]]
     note_sampling(log, notes)
-    say_notes(notes, sampling, stacklevel=3)
-    return log
+    return log, notes
 
 
 def log_settings(
@@ -164,22 +183,51 @@ def tidy_tables(
         raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
     parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
     for part in parts:
-        part.frame = handle_missing(part.frame, nan, path.name)
-        if part.frame.empty:
-            raise EmptyLogError(
-                f"{path.name} holds no usable rows{f' in {part.variable}' if part.variable else ''}.",
-                "at least two rows",
-                "Check skip_rows, allowed and range in the mapping, and what nan='drop' left.",
-            )
+        origin = part.frame
+        part.frame = _not_empty(handle_missing(part.frame, nan, path.name), part, path)
         part.frame = handle_time(part.frame, settings.time_order, settings.duplicates, path.name, notes)
         if check_units:
-            checked = {c: part.frame[c] for c in part.frame.columns if c not in part.unchecked}
-            require_plausible(checked, ambient_pressure=settings.ambient_pressure, where=path.name)
+            _require_units(part, settings, path)
+        part.frame = screen(
+            part.frame,
+            origin,
+            nan=nan,
+            skip=part.unchecked | part.fixed,
+            ambient_pressure=settings.ambient_pressure,
+            where=path.name,
+            notes=notes.readings,
+        )
+        notes.readings.columns |= part.unread
+        if nan == "drop":
+            part.frame = _not_empty(handle_missing(part.frame, nan, path.name), part, path)
     return [part.frame for part in parts]
 
 
+def _not_empty(frame: pd.DataFrame, part: Part, path: Path) -> pd.DataFrame:
+    if frame.empty:
+        raise EmptyLogError(
+            f"{path.name} holds no usable rows{f' in {part.variable}' if part.variable else ''}.",
+            "at least two rows",
+            "Check skip_rows, allowed and range in the mapping, and what nan='drop' left.",
+        )
+    return frame
+
+
+def _require_units(part: Part, settings: LogMapping, path: Path) -> None:
+    """Hold the readings against their units, those aside that a few faults of a sensor have left."""
+    ambient = settings.ambient_pressure
+    checked = {}
+    for name in (c for c in part.frame.columns if c not in part.unchecked and c != "trajectory"):
+        values = part.frame[name].to_numpy(dtype=float)
+        faults = impossible(str(name), values, ambient)
+        checked[str(name)] = values[~faults] if faults.mean() <= _MOST_FAULTS else values
+    require_plausible(checked, ambient_pressure=ambient, where=path.name)
+
+
 def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
-    """Warn or raise about what was bridged while reading, as asked."""
+    """Warn or raise about what was bridged while reading, as asked; warn of readings in doubt."""
+    if doubts := notes.readings.summary():
+        warnings.warn(doubts, ReadingWarning, stacklevel=stacklevel)
     said = notes.sentences()
     if said and sampling == "raise":
         raise sampling_error(said)

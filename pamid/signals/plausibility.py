@@ -53,20 +53,35 @@ def _range(values: np.ndarray) -> _Range:
     return _Range(float(low), float(high), float(max(abs(low), abs(high))))
 
 
-def _pressure_unit(size: float) -> str:
-    for limit, unit in ((1.5, "MPa"), (25.0, "bar"), (1_500.0, "kPa"), (40_000.0, "mbar")):
-        if size < limit:
+_PRESSURES = ((1.5, "MPa"), (25.0, "bar"), (250.0, "kPa or psi"), (1_500.0, "kPa"), (20_000.0, "mbar"))
+"""Units by the largest reading that they give at the pressures of muscles, up to 15 bar."""
+
+_VENTED = {"MPa": 1e6, "bar": 1e5, "psi": 6894.757, "kPa": 1e3, "mbar": 1e2}
+_NEAR = 0.08  # of the ambient pressure: how near the lowest reading of a vented muscle comes to it
+
+
+def _pressure_unit(r: _Range, ambient: float) -> str:
+    """Name the unit: the one in which the lowest reading is the ambient pressure, else by the size of the readings."""
+    for unit, factor in _VENTED.items():
+        if abs(r.low * factor - ambient) < _NEAR * ambient and r.high * factor < 1.5e6:
             return unit
-    return "another unit"
+    return next((unit for limit, unit in _PRESSURES if r.size < limit), "another unit")
 
 
 def _absolute_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
+    if r.size == 0.0:
+        return Finding(name, f"{name} reads 0 throughout: that looks like an unplugged sensor", "Pa, absolute")
     if r.high < 0.5 * ambient:
-        if r.low >= -0.2 * ambient and r.size >= 20_000.0:
+        if r.size >= 20_000.0:
             return Finding(
-                name, f"{name} stays below {r.high:.4g} Pa: that looks like gauge pressure", "absolute pressure", True
+                name,
+                f"{name} goes from {r.low:.4g} to {r.high:.4g} Pa: that looks like gauge pressure",
+                "absolute pressure",
+                True,
             )
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {_pressure_unit(r.size)}", "Pa, absolute")
+        return Finding(
+            name, f"{name} reaches {r.size:.4g}: that looks like {_pressure_unit(r, ambient)}", "Pa, absolute"
+        )
     if r.low < 0.8 * ambient:
         return Finding(
             name,
@@ -81,7 +96,7 @@ def _absolute_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
 
 def _gauge_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
     if 1e-9 < r.size < 1_500.0 and r.high > 0.05:
-        unit = _pressure_unit(r.size)
+        unit = _pressure_unit(r, ambient)
         if unit != "kPa" or r.size > 20.0:
             return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "Pa, gauge")
     return None

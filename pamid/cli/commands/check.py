@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import PressureReferenceError, SamplingWarning, TimeOrderError, UnitError
+from ...errors import PressureReferenceError, TimeOrderError, UnitError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from .._style import marked
@@ -86,29 +85,27 @@ def run(args: argparse.Namespace) -> int:
 
 def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
     """Read the log; what the other commands refuse for its units or its clock is read all the same and told."""
-    from ...signals import read_log
+    from ...signals.log import log_settings, read_with_notes
 
-    def attempt(**options: Any) -> pd.DataFrame:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SamplingWarning)
-            return read_log(args.log, args.columns, nan="keep" if args.nan == "raise" else args.nan, **options)
-
-    options: dict[str, Any] = {}
+    nan = "keep" if args.nan == "raise" else args.nan
+    check_units, order = True, None
     doubts: list[str] = []
-    for _ in range(2):
+    while True:
+        settings = log_settings(args.columns, nan, "ignore", order, None, None)
         try:
-            return attempt(**options), doubts
+            log, notes = read_with_notes(args.log, settings, nan=nan, check_units=check_units)
         except (UnitError, PressureReferenceError) as error:
-            if "check_units" in options or not error.found.partition(": ")[2]:
+            if not check_units or not error.found.partition(": ")[2]:
                 raise
-            options["check_units"] = False
+            check_units = False
             doubts.append(f"{error} Until then the other commands refuse the log ('pamid init' writes a mapping).")
         except TimeOrderError as error:
-            if "time_order" in options:
+            if order is not None:
                 raise
-            options["time_order"] = "split"
+            order = "split"
             doubts.append(f"{error} Here each return of time begins a new run.")
-    return attempt(**options), doubts
+        else:
+            return log, doubts + [f"{text}." for text in notes.readings.sentences()]
 
 
 def _check_targets(args: argparse.Namespace) -> None:

@@ -1,0 +1,111 @@
+"""What was found in the readings of a log: how often, where first, what is done about it, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from .units import SI_UNITS, base_name, dimension_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MISSING, USED = "taken as missing", "used as it is"
+
+_NOISY = frozenset(("P", "p", "p_gauge", "F", "mdot"))  # a live sensor of these never repeats one value for a whole run
+_SHOWN = 6
+
+
+class _Place(NamedTuple):
+    row: int
+    time: float
+    run: str
+
+    def __str__(self) -> str:
+        return f"row {self.row + 1}, {self.time:.6g} s of '{self.run[:40]}'"
+
+
+@dataclass
+class _Found:
+    value: float
+    place: _Place
+    done: str
+    count: int = 0
+
+
+@dataclass
+class Readings:
+    """What was found in the readings of one or several logs.
+
+    Parameters
+    ----------
+    found : dict
+        For each signal and kind (``"impossible"``, ``"glitch"``, ``"end"``): how many, the first one, what is done.
+    still : dict of str to dict
+        For each signal the runs in which it reads one value throughout, with that value.
+    runs : int
+        Runs looked at.
+    rows : int
+        Rows looked at.
+    columns : dict of str to str
+        Columns that look like a signal and cannot be read as one, with the reason.
+    """
+
+    found: dict[tuple[str, str], _Found] = field(default_factory=dict)
+    still: dict[str, dict[str, float]] = field(default_factory=dict)
+    runs: int = 0
+    rows: int = 0
+    columns: dict[str, str] = field(default_factory=dict)
+
+    def note(
+        self, signal: str, kind: str, frame: pd.DataFrame, bad: np.ndarray, done: str, origin: pd.DataFrame
+    ) -> None:
+        """Note readings of a frame; `origin` is the frame before rows were sorted or left out."""
+        first = frame.iloc[int(bad.argmax())]
+        same = (origin["time"] == first["time"]) & (origin[signal] == first[signal])
+        place = _Place(int(same.to_numpy().argmax()), float(first["time"]), str(first["trajectory"]))
+        entry = self.found.setdefault((signal, kind), _Found(float(first[signal]), place, done))
+        entry.count += int(bad.sum())
+
+    def first(self) -> str:
+        """Word the first finding, without what is done about it."""
+        (signal, kind), found = next(iter(self.found.items()))
+        return _words(signal, kind, found)
+
+    def sentences(self) -> list[str]:
+        """Word the findings, one a signal and kind: what, where, how often, and what is done about it."""
+        said = [f"{_words(signal, kind, f)}: {f.done}" for (signal, kind), f in self.found.items()]
+        for signal, runs in self.still.items():
+            value = f"{next(iter(runs.values())):.6g}{_unit(signal)}"
+            if len(runs) == self.runs and len(set(runs.values())) == 1:
+                said.append(f"{signal} reads {value} in all {self.rows:,} rows while others move: {USED}")
+            elif base_name(signal) in _NOISY:
+                share = f"{len(runs)} of {self.runs} runs"
+                said.append(
+                    f"{signal} reads one value throughout in {share} while others move, such as {value} in "
+                    f"'{next(iter(runs))[:40]}': {USED}"
+                )
+        return said + [f"column '{name[:60]}' is {why}" for name, why in self.columns.items()]
+
+    def summary(self) -> str:
+        """Word the findings in one sentence, the first ones in full; empty where there are none."""
+        said = self.sentences()
+        more = f"; and {len(said) - _SHOWN} more ('pamid check' names them)" if len(said) > _SHOWN else ""
+        return "; ".join(said[:_SHOWN]) + more + "." if said else ""
+
+
+def _unit(signal: str) -> str:
+    unit = SI_UNITS.get(dimension_of(signal) or "", "-")
+    return "" if unit == "-" else f" {unit}"
+
+
+def _words(signal: str, kind: str, f: _Found) -> str:
+    value = f"{f.value:.6g}{_unit(signal)}"
+    where = str(f.place) if f.count == 1 else f"{f.count} readings, the first in {f.place}"
+    if kind == "impossible":
+        return f"{signal} cannot be {value} ({where})"
+    if kind == "end":
+        return f"{signal} begins or ends a run with {value}, far from all other readings ({where})"
+    return f"{signal} jumps to {value} and back at once ({where})"

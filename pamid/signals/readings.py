@@ -1,0 +1,236 @@
+"""Readings that a sensor cannot give, or hardly gives: found in every log that is read, and told.
+
+The pass is one for all commands: it runs while a log is read, on signals in SI.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.errors import ReadingError
+
+from .reading_notes import MISSING, USED, Readings
+from .units import base_name, dimension_of, is_gauge_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BEYOND = 1e30
+"""No quantity of a log is as large in SI; markers of missing values and overflows are."""
+
+_SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T"))
+_COMMANDS = ("_ref", "_cmd", "_set")
+_FEW = 50  # rows below which neither a glitch nor a dead channel can be told
+_WIDTHS = (1, 2)  # samples of a glitch
+_OF_JUMPS, _OF_STEPS = 20.0, 10.0
+_BACK = 0.75  # of the way there
+_MOST_GLITCHES = 0.002  # of the rows: what comes more often belongs to the signal
+
+
+def impossible(signal: str, values: np.ndarray, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> np.ndarray:
+    """Return which readings the quantity of a signal cannot take.
+
+    An absolute pressure and a temperature are above 0, a gauge pressure is above -ambient, a contraction ratio below 1,
+    and nothing is beyond `BEYOND`.
+
+    Parameters
+    ----------
+    signal : str
+        Its name.
+    values : array, shape (n,)
+        Readings in SI.
+    ambient_pressure : float, default=101325.0
+        Pa, absolute.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+        False where a reading is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.readings import impossible
+    >>> impossible("P1", np.array([2e5, 0.0, -3e5, 1e300]))  # Pa, absolute
+    array([False,  True,  True,  True])
+    """
+    bad = np.abs(values) > BEYOND
+    dimension = dimension_of(signal)
+    if dimension in ("pressure", "temperature"):
+        bad |= values <= (-ambient_pressure if is_gauge_name(signal) else 0.0)
+    elif base_name(signal) == "eps":
+        bad |= values >= 1.0
+    return bad & np.isfinite(values)
+
+
+def screen(
+    frame: pd.DataFrame,
+    origin: pd.DataFrame,
+    *,
+    nan: str,
+    skip: set[str],
+    ambient_pressure: float,
+    where: str,
+    notes: Readings,
+) -> pd.DataFrame:
+    """Look through the readings of a tidy frame; what cannot be, and what jumps there and back, becomes missing.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Tidy frame in SI, its time in order.
+    origin : DataFrame
+        The same before rows were sorted or left out, for their numbers.
+    nan : {"raise", "drop", "keep"}
+        What is to happen to missing values. With ``"raise"`` impossible readings are an error and glitches stay.
+    skip : set of str
+        Signals that a mapping takes from the checks, or fixes: only what cannot be is looked for.
+    ambient_pressure : float
+        Pa, absolute.
+    where : str
+        Name of the log.
+    notes : Readings
+        Where to note what was found.
+
+    Returns
+    -------
+    DataFrame
+        The frame, with NaN in place of such readings.
+
+    Raises
+    ------
+    ReadingError
+        With ``nan="raise"``, if a reading cannot be.
+    """
+    runs = [(str(name), np.asarray(rows)) for name, rows in frame.groupby("trajectory", sort=False).indices.items()]
+    changed: dict[str, np.ndarray] = {}
+    for signal in (str(c) for c in frame.columns if c not in ("trajectory", "time")):
+        values = frame[signal].to_numpy(dtype=float)
+        bad = impossible(signal, values, ambient_pressure)
+        if bad.any():
+            if nan == "raise":
+                raise _refusal(signal, frame, origin, bad, where)
+            notes.note(signal, "impossible", frame, bad, MISSING, origin)
+        if base_name(signal) in _SENSORS and not signal.endswith(_COMMANDS) and signal not in skip:
+            jumps = glitches(np.where(bad, np.nan, values), [rows for _, rows in runs])
+            if jumps.any():
+                notes.note(signal, "glitch", frame, jumps, USED if nan == "raise" else MISSING, origin)
+                bad |= jumps & (nan != "raise")
+            if (ends := far_ends(np.where(bad, np.nan, values), [rows for _, rows in runs])).any():
+                notes.note(signal, "end", frame, ends, USED, origin)
+        if bad.any():
+            changed[signal] = np.where(bad, np.nan, values)
+    frame = frame.assign(**changed) if changed else frame
+    _note_still(frame, runs, skip, notes)
+    return frame
+
+
+def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.ndarray, where: str) -> ReadingError:
+    found = Readings()
+    found.note(signal, "impossible", frame, bad, "", origin)
+    return ReadingError(
+        f"{where}: {found.first()}.",
+        "readings that the quantity can take",
+        "Read with nan='keep' to take them as missing, or nan='drop' to leave these rows out.",
+    )
+
+
+def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
+    """Return which readings jump away and back within two samples.
+
+    A jump counts if it is 20 times what all but 1 % of the readings do in this way, and 10 times what all but 1 % of
+    the steps from one sample to the next are. What comes in more than 0.2 % of the rows belongs to the signal.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN where there is none.
+    runs : list of array
+        Rows of each run.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.readings import glitches
+    >>> y = np.sin(np.arange(100) / 5)
+    >>> y[40] = 9.0
+    >>> np.flatnonzero(glitches(y, [np.arange(100)]))
+    array([40])
+    """
+    found = np.zeros(len(values), dtype=bool)
+    good = np.isfinite(values)
+    kept = [rows[good[rows]] for rows in runs]
+    if int(good.sum()) < _FEW:
+        return found
+    usual = _OF_STEPS * _level([np.abs(np.diff(values[rows])) for rows in kept])
+    for width in _WIDTHS:
+        back = [_there_and_back(values[rows], width) for rows in kept]
+        limit = max(usual, _OF_JUMPS * _level(back))
+        for rows, jumps in zip(kept, back, strict=True):
+            for k in np.flatnonzero(jumps > limit):
+                found[rows[k + 1 : k + 1 + width]] = True
+    return found if found.sum() <= max(3.0, _MOST_GLITCHES * len(values)) else np.zeros(len(values), dtype=bool)
+
+
+def _level(arrays: list[np.ndarray]) -> float:
+    """Return what all but 1 % of the values stay below."""
+    together = np.concatenate(arrays)
+    return float(np.quantile(together, 0.99)) if len(together) else 0.0
+
+
+def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
+    """Return for each stretch of samples within a run how far it stands off its neighbours, 0 unless these agree."""
+    if len(y) < width + 2:
+        return np.zeros(0)
+    up = np.diff(y)[: len(y) - 1 - width]
+    down = -np.diff(y)[width:]
+    least, most = np.minimum(np.abs(up), np.abs(down)), np.maximum(np.abs(up), np.abs(down))
+    return np.where((up * down > 0) & (least > _BACK * most), least, 0.0)
+
+
+def far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
+    """Return which first and last readings of runs lie farther from all the others than these are apart.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN where there is none.
+    runs : list of array
+        Rows of each run.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+    """
+    found = np.zeros(len(values), dtype=bool)
+    good = np.isfinite(values)
+    if int(good.sum()) < _FEW:
+        return found
+    found[[row for rows in runs if len(rows) > 2 for row in (rows[0], rows[-1])]] = True
+    inner = values[good & ~found]
+    if not len(inner):
+        return np.zeros(len(values), dtype=bool)
+    low, high = float(inner.min()), float(inner.max())
+    width = high - low
+    return found & good & (width > 0) & ((values > high + width) | (values < low - width))
+
+
+def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:
+    """Note which channels read one value throughout a run in which others do not."""
+    names = [str(c) for c in frame.columns if base_name(str(c)) in (*_SENSORS, "u") and not str(c).endswith(_COMMANDS)]
+    columns = {name: frame[name].to_numpy(dtype=float) for name in names}
+    for run, rows in runs:
+        if len(rows) < _FEW:
+            continue
+        notes.runs += 1
+        notes.rows += len(rows)
+        moves = {name: bool(np.any(y[rows] != y[rows[0]])) for name, y in columns.items()}
+        for name in (n for n, moving in moves.items() if not moving and n not in skip and any(moves.values())):
+            notes.still.setdefault(name, {})[run] = float(columns[name][rows[0]])
