@@ -313,7 +313,7 @@ COLUMNS = [
 
 def fit_with(name: str, equation: str | None = None, **settings):
     def call(good: dict[str, Path]):
-        return equation_of(make_estimator(name, settings, None, 0), equation)
+        return equation_of(make_estimator(name, settings, {"rest_length": 0.2, "rest_diameter": 0.02}, 0), equation)
 
     return call
 
