@@ -18,10 +18,15 @@ from .errors import HostileModelError, ModelFileError, ModelNotFoundError, Trunc
 
 SCHEMA = "schema.json"
 METADATA = "pamid.json"
-MAX_BYTES = 2**30
-"""Most bytes that a model file may unpack to, unless the caller allows more."""
+MAX_BYTES = 2**29
+"""Most memory, in bytes, that loading a model file may take, unless the caller allows more."""
+COPIES = 4
+"""Copies of the contents that exist at once while a file is loaded: packed, unpacked, handed over, and built."""
 MAX_ENTRIES = 20_000
-MAX_JSON_BYTES = {SCHEMA: 2**27, METADATA: 2**20}
+MAX_JSON_BYTES = {SCHEMA: 2**25, METADATA: 2**20}
+_OBJECT_BYTES = 100
+"""Bytes that the smallest object takes once it is parsed, its place in a container included."""
+_PIECE = 1 << 16
 
 _ENTRY = re.compile(r"[A-Za-z0-9_-]{1,100}\.(npy|bin|json)")
 _REMEDY = "Do not load this file; ask whoever made it for one written by pamid.persistence.save."
@@ -32,6 +37,12 @@ def hostile(found: str, expected: str) -> HostileModelError:
     return HostileModelError(found, expected, _REMEDY)
 
 
+def json_cost(data: bytes) -> int:
+    """Return how many bytes of memory JSON takes once it is parsed, at most, without parsing it."""
+    # Brackets and commas part objects; within text a comma may also be spelt by its number.
+    return len(data) + _OBJECT_BYTES * sum(data.count(mark) for mark in (b",", b"[", b"{", b"u002"))
+
+
 def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
     """Read all entries of a model file into memory, each checked against what it declares.
 
@@ -39,8 +50,8 @@ def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
     ----------
     path : Path
         The model file.
-    max_bytes : int, default=2**30
-        Most bytes that the entries may unpack to, together.
+    max_bytes : int, default=2**29
+        Most memory that loading the file may take; its entries may unpack to a quarter of it, together.
 
     Returns
     -------
@@ -59,8 +70,11 @@ def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
     if path.is_dir():
         raise ModelNotFoundError(f"{path} is a folder.", "a model file", "Name the file inside it.")
     try:
-        if path.stat().st_size > max_bytes:
-            raise hostile(f"{path} is {path.stat().st_size} bytes large.", f"at most {max_bytes} bytes")
+        if not path.is_file() and path.exists():  # a pipe or a device may never end
+            raise hostile(f"{path} is a device or a pipe.", "a file")
+        size, most = path.stat().st_size, max_bytes // COPIES
+        if size > most:
+            raise hostile(f"{path} is {size} bytes large.", f"at most {most} bytes, or a larger max_bytes")
         data = path.read_bytes()
     except FileNotFoundError:
         raise ModelNotFoundError(f"There is no file {path}.", "a saved model", "Check the path.") from None
@@ -82,7 +96,7 @@ def unpack(data: bytes, name: str, max_bytes: int = MAX_BYTES) -> dict[str, byte
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             infos = archive.infolist()
             _check_entries(infos, name, max_bytes)
-            return {info.filename: archive.read(info) for info in infos}
+            return {info.filename: _read(archive, info, name) for info in infos}
     except (zipfile.BadZipFile, EOFError, ValueError, OSError, NotImplementedError, RuntimeError) as error:
         if isinstance(error, ModelFileError):
             raise
@@ -97,7 +111,20 @@ def unpack(data: bytes, name: str, max_bytes: int = MAX_BYTES) -> dict[str, byte
         ) from None
 
 
+def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> bytes:
+    """Read an entry piece by piece: what it unpacks to is no more than it declares."""
+    content = bytearray()
+    with archive.open(info) as stream:
+        # The reader itself stops at the size that is declared, having unpacked no more than a piece beyond it.
+        while piece := stream.read(_PIECE):
+            content += piece
+    if len(content) != info.file_size:
+        raise hostile(f"{info.filename!r} in {name} declares {info.file_size} bytes and has {len(content)}.", "as many")
+    return bytes(content)
+
+
 def _check_entries(infos: list[zipfile.ZipInfo], name: str, max_bytes: int) -> None:
+    max_bytes //= COPIES
     if len(infos) > MAX_ENTRIES:
         raise hostile(f"{name} holds {len(infos)} entries.", f"at most {MAX_ENTRIES}")
     seen: set[str] = set()
@@ -122,7 +149,7 @@ def _check_entries(infos: list[zipfile.ZipInfo], name: str, max_bytes: int) -> N
         raise hostile(f"{name} unpacks to {total} bytes.", f"at most {max_bytes} bytes")
 
 
-def parse_json(data: bytes, entry: str, name: str) -> dict[str, Any]:
+def parse_json(data: bytes, entry: str, name: str, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     """Parse a JSON entry strictly: UTF-8, an object at the top, no key twice, no endless nesting."""
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -131,6 +158,8 @@ def parse_json(data: bytes, entry: str, name: str) -> dict[str, Any]:
             raise hostile(f"{entry} in {name} gives a key twice.", "each key once")
         return found
 
+    if json_cost(data) > max_bytes:
+        raise hostile(f"{entry} in {name} describes more objects than fit into {max_bytes} bytes.", "a small model")
     try:
         parsed = json.loads(data.decode("utf-8"), object_pairs_hook=once)
     except UnicodeDecodeError as error:

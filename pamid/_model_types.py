@@ -1,7 +1,7 @@
 """Which types a model file may bring to life: an allow-list by kind of node, and the audit of a schema against it.
 
-The list is closed: scikit-learn's own types that skops trusts, what a search holds after its fit, numpy and Python
-containers, the estimators of `pamid.estimators`, the trainers, splitters and dataclasses of pamid. Whatever else a file
+The list is closed: the few types of scikit-learn that pipelines and searches need, numpy and Python containers, the
+estimators of `pamid.estimators`, the trainers, splitters and dataclasses of pamid. Whatever else a file
 names is refused before anything is built, and no module outside these packages is imported to look.
 """
 
@@ -12,11 +12,14 @@ import importlib
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
-from ._model_archive import hostile
+import numpy as np
+
+from ._model_archive import COPIES, MAX_BYTES, hostile, json_cost
 from .errors import HostileModelError
 
 MAX_DEPTH = 400
@@ -43,61 +46,55 @@ _SIMPLE_LOADERS: dict[str, set[str]] = {
     "MaskedArrayNode": {"numpy.ma.MaskedArray", "numpy.ma.core.MaskedArray"},
     "DTypeNode": {"numpy.dtype"},
     "RandomStateNode": {"numpy.random.mtrand.RandomState", "numpy.random.RandomState"},
-    "RandomGeneratorNode": {"numpy.random._generator.Generator", "numpy.random.Generator"},
 }
 _FILE_ENDINGS = {"NdArrayNode": ".npy", "BytesNode": ".bin"}
 
 
+_SKLEARN = {
+    "sklearn.pipeline": ("Pipeline",),
+    "sklearn.frozen._frozen": ("FrozenEstimator",),
+    "sklearn.preprocessing._data": ("StandardScaler", "MinMaxScaler", "MaxAbsScaler", "RobustScaler"),
+    "sklearn.preprocessing._polynomial": ("PolynomialFeatures",),
+    "sklearn.linear_model._base": ("LinearRegression",),
+    "sklearn.linear_model._ridge": ("Ridge",),
+    "sklearn.neural_network._multilayer_perceptron": ("MLPRegressor",),
+    "sklearn.neural_network._stochastic_optimizers": ("AdamOptimizer", "SGDOptimizer"),
+    "sklearn.model_selection._search": ("GridSearchCV", "RandomizedSearchCV"),
+    "sklearn.model_selection._split": ("KFold", "GroupKFold", "LeaveOneGroupOut", "GroupShuffleSplit", "ShuffleSplit"),
+    "sklearn.metrics._scorer": ("_Scorer", "_PassthroughScorer"),
+    "sklearn.utils._metadata_requests": ("MetadataRequest", "MethodMetadataRequest"),
+}
+"""What pipelines and searches around pamid's estimators are made of, by module.
+
+Whatever hands arrays of a file to compiled code unseen, as trees, neighbours and libsvm do, is not here.
+"""
+
+PLACES = frozenset({"memory", "checkpoint", "cache", "folder", "path", "file", "temp_folder", "backend", "callbacks"})
+"""Attributes that name a place on a disk or something to run; in a file they are empty."""
+
+
 @cache
 def sklearn_types() -> frozenset[str]:
-    """Return the scikit-learn classes that skops trusts, and the plain Python ones that fitted estimators hold.
-
-    Those are splitters and scorers (searches), optimizers (networks) and kernels (Gaussian processes).
-    """
-    from sklearn.gaussian_process import kernels
-    from sklearn.metrics import _scorer
-    from sklearn.model_selection import _split
-    from sklearn.neural_network import _stochastic_optimizers
-    from skops.io import _trusted_types as trusted
-
-    held = {
-        f"{module.__name__}.{name}"
-        for module in (kernels, _scorer, _split, _stochastic_optimizers)
-        for name, c in inspect.getmembers(module, inspect.isclass)
-        if c.__module__ == module.__name__
-    }
-    return frozenset({*trusted.SKLEARN_ESTIMATOR_TYPE_NAMES, *trusted.SKLEARN_INTERNAL_TYPE_NAMES} | held)
+    """Return the scikit-learn classes that a model file may name."""
+    return frozenset(f"{module}.{name}" for module, names in _SKLEARN.items() for name in names)
 
 
 @cache
 def functions() -> frozenset[str]:
-    """Return the functions that may be named: numpy's and scipy's ufuncs and scikit-learn's metrics."""
+    """Return the functions that the scorer of a search may name: scikit-learn's metrics."""
     import sklearn.metrics
-    from skops.io import _trusted_types as trusted
 
-    metrics = {
+    return frozenset(
         f"{f.__module__}.{f.__name__}"
         for _, f in inspect.getmembers(sklearn.metrics, inspect.isfunction)
         if f.__module__.startswith("sklearn.metrics.")
-    }
-    return frozenset({*trusted.NUMPY_UFUNC_TYPE_NAMES, *trusted.SCIPY_UFUNC_TYPE_NAMES, *metrics})
-
-
-@cache
-def losses() -> frozenset[str]:
-    """Return scikit-learn's loss functions that skops trusts."""
-    from skops.io import _sklearn
-    from skops.io._utils import get_type_name
-
-    return frozenset(get_type_name(c) for c in _sklearn.ALLOWED_LOSSES)
+    )
 
 
 @cache
 def numpy_scalars() -> frozenset[str]:
-    """Return numpy's scalar types."""
-    from skops.io import _trusted_types as trusted
-
-    return frozenset(trusted.NUMPY_DTYPE_TYPE_NAMES)
+    """Return numpy's types of numbers."""
+    return frozenset(f"numpy.{t.__name__}" for kind in "?bhilqpBHILQPefdgFDG" if (t := np.dtype(kind).type))
 
 
 @cache
@@ -106,8 +103,16 @@ def _own_modules() -> frozenset[str]:
     found = set()
     for name in _DATACLASS_PACKAGES:
         package = importlib.import_module(name)
-        found |= {f"{name}.{m.name}" for m in pkgutil.iter_modules(package.__path__)}
+        found |= {m for path in package.__path__ for m in _below(name, path)}
     return frozenset(found)
+
+
+def _below(name: str, path: str) -> Iterator[str]:
+    for module in pkgutil.iter_modules([path]):
+        full = f"{name}.{module.name}"
+        yield full
+        if module.ispkg:
+            yield from _below(full, str(Path(path) / module.name))
 
 
 @cache
@@ -150,8 +155,6 @@ def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> boo
         )
     if loader == "FunctionNode":
         return full in functions() or full in trusted
-    if loader == "LossNode":
-        return full in losses()
     if loader == "TupleNode":
         return full == "builtins.tuple" or own_type(module, name) or full in trusted
     if loader == "ObjectNode":
@@ -161,7 +164,11 @@ def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> boo
 
 
 def audit_schema(
-    schema: dict[str, Any], files: Mapping[str, bytes], name: str, trusted: Iterable[str] = ()
+    schema: dict[str, Any],
+    files: Mapping[str, bytes],
+    name: str,
+    trusted: Iterable[str] = (),
+    max_bytes: int = MAX_BYTES,
 ) -> set[str]:
     """Walk the whole schema and refuse whatever is not on the allow-list.
 
@@ -178,6 +185,8 @@ def audit_schema(
         Name of the file, for messages.
     trusted : iterable of str
         Full names of further types that the caller trusts.
+    max_bytes : int, default=2**29
+        Most memory that the objects may take, see `pamid._model_archive`.
 
     Returns
     -------
@@ -194,6 +203,16 @@ def audit_schema(
     types: set[str] = set()
     contents: dict[Any, int] = {}
     depth = 0
+    spent = 0
+    read: set[tuple[Any, str]] = set()
+
+    def spend(size: int) -> None:
+        nonlocal spent
+        spent += size
+        if spent > max_bytes // COPIES:
+            raise hostile(
+                f"{name} describes objects of more than {max_bytes // COPIES} bytes.", "fewer or smaller ones"
+            )
 
     def walk(item: Any) -> int:
         nonlocal depth
@@ -238,23 +257,30 @@ def audit_schema(
             file = str(node["file"])
             if file != node["file"] or file not in files or not file.endswith(ending):
                 raise hostile(f"{name} reads {file[:80]!r} for {full}.", "the array or bytes of an entry of the file")
-        _check_memory(node, full)
+            # Each object that reads an array has a copy of it, unless it is the same object once more.
+            if (key := (node.get("__id__"), file)) not in read or key[0] is None:
+                read.add(key)
+                spend(len(files[file]))
+        _check_places(node, full)
+        if loader == "JsonNode":
+            spend(json_cost(str(node.get("content")).encode("utf-8", "replace")))
         if loader != "JsonNode":  # a JsonNode's class says nothing: its content is plain data
             types.add(full)
         return str(loader)
 
-    def _check_memory(node: dict[str, Any], full: str) -> None:
+    def _check_places(node: dict[str, Any], full: str) -> None:
+        """Refuse a place where it stands in plain sight; where it hides is seen once the objects are built."""
         content = node.get("content")
         attributes = content.get("content") if isinstance(content, dict) else None
-        cached = (
-            attributes.get("memory") if isinstance(attributes, dict) and node["__loader__"] == "ObjectNode" else None
-        )
-        if isinstance(cached, dict) and cached.get("content") != "null":
-            raise HostileModelError(
-                f"{name} gives {full} a cache folder (memory), from which a fit would read pickles.",
-                "memory=None",
-                "Set memory=None before saving; choose a cache again after loading.",
-            )
+        if node["__loader__"] != "ObjectNode" or not isinstance(attributes, dict):
+            return
+        for key in PLACES & attributes.keys():
+            if not isinstance(attributes[key], dict) or attributes[key].get("content") != "null":
+                raise HostileModelError(
+                    f"{name} gives {full} a place or cache ({key}), which a fit would read or write.",
+                    f"{key}=None",
+                    f"Set {key}=None before saving; choose one again after loading.",
+                )
 
     limit = sys.getrecursionlimit()
     try:

@@ -8,16 +8,14 @@ import json
 import os
 import re
 import shutil
-import signal
 import sys
-import threading
 from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from .errors import OutputError
-from .files import PROBE, check_file, draft_name, flush, probe, unwritable
+from .files import PROBE, check_file, draft_name, flush, probe, signals_wait, unwritable
 
 UNFINISHED = "UNFINISHED-pamid.json"
 """File that tells of a set whose move into its folder was cut off, and from which the next writer ends it."""
@@ -66,14 +64,15 @@ def replacing_together(folder: str | Path, names: Collection[str], *, parents: b
         stage = (folder.parent if _as_a_whole(folder) else folder) / draft_name()
         stage.mkdir()
         yield stage
-        with _signals_wait():
+        with signals_wait():
             _commit(stage, folder, names)
         stage = None
     except OSError as error:
         raise unwritable(folder, error) from None
     finally:
         if stage is not None and not _is_unfinished(stage):
-            shutil.rmtree(stage, ignore_errors=True)
+            with signals_wait():
+                shutil.rmtree(stage, ignore_errors=True)
 
 
 def check_folder(folder: str | Path, names: Collection[str] = (), *, parents: bool = False, size: int = PROBE) -> Path:
@@ -265,23 +264,3 @@ def _alone_in(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-@contextlib.contextmanager
-def _signals_wait() -> Iterator[None]:
-    """Let Ctrl-C and a request to end wait for the end of the body."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are handled in the main thread alone
-        return
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _frame: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
-        for received in came:
-            signal.raise_signal(received)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import signal
 import stat
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,7 +43,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     draft: Path | None = None
     try:
         target = _regular(path)
-        draft = _empty_draft(target.parent)
+        draft = target.parent / draft_name()
+        _create(draft)
         yield draft
         flush(draft)
         if target.exists():
@@ -53,8 +56,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise unwritable(path, error) from None
     finally:
         if draft is not None:
-            with contextlib.suppress(OSError):
-                draft.unlink()
+            _remove(draft)
 
 
 def write_whole(path: str | Path, data: bytes | str) -> Path:
@@ -123,15 +125,15 @@ def check_file(path: str | Path, size: int = PROBE) -> Path:
 
 def probe(folder: Path, size: int = PROBE) -> None:
     """Write and remove a draft of some bytes in a folder; raise what the system raises."""
-    draft = _empty_draft(folder)
+    draft = folder / draft_name()
     try:
+        _create(draft)
         with draft.open("r+b") as stream:
             stream.write(b"\1" * size)  # zeros may be kept as a hole, which takes no room
             stream.flush()
             os.fsync(stream.fileno())
     finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
+        _remove(draft)
 
 
 def draft_name() -> str:
@@ -166,10 +168,33 @@ def unwritable(path: Path, error: OSError) -> Exception:
     )
 
 
-def _empty_draft(folder: Path) -> Path:
-    draft = folder / draft_name()
+def _create(draft: Path) -> None:
     os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # the user's umask decides on its mode
-    return draft
+
+
+def _remove(draft: Path) -> None:
+    with signals_wait(), contextlib.suppress(OSError):
+        draft.unlink()
+
+
+@contextlib.contextmanager
+def signals_wait() -> Iterator[None]:
+    """Let Ctrl-C and a request to end wait for the end of the body."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are handled in the main thread alone
+        return
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _frame: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+        for received in came:
+            signal.raise_signal(received)
 
 
 def _regular(path: Path) -> Path:

@@ -2,7 +2,8 @@
 
 A model file (``*.pamid``) is a zip archive with the skops schema of the estimator (``schema.json``), its arrays as
 ``.npy`` entries, and ``pamid.json`` with the format version and what a reader wants to know before loading. Loading
-never runs code from the file: every type it names is checked against a closed list before anything is built.
+never runs code from the file: every type it names is checked against a closed list before anything is built, and what
+was built is checked again, attribute by attribute, before it is given out.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 
 from . import __version__
 from ._model_archive import MAX_BYTES, METADATA, SCHEMA, check_arrays, hostile, parse_json, read_archive, unpack
+from ._model_checks import check_model
 from ._model_types import audit_schema
 from .errors import (
     HostileModelError,
@@ -39,6 +41,7 @@ A version is raised when a class moves, an attribute is renamed or an entry chan
 """
 
 TrustedType = str | type
+_PLAINER = "Replace functions and objects of your own by names or numbers, or pass trusted=[type] here and to load."
 
 
 def save(
@@ -90,14 +93,13 @@ def save(
     path = Path(path)
     head = _describe(estimator, metadata)
     packed = _pack(estimator, head)
-    entries = unpack(packed, "The model", max(MAX_BYTES, 2 * len(packed)))
     try:
-        _audit(entries, parse_json(entries[SCHEMA], SCHEMA, "The model"), "The model", trusted)
+        _check_own(estimator, packed, trusted)
     except HostileModelError as error:
         raise ModelFileError(
             f"The {type(estimator).__name__} cannot be saved so that it loads again: {error.found}",
             "an estimator made of scikit-learn's and pamid's types, numbers, text and arrays",
-            "Replace functions and objects of your own by names or numbers, or pass trusted=[type] here and to load.",
+            error.remedy if "before saving" in error.remedy else _PLAINER,
         ) from None
     return write_whole(path, packed)
 
@@ -111,8 +113,8 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
         The model file.
     trusted : sequence of type or str, optional
         Further types that you know to be safe, such as an estimator class of your own.
-    max_bytes : int, default=2**30
-        Most bytes that the file may unpack to.
+    max_bytes : int, default=2**29
+        Most memory that loading may take, in bytes. The contents of the file may be a quarter of it.
 
     Returns
     -------
@@ -128,7 +130,8 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
     ModelVersionError
         The file is of a format newer than this version of pamid, or of none.
     HostileModelError
-        The file names a type that is not on the allow-list, or is built to harm. Nothing of it was constructed.
+        The file names a type that is not on the allow-list, gives an object something that it does not hold, such as a
+        place on the disk or a function, holds arrays that do not fit together, or takes too much memory.
 
     Examples
     --------
@@ -146,16 +149,17 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
     """
     name = Path(path).name
     entries = read_archive(Path(path), max_bytes)
-    head, schema = _read_head(entries, name)
+    head, schema = _read_head(entries, name, max_bytes)
     head, schema = _migrate(head, schema, name)
-    types = _audit(entries, schema, name, trusted)
+    types = _audit(entries, schema, name, trusted, max_bytes)
     clean = io.BytesIO()
     with zipfile.ZipFile(clean, "w") as archive:
         for entry, data in entries.items():
             if entry not in (SCHEMA, METADATA):
                 archive.writestr(entry, data)
         archive.writestr(SCHEMA, json.dumps(schema))
-    return _construct(clean.getvalue(), name, types)
+    del entries  # three copies are enough
+    return _construct(clean.getvalue(), name, types, frozenset(_names(trusted)))
 
 
 def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
@@ -165,8 +169,8 @@ def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     ----------
     path : path-like
         The model file.
-    max_bytes : int, default=2**30
-        Most bytes that the file may unpack to.
+    max_bytes : int, default=2**29
+        Most memory that loading may take, in bytes. The contents of the file may be a quarter of it.
 
     Returns
     -------
@@ -194,7 +198,7 @@ def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     'dict'
     """
     name = Path(path).name
-    return _read_head(read_archive(Path(path), max_bytes), name)[0]
+    return _read_head(read_archive(Path(path), max_bytes), name, max_bytes)[0]
 
 
 def rename_type(schema: dict[str, Any], old: str, new: str) -> dict[str, Any]:
@@ -236,6 +240,14 @@ def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str)
 
 
 # --- writing ------------------------------------------------------------------------------------------------
+def _check_own(estimator: Any, packed: bytes, trusted: Sequence[TrustedType]) -> None:
+    """Refuse what `load` would refuse, however large the model is."""
+    what, room = "The model", 2**62
+    check_model(estimator, what, frozenset(_names(trusted)))
+    entries = unpack(packed, what, room)
+    _audit(entries, parse_json(entries[SCHEMA], SCHEMA, what, room), what, trusted, room)
+
+
 def _describe(estimator: Any, metadata: Mapping[str, Any] | None) -> dict[str, Any]:
     import numpy
     import sklearn
@@ -297,7 +309,7 @@ def _pack(estimator: Any, head: dict[str, Any]) -> bytes:
 
 
 # --- reading ------------------------------------------------------------------------------------------------
-def _read_head(entries: dict[str, bytes], name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def _read_head(entries: dict[str, bytes], name: str, max_bytes: int) -> tuple[dict[str, Any], dict[str, Any]]:
     for entry in (METADATA, SCHEMA):
         if entry not in entries:
             raise TruncatedModelError(
@@ -317,7 +329,7 @@ def _read_head(entries: dict[str, bytes], name: str) -> tuple[dict[str, Any], di
             f"a format from 1 to {FORMAT_VERSION} (this is pamid {__version__})",
             "Update pamid, or save the model again with this version.",
         )
-    return head, parse_json(entries[SCHEMA], SCHEMA, name)
+    return head, parse_json(entries[SCHEMA], SCHEMA, name, max_bytes)
 
 
 def _migrate(head: dict[str, Any], schema: dict[str, Any], name: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -342,17 +354,19 @@ def _names(trusted: Sequence[TrustedType]) -> list[str]:
     return [t if isinstance(t, str) else f"{t.__module__}.{t.__qualname__}" for t in trusted]
 
 
-def _audit(entries: dict[str, bytes], schema: dict[str, Any], name: str, trusted: Sequence[TrustedType]) -> set[str]:
+def _audit(
+    entries: dict[str, bytes], schema: dict[str, Any], name: str, trusted: Sequence[TrustedType], max_bytes: int
+) -> set[str]:
     protocol = schema.get("protocol")
     if isinstance(protocol, bool) or not isinstance(protocol, int) or protocol < 2:
         raise hostile(f"{name} claims the skops protocol {protocol!r}.", "protocol 2 or later")
     if schema.get("__loader__") not in ("ObjectNode", "TreeNode"):
         raise hostile(f"{name} holds a {schema.get('__loader__')!r} at its top.", "an estimator")
     check_arrays(entries, name)
-    return audit_schema(schema, entries, name, _names(trusted))
+    return audit_schema(schema, entries, name, _names(trusted), max_bytes)
 
 
-def _construct(packed: bytes, name: str, types: set[str]) -> Any:
+def _construct(packed: bytes, name: str, types: set[str], trusted: frozenset[str]) -> Any:
     import skops.io
 
     try:
@@ -363,6 +377,7 @@ def _construct(packed: bytes, name: str, types: set[str]) -> Any:
                 f"{name} holds {', '.join(sorted(untrusted - types))[:200]}.", "types that the audit has seen"
             )
         model = skops.io.loads(packed, trusted=sorted(untrusted))
+        check_model(model, name, trusted)
         if hasattr(model, "get_params"):
             model.get_params()  # an estimator that lacks its own parameters is none
         return model

@@ -22,6 +22,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.tree import DecisionTreeRegressor
 
 from pamid import persistence
 from pamid.errors import (
@@ -166,7 +167,7 @@ def test_folder_that_does_not_exist(tmp_path):
 def test_what_load_would_refuse_is_never_written(tmp_path):
     X, y = table()
     model = make_pipeline(FunctionTransformer(np.linalg.norm), Ridge())
-    with pytest.raises(ModelFileError, match=r"cannot be saved so that it loads again.*numpy\.linalg.*norm"):
+    with pytest.raises(ModelFileError, match=r"cannot be saved so that it loads again.*FunctionTransformer"):
         save(model, tmp_path / "m.pamid")
     with pytest.raises(ModelFileError, match=r"without pickle|loads again"):
         save(make_pipeline(FunctionTransformer(lambda x: x), Ridge()).fit(X, y), tmp_path / "m.pamid")
@@ -184,11 +185,11 @@ def test_types_of_the_user_need_trust_on_both_sides(tmp_path):
     X, y = table()
     forest = RandomForestRegressor(3, max_depth=2, random_state=0).fit(X, y)
     file = tmp_path / "f.pamid"
-    with pytest.raises(ModelFileError, match=r"sklearn\.tree\._tree\.Tree"):
+    with pytest.raises(ModelFileError, match=r"RandomForestRegressor"):
         save(forest, file)
-    trusted = ["sklearn.tree._tree.Tree"]
+    trusted = ["sklearn.tree._tree.Tree", RandomForestRegressor, DecisionTreeRegressor]
     save(forest, file, trusted=trusted)
-    with pytest.raises(HostileModelError, match=r"sklearn\.tree\._tree\.Tree"):
+    with pytest.raises(HostileModelError, match=r"RandomForestRegressor"):
         load(file)
     np.testing.assert_array_equal(load(file, trusted=trusted).predict(X), forest.predict(X))
 
@@ -416,9 +417,7 @@ def test_hostile_node_is_refused_before_anything_is_built(kind, tmp_path, no_con
         attributes(schema)["planted"] = HOSTILE_NODES[kind]
 
     file = edit_schema(saved(tmp_path, Ridge()), plant)
-    # The name of a bit generator rides as plain text; skops' own audit declares it.
-    expected = r"numpy\.random\.seed" if kind == "bit generator that is a function" else "Expected"
-    with pytest.raises(HostileModelError, match=expected) as caught:
+    with pytest.raises(HostileModelError, match="Expected") as caught:
         load(file)
     assert caught.value.remedy
 
