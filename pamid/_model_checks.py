@@ -124,7 +124,7 @@ class _Walk:
             raise hostile(f"In {self.name} {where} does not fit together: {said}.", "arrays of one fit")
 
     def _attribute(self, cls: type, key: Any, value: Any, where: str) -> None:
-        if not isinstance(key, str) or key not in attributes(cls):
+        if not isinstance(key, str) or key not in attributes(cls) or callable(getattr(cls, key, None)):
             raise self._refusal(where, f"an attribute that {cls.__name__} does not have", "those that its fit sets")
         if key in PLACES and value is not None:
             raise HostileModelError(
