@@ -19,6 +19,7 @@ from pamid.errors import (
 
 from .formats import TRAJECTORY, names_column
 from .mapping import LogMapping, SignalMapping
+from .stamps import seconds_of_stamps
 from .units import UNITS, base_name, dimension_of, is_gauge_name
 
 if TYPE_CHECKING:
@@ -212,12 +213,9 @@ def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
     import pandas as pd
 
     if signal == "time" and not pd.api.types.is_numeric_dtype(column):
-        stamps = column
-        if not pd.api.types.is_datetime64_any_dtype(column):
-            stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
-        if stamps.notna().any():
-            seconds = (stamps - stamps.min()) / pd.Timedelta(seconds=1)
-            return seconds.to_numpy(dtype=float, na_value=np.nan)
+        seconds = seconds_of_stamps(column)
+        if seconds is not None:
+            return seconds
     if pd.api.types.is_complex_dtype(column):
         raise ColumnTypeError(f"{signal} of {path.name} holds complex numbers.", "real numbers", "Export real parts.")
     if not pd.api.types.is_numeric_dtype(column):

@@ -233,6 +233,8 @@ def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Se
 def _of_another_dimension(guess: Guess, header: Header, every: pd.Series) -> Guess:
     """Return what a column is whose unit does not belong to the signal of its name."""
     dimension = UNITS[str(header.unit)].dimension
+    if dimension == "time" and header.bracketed:  # whatever its name: what counts seconds is the clock
+        return with_unit(replace(guess, signal="time", unit=header.unit, source="value"), every)
     if not header.bracketed:  # the last word of the name is no unit after all
         return with_unit(guess, every)
     if guess.signal == "mdot" and dimension == "volume flow":
@@ -252,7 +254,7 @@ def _signal(header: Header, column: pd.Series, kind: str) -> str:
         "length", "rest_length", "T", "load_mass", "dq", "deps", "dP", "P_supply",
     ):  # fmt: skip
         return header.bare if own not in ("x", "L", "stroke") else _by_kind(own.replace("stroke", "x"), header, kind)
-    kinds = kinds_of(header.words)
+    kinds = {"time"} if header.words == ["x", "value"] else kinds_of(header.words)  # as LabVIEW calls its clock
     if "enabled" in kinds:
         return "enabled" if _is_switch(column) else ""
     if "trajectory" in kinds and _names_runs(column):

@@ -258,9 +258,9 @@ def _option(guess: Guess, unit: str = "") -> str:
 def _refer(draft: Draft, ask: Asker, assume: str | None) -> None:
     """Settle whether pressures are gauge or absolute: by what they say, by their force, or by asking."""
     open_ = [g for g in draft.pressures() if not g.settled]
-    named = [g for g in draft.pressures() if g.settled and g.why == "its name" and g.signal == "P"]
+    named = [g for g in draft.pressures() if g.gauge is not None and g.why == "its name" and g.signal == "P"]
     found = _tried(draft, draft.reference) if open_ or named else None
-    doubtful = [g for g in named if found is not None and g.gauge is not None and g.gauge != found]
+    doubtful = [g for g in named if found is not None and g.gauge != found]
     if found is not None and not doubtful:
         draft.refer(found, f"{'gauge' if found else 'absolute'}, by the force that it makes")
     open_ = doubtful or [g for g in draft.pressures() if not g.settled]

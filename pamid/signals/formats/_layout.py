@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pamid.errors import DuplicateColumnError, EmptyLogError, MappingError
 
+from ._heading import heading_of
+
 if TYPE_CHECKING:
     from ..mapping import LogMapping
 
@@ -84,6 +86,10 @@ def layout_of(path: Path, mapping: LogMapping) -> Layout:
     delimiter = _given(mapping.delimiter) or _delimiter(rest)
     rows = list(numbered_rows(rest, delimiter))
     begins = len(comments)
+    heading = heading_of([[clean(t) for t in row] for _, row in rows], _is_value) if mapping.header is None else None
+    if heading is not None:
+        begins, left = begins + rows[heading.rows - 1][0], [row for _, row in rows[heading.rows :]]
+        return _of_rows(path, mapping, encoding, delimiter, heading.names, begins, left)
     header = _has_header(rows[0][1], mapping.header)
     names = tuple(clean(t) for t in rows[0][1]) if header else None
     if header:
@@ -228,6 +234,10 @@ def _has_header(tokens: list[str], given: bool | None) -> bool:
     if given is not None:
         return given
     return not any(NUMBER.match(clean(t)) for t in tokens) and any(clean(t).lower() not in MISSING for t in tokens)
+
+
+def _is_value(token: str) -> bool:
+    return bool(NUMBER.match(token)) or token.lower() in MISSING
 
 
 def _require_unique(names: tuple[str, ...], path: Path) -> None:

@@ -1,0 +1,82 @@
+"""Dates and times of day as people and programs write them, in seconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+_DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%m-%Y", "%d.%m.%y", "%d-%b-%Y", "%d %b %Y", "%b %d, %Y")
+_TIMES = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
+_FORMATS = (*_TIMES, *(f"{date} {time}" for date in _DATES for time in _TIMES))
+
+
+def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
+    """Turn stamps of date and time into seconds from the first.
+
+    ISO 8601 comes first, then the local forms with points, slashes and names of months, and times of day, which go on
+    past midnight. Where day and month could be either, the reading that makes the log shorter is taken: only
+    differences count.
+
+    Parameters
+    ----------
+    column : Series
+        Text, or times that pandas has read already.
+
+    Returns
+    -------
+    ndarray or None
+        Seconds, NaN where a stamp is missing; None where the column holds no stamps.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pamid.signals.stamps import seconds_of_stamps
+    >>> seconds_of_stamps(pd.Series(["05.03.2024 23:59:59,5", "06.03.2024 00:00:00,5"])).tolist()
+    [0.0, 1.0]
+    """
+    import pandas as pd
+
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return _seconds(column)
+    stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
+    if stamps.notna().any():
+        return _seconds(stamps)
+    text = column.astype("string").str.strip().str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    known = text.notna() & (text != "")
+    sample = text[known].iloc[:: max(1, int(known.sum()) // 50)]
+    best: np.ndarray | None = None
+    for form in _FORMATS:
+        if not len(sample) or pd.to_datetime(sample, format=form, errors="coerce").isna().any():
+            continue
+        stamps = pd.to_datetime(text, format=form, errors="coerce")
+        if stamps[known].isna().any():
+            continue
+        found = _seconds(stamps)
+        if form in _TIMES:
+            found = _past_midnight(found)
+        if best is None or _span(found) < _span(best):
+            best = found
+    return best
+
+
+def _seconds(stamps: pd.Series) -> np.ndarray:
+    import pandas as pd
+
+    return ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(dtype=float, na_value=float("nan"))
+
+
+def _past_midnight(seconds: np.ndarray) -> np.ndarray:
+    """Add a day wherever a time of day falls from the evening to the morning."""
+    import numpy as np
+
+    falls = np.diff(seconds, prepend=seconds[:1]) < -43_200.0
+    return np.asarray(seconds + 86_400.0 * np.cumsum(falls))
+
+
+def _span(seconds: np.ndarray) -> float:
+    import numpy as np
+
+    return float(np.nanmax(seconds) - np.nanmin(seconds))
