@@ -47,7 +47,7 @@ def muscle(k: int = 0) -> pd.DataFrame:
     P = AMBIENT + 1.5e5 * (1 - np.cos(0.8 * t)) + 30 * rng.standard_normal(len(t))
     run = pd.DataFrame({"trajectory": "0", "time": t, "eps": eps, "P": P, "F": 0.0})
     problem = Muscle(rest_length=0.2, rest_diameter=0.02).problem(run)
-    F = problem.nominal(problem.X) + 4 * np.tanh(deps / 5e-3) + 0.1 * rng.standard_normal(len(t))
+    F = problem.nominal(problem.X) - 4 * np.tanh(deps / 5e-3) + 0.1 * rng.standard_normal(len(t))
     return run.assign(F=F, L=0.2 * (1 - eps), s=0.2 * eps, mdot=2e-5 * np.sin(0.8 * t))
 
 
