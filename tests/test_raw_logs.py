@@ -15,7 +15,7 @@ from pamid.cli import main
 sys.path.append(str(Path(__file__).parent))
 from raw_logs import RAW_LOGS, RawLog, table
 
-DIAGNOSED = ("cylinder-dekanewton", "cylinder-three-runs", "muscle-shortening", "joint-degrees")
+DIAGNOSED = ("cylinder-dekanewton", "muscle-shortening", "joint-degrees")
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "raw_logs.md"
 
 
