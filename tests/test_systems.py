@@ -165,8 +165,8 @@ def test_the_command_takes_the_page_of_a_system(stroke, tmp_path, capsys):
     assert main(["diagnose", *argv, "--out", str(tmp_path / "out"), *library, "--json", "--quiet"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["causes"][0]["effects"] == ["coulomb_friction"]
-    assert set(report["files"]) == {"diagnosis.json", "report.html"}
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["diagnosis.json", "report.html"]
+    assert set(report["files"]) == {"corrected.toml", "diagnosis.json", "report.html"}
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["corrected.toml", "diagnosis.json", "report.html"]
 
 
 def test_numbers_beside_the_entries_of_a_json_log_become_signals(tmp_path):

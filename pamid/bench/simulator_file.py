@@ -65,7 +65,8 @@ def _table(cls: type, name: str, raw: Any) -> Any:
     return cls(**raw)
 
 
-def _effects(raw: Any) -> tuple[tuple[str, dict[str, float]], ...]:
+def effects_of(raw: Any) -> tuple[tuple[str, dict[str, float]], ...]:
+    """Return the effects of a simulator file, names with their values."""
     if not isinstance(raw, list) or not all(isinstance(entry, dict) for entry in raw):
         raise SimulatorTypeError(
             f"effects is {str(raw)[:60]}.", "tables", "Write each effect under a line [[effects]] with its name."
@@ -106,7 +107,7 @@ def read_simulator_file(cls: type[T], path: Path) -> T:
                 f"The tables {', '.join(missing)} are missing.", f"all of {', '.join(TABLES)}", "Add what is missing."
             )
         tables = {name: _table(table, name, raw[name]) for name, table in TABLES.items()}
-        return cls(**tables, tolerance=raw.get("tolerance", {}), effects=_effects(raw.get("effects", [])))
+        return cls(**tables, tolerance=raw.get("tolerance", {}), effects=effects_of(raw.get("effects", [])))
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 

@@ -257,6 +257,28 @@ class Effect(ABC):
             self.values[p.name] = _check_value(self.name, p, values.get(p.name, p.nominal))
             setattr(self, p.name, self.values[p.name])
 
+    @classmethod
+    def in_units(cls, **values: float) -> Effect:
+        """Return the effect with all its values in the units of another system than a muscle, whose bounds say nothing.
+
+        What has a sign, or is a plain number, keeps its bounds.
+        """
+        known = {p.name: p for p in cls.parameters}
+        if set(values) != set(known):
+            raise UnknownParameterError(
+                f"The effect {cls.name} has {', '.join(values) or 'no parameters'}.",
+                f"all of {', '.join(known)}, in the units of the system",
+                "Give each parameter of the effect, and no other.",
+            )
+        effect = cls()
+        for name, value in values.items():
+            p = known[name]
+            if p.unit != "-" or p.position:
+                p = replace(p, lower=0.0 if p.lower >= 0.0 else -math.inf, upper=math.inf)
+            effect.values[name] = _check_value(cls.name, p, value)
+            setattr(effect, name, effect.values[name])
+        return effect
+
     def __repr__(self) -> str:
         units = {p.name: p.unit for p in self.parameters}
         return f"{self.name}({', '.join(f'{k}={v:g} {units[k]}'.removesuffix(' -') for k, v in self.values.items())})"

@@ -12,7 +12,18 @@ from typing import Any
 
 from .base import Input, Quantity, System
 
-_NOT_SYSTEMS = {"base", "bench_page", "diagnosis", "draft", "file", "raw", "reference", "evaluation", "comparison"}
+_NOT_SYSTEMS = {
+    "base",
+    "correction",
+    "bench_page",
+    "diagnosis",
+    "draft",
+    "file",
+    "raw",
+    "reference",
+    "evaluation",
+    "comparison",
+}
 _HOME = {
     "diagnose_system": "diagnosis",
     "read_system": "file",

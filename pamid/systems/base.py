@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ..errors import (
@@ -17,8 +17,12 @@ from ..signals.unit_names import unit_name
 from ..signals.units import UNITS, parse_quantity
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     import pandas as pd
+
+    from ..effects import Effect
 
 FIT = "fit"
 """Instead of a number: it is fitted to the log."""
@@ -120,6 +124,10 @@ class Quantity(NamedTuple):
         return number
 
 
+EffectSpec = tuple[str, Mapping[str, float]]
+"""An effect by its name, with its parameters."""
+
+
 class Choice(NamedTuple):
     """A word of a system's page.
 
@@ -160,6 +168,8 @@ class System(ABC):
 
     Parameters
     ----------
+    effects : sequence of (str, dict), default=()
+        Effects that the nominal equation gets: names, with all their parameters in the units of the system.
     **values : float or str
         Numbers by name, see `numbers`; those with a default may be left out.
 
@@ -167,6 +177,8 @@ class System(ABC):
     ----------
     values : dict of str to float or str
         The numbers in SI, ``"fit"`` where one is fitted to the log.
+    effects : tuple of (str, dict)
+        The effects.
 
     Raises
     ------
@@ -196,12 +208,10 @@ class System(ABC):
     """Nominal equation, in words of the signals."""
     sense: ClassVar[str | int] = "auto"
     """1 where effects take away from the target, -1 where they add to it."""
-    effects: ClassVar[str | tuple[str, ...]] = "all"
-    """Effects that may be causes."""
     library: ClassVar[str] = "actuator"
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, *, effects: Sequence[EffectSpec] = (), **values: Any) -> None:
         entries: list[Quantity | Choice] = [*self.numbers, *self.choices]
         known = {q.name for q in entries}
         if extra := sorted(set(values) - set(known)):
@@ -219,6 +229,7 @@ class System(ABC):
         self.values: dict[str, float | str] = {
             q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries
         }
+        self.effects = tuple((name, dict(_effect(name, given).values)) for name, given in effects)
 
     @classmethod
     def own(cls, signals: Collection[str]) -> list[str]:
@@ -246,9 +257,27 @@ class System(ABC):
                 "Map your columns to these names ('pamid init' writes the mapping).",
             )
 
-    @abstractmethod
+    tolerance: ClassVar[Mapping[str, float]] = {}
+    """How well its numbers are known: nothing is said of it."""
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of target, position and pressure, as `pamid.estimators.GapDiagnoser` takes them; empty for SI."""
+        return {}
+
+    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+        """Return the system with further effects, which act in a sense, 1 or -1, on a target in a unit."""
+        given: dict[str, Any] = dict(self.values)
+        return type(self)(**given, effects=[*self.effects, *effects])
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write the page of the system, whole or not at all."""
+        from .file import write_system
+
+        write_system(self, path)
+
     def problem(self, log: pd.DataFrame) -> Problem:
-        """Return what is measured, what the nominal model says, and the signals that effects may follow.
+        """Return what is measured, what the model says, its effects included, and the signals that effects may follow.
 
         Parameters
         ----------
@@ -260,6 +289,37 @@ class System(ABC):
         Problem
             One equation, ready for a diagnosis.
         """
+        problem = self.nominal_problem(log)
+        if not self.effects:
+            return problem
+        from .correction import WithEffects
+
+        sense = self.sense if isinstance(self.sense, int) else 1
+        return problem._replace(nominal=WithEffects(problem, self.effects, sense))
+
+    @abstractmethod
+    def nominal_problem(self, log: pd.DataFrame) -> Problem:
+        """Return what is measured, what the model says without effects, and the signals that effects may follow.
+
+        Parameters
+        ----------
+        log : DataFrame
+            Tidy log.
+
+        Returns
+        -------
+        Problem
+            One equation, ready for a diagnosis.
+        """
+
+
+def _effect(name: str, values: Mapping[str, float]) -> Effect:
+    from ..effects import all_effects
+
+    known = all_effects()
+    if name not in known:
+        raise UnknownOptionError(f"There is no effect {name!r}.", f"one of {', '.join(known)}", "Correct the name.")
+    return known[name].in_units(**values)
 
 
 class Problem(NamedTuple):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from .base import Input, Problem, Quantity, System
+from .base import Choice, EffectSpec, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
+
+_SENSES: dict[str, str | int] = {"unknown": "auto", "delivered": 1, "imposed": -1}
 
 
 class Cylinder(System):
@@ -41,20 +44,39 @@ class Cylinder(System):
         Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),
     )
 
+    choices = (
+        Choice("force", tuple(_SENSES), "what F measures: the push it delivers, or what moves the rod", "unknown"),
+    )
+
+    @property
+    def sense(self) -> str | int:  # type: ignore[override]
+        """Whether friction takes away from F or adds to it."""
+        return _SENSES[str(self.values["force"])]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Newton, metre, pascal."""
+        return {"target": "N", "position": "m", "pressure": "Pa"}
+
+    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+        """Return the cylinder with further effects, and what F is for them."""
+        found = super().corrected(effects, sense, unit)
+        found.values["force"] = next(word for word, way in _SENSES.items() if way == sense)
+        return found
+
     @property
     def area(self) -> float:
         """Area under pressure, m²."""
         return math.pi / 4 * (self.number("bore") ** 2 - self.number("rod") ** 2)
 
-    def problem(self, log: pd.DataFrame) -> Problem:
-        """Return the force equation on a log; see `System.problem`."""
+    def nominal_problem(self, log: pd.DataFrame) -> Problem:
+        """Return the force equation on a log; see `System.nominal_problem`."""
         self.require(log)
         ambient, area = self.number("atmospheric_pressure"), self.area
 
         def nominal(X: pd.DataFrame) -> np.ndarray:
             return (X["P"].to_numpy(dtype=float) - ambient) * area
 
-        units = {"target": "N", "position": "m", "pressure": "Pa"}
         roles = {"time": "time", "position": "x", "pressure": "P"}
         X, y = log[["time", "x", "P"]], log["F"].to_numpy(dtype=float)
-        return Problem(X, y, nominal, log["trajectory"].to_numpy(), roles, "force", "N", None, [], units)
+        return Problem(X, y, nominal, log["trajectory"].to_numpy(), roles, "force", "N", None, [], self.units)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -78,11 +78,10 @@ def diagnose_system(
     notes = [*doubts(clean, system), *problem.notes]
     if len(clean) < len(log):
         notes.append(f"{100 * (1 - len(clean) / len(log)):.1f} % of the rows have a missing value and are left out.")
-    library = system.effects if isinstance(effects, str) and effects == "all" else effects
     one = len(np.unique(problem.groups)) == 1
     diagnoser = GapDiagnoser(
         problem.nominal,
-        library,
+        effects,
         signals=dict(problem.roles),
         equation=problem.equation,
         plant=problem.plant,
@@ -98,4 +97,8 @@ def diagnose_system(
     names = {name: problem.roles.get(role, role) for name, role in own.items()}
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
-    return replace(found, windows=windows, notes=[*notes, *found.notes])
+    sense = -1 if diagnoser.scaling_.target < 0 else 1
+    nominal: Any = system
+    causes = list(diagnoser.effects_.items())
+    corrected: Any = system.corrected(causes, sense, problem.unit) if causes else system
+    return replace(found, nominal=nominal, corrected=corrected, windows=windows, notes=[*notes, *found.notes])

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..bench.simulator_file import effects_of
 from ..errors import (
     OversizedSimulatorError,
     SimulatorFileError,
@@ -103,15 +104,17 @@ def read_system(path: str | Path) -> System:
         raise UnknownOptionError(
             f"{path} is of the kind {kind!r}.", f"one of bench, {', '.join(known)}", "Correct kind in the file."
         )
-    if extra := sorted(set(raw) - {"kind", kind}):
+    if extra := sorted(set(raw) - {"kind", kind, "effects"}):
         raise UnknownParameterError(
-            f"{path} has {', '.join(map(repr, extra))}.", f"kind and [{kind}]", "Remove or correct the name."
+            f"{path} has {', '.join(map(repr, extra))}.",
+            f"kind, [{kind}] and [[effects]]",
+            "Remove or correct the name.",
         )
     table = raw.get(kind, {})
     if not isinstance(table, dict):
         raise SimulatorSyntaxError(f"{path}: {kind} is {table!r}.", "a table", f"Write [{kind}].")
     try:
-        return known[kind](**table)
+        return known[kind](**table, effects=effects_of(raw.get("effects", [])))
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
@@ -159,3 +162,18 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
         f'{c.name} = "{values.get(c.name, c.default)}"  # {c.meaning}: {", ".join(c.options)}' for c in kind.choices
     ]
     return "\n".join(lines) + "\n"
+
+
+def write_system(system: System, path: str | Path) -> None:
+    """Write the page of a system with its effects, whole or not at all."""
+    from ..effects import all_effects
+    from ..files import write_whole
+    from ..gap.residuals.units import Units
+
+    units, text = Units(**system.units), system_text(type(system), system.values)
+    for name, values in system.effects:
+        effect = all_effects()[name]
+        own = {p.name: units.of(effect, p) for p in effect.parameters}
+        lines = [f"{key} = {float(value)!r}  # {own[key]}".removesuffix("  # -") for key, value in values.items()]
+        text += "\n".join(["", "[[effects]]", f'name = "{name}"', *lines, ""])
+    write_whole(Path(path), text)

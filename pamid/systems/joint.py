@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
-from .base import FIT, Choice, Input, Problem, Quantity, System
+from .base import FIT, Choice, EffectSpec, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,8 +56,21 @@ class Joint(System):
         """Return ``gain`` where the log has neither the drive nor the controller's gain."""
         return [] if {"drive", "gain"} & set(signals) else ["gain"]
 
-    def problem(self, log: pd.DataFrame) -> Problem:
-        """Return the equation of the drive on a log; see `System.problem`."""
+    @property
+    def units(self) -> dict[str, str]:
+        """The drive's unit, radian; what stands for a pressure is a load in the drive's unit."""
+        unit = "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
+        return {"target": unit, "position": "rad", "pressure": unit}
+
+    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+        """Return the joint with further effects, and the unit of its drive where the log has told it."""
+        found = super().corrected(effects, sense, unit)
+        if unit in self.choices[0].options:
+            found.values["unit"] = unit
+        return found
+
+    def nominal_problem(self, log: pd.DataFrame) -> Problem:
+        """Return the equation of the drive on a log; see `System.nominal_problem`."""
         import pandas as pd
 
         self.require(log)

@@ -85,8 +85,8 @@ class Muscle(System):
             pulley_radius=1.0,
         )
 
-    def problem(self, log: pd.DataFrame) -> Problem:
-        """Return the equation of the force, or of the flow, on a log; see `System.problem`."""
+    def nominal_problem(self, log: pd.DataFrame) -> Problem:
+        """Return the equation of the force, or of the flow, on a log; see `System.nominal_problem`."""
         self.require(log)
         target = next((name for name in ("F", "mdot") if name in log.columns), None)
         if target is None:

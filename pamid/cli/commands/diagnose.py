@@ -49,8 +49,8 @@ or no gap. Where the log leaves a choice, the run to record next is named.
 DIR receives report.html (opens in any browser, without a network), diagnosis.json, and corrected.toml, the simulator
 with the causes added, which 'pamid evaluate' and 'pamid simulate' take.
 
-SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it; there is
-then no corrected.toml.
+SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it;
+corrected.toml is then such a page, for 'pamid evaluate' and 'pamid diagnose'.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis

@@ -222,7 +222,10 @@ class SignalEvidence:
     # --- effects --------------------------------------------------------------------------------------------
     def added(self, spec: Spec) -> np.ndarray:
         """Return what effects add to the modelled target at each sample."""
-        effects = [make_effect(name, **values) for name, values in spec.items()]
+        return self.added_by([make_effect(name, **values) for name, values in spec.items()])
+
+    def added_by(self, effects: Sequence[Effect]) -> np.ndarray:
+        """Return what effects add to the modelled target at each sample."""
         table = dict(self.table)
         for effect in effects:
             role = INPUTS.get(effect.channel)

@@ -1,0 +1,71 @@
+"""The nominal equation of a system with the effects that its page adds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..effects import Effect, all_effects
+from ..gap.one_equation import evidence_in
+from ..gap.residuals.rates import with_rates
+from ..gap.residuals.scaling import Scaling, Table
+from .base import EffectSpec, Problem
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class WithEffects:
+    """What a nominal equation says once effects are added, each in the units of the system.
+
+    Parameters
+    ----------
+    problem : Problem
+        The equation on a log.
+    effects : sequence of (str, dict)
+        Names and parameters.
+    sense : int
+        1 where effects take away from the target, -1 where they add to it.
+    """
+
+    def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:
+        self.problem, self.sense = problem, sense
+        self.effects: list[Effect] = [all_effects()[name].in_units(**values) for name, values in effects]
+        changes = problem.groups[1:] != problem.groups[:-1]
+        self._codes = np.concatenate([[0], np.cumsum(changes)]).astype(int)
+        time = problem.X["time"].to_numpy(dtype=float)
+        steps = np.diff(time)[~changes]
+        self._dt = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+
+    def __call__(self, X: pd.DataFrame) -> np.ndarray:
+        """Return the modelled target of some rows, of whole runs where an effect has memory."""
+        problem, codes = self.problem, self._codes_of(X)
+        columns = {role: column for role, column in problem.roles.items() if column in X.columns}
+        read = {role: X[column].to_numpy(dtype=float) for role, column in columns.items()}
+        modelled = np.asarray(problem.nominal(X), dtype=float)
+
+        def nominal(table: Table) -> np.ndarray:
+            return np.asarray(
+                problem.nominal(X.assign(**{columns[role]: table[role] for role in columns})), dtype=float
+            )
+
+        evidence = evidence_in(
+            Scaling(target=float(self.sense)),
+            with_rates(read, codes, self._dt),
+            modelled,
+            nominal,
+            codes,
+            self._dt,
+            problem.equation,
+            problem.plant,
+        )
+        return np.asarray(modelled + self.sense * evidence.added_by(self.effects))
+
+    def _codes_of(self, X: pd.DataFrame) -> np.ndarray:
+        """Return the run of each row: all of the log's, some of them by their label, or else one."""
+        if len(X) == len(self._codes):
+            return self._codes
+        at = self.problem.X.index.get_indexer(X.index)
+        return self._codes[at] if (at >= 0).all() else np.zeros(len(X), dtype=int)
