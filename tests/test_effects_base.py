@@ -71,6 +71,7 @@ VOCABULARY = [
     "output_saturation",
     "overflow",
     "quantisation",
+    "compliance",
 ]
 PLANT = BenchParameters.for_muscle("B").plant()
 DT = 1e-3
@@ -314,6 +315,7 @@ def test_memory_along_a_log_is_that_of_single_steps(name):
         "hysteresis": {"spread": 1.0},
         "coulomb_friction": {"exponent": 0.4},
         "creep": {"settled": 0.3},
+        "valve_lag": {"second": 0.6},
     }
     effect, rng, n = make_effect(name, **more.get(name, {})), np.random.default_rng(0), 300
     x = 0.12 + 0.0025 * np.cumsum(rng.normal(size=(n, 2)), axis=0)

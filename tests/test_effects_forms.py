@@ -135,6 +135,33 @@ def test_elements_slip_as_maxwell_says() -> None:
     np.testing.assert_allclose(parts[0], parts[1] + force, atol=1e-9)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_a_spool_lags_twice(share: float) -> None:
+    u = np.sign(np.sin(0.05 * np.arange(300.0)))[:, None]
+    effect = make_effect("valve_lag", time_constant=0.012, second=share)
+    y = effect.command(u, None, effect.trace(Signals(command=u), PLANT, DT, np.array([0])), PLANT)[:, 0]
+    first = 0.012 / (1.0 + share)
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        now = float(u[min(int(t / DT + 1e-9), 299), 0])
+        return [(now - x[0]) / first, (x[0] - x[1]) / (share * first) if share else 0.0]
+
+    t = np.arange(300) * DT
+    exact = solve_ivp(rate, (0.0, t[-1]), [u[0, 0]] * 2, t_eval=t, max_step=DT / 4, rtol=1e-8, atol=1e-8).y
+    np.testing.assert_allclose(y, exact[1 if share else 0], atol=5e-3)
+
+
+def test_a_compliant_drive_swings_at_its_frequency() -> None:
+    load = np.where(np.arange(2000) < 100, 0.0, 10.0)
+    effect = make_effect("compliance", frequency=80.0, damping=0.1)
+    felt = effect.measure(load, effect.trace(Signals(force=load), PLANT, DT, np.array([0])))
+    t = (np.arange(2000) - 99.5) * DT
+    w = 80.0 * np.sqrt(1.0 - 0.01)
+    exact = 10.0 * (1.0 - np.exp(-8.0 * t) * (np.cos(w * t) + 8.0 / w * np.sin(w * t)))
+    np.testing.assert_allclose(felt[101:], exact[101:], atol=0.02)
+    assert felt.max() > 15.0 and abs(felt[-1] - 10.0) < 0.01
+
+
 def test_springs_remember_where_the_bench_stood() -> None:
     t = np.arange(400) * DT
     x = np.stack([0.15 + 0.02 * np.sin(9 * t), 0.09 - 0.02 * np.sin(9 * t)], axis=1)

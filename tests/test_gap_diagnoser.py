@@ -136,6 +136,33 @@ def test_servo_that_is_moved_by_its_torque():
     assert weight.effects_["gravity"]["moment"] == pytest.approx(0.48, rel=0.05)
 
 
+def test_a_clean_viscous_torque_adds_to_what_moves_the_joint():
+    """A late angle would look much the same, in either sense; it is the damper that tells which way."""
+
+    def make(k, rng):
+        t = np.arange(0, 8, 0.004)
+        w = (1.0, 2.3, 4.0)[k]
+        q, dq = 0.5 * np.sin(w * t), 0.5 * w * np.cos(w * t)
+        tau = 0.8 * np.sin(q) - 0.02 * w * w * q + 0.05 * dq + 0.002 * rng.standard_normal(len(t))
+        return pd.DataFrame({"t": t, "q": q, "dq": dq, "ddq": -w * w * q, "tau": tau})
+
+    found = diagnosed(
+        runs(make, 3),
+        ["t", "q", "dq", "ddq"],
+        "tau",
+        (*FEW, "joint_damping", "gravity", "angle_delay", "angle_gain", "force_gain", "force_lag"),
+        nominal=lambda X: 0.8 * np.sin(X["q"].to_numpy()) + 0.02 * X["ddq"].to_numpy(),
+        signals={"time": "t", "position": "q", "velocity": "dq"},
+        equation="torque",
+        units={"target": "N m", "position": "rad"},
+        random_state=0,
+    )
+    assert found.scaling_.target < 0
+    assert found.causes_[0].effects == ("viscous_friction",)
+    p = found.causes_[0].parameters["coefficient"]
+    assert (p.value, p.unit) == (pytest.approx(0.05, rel=0.03), "N m s/rad")
+
+
 def test_falling_body_filmed():
     """Sixty pictures a second, 1.6 s: a model of free fall lacks drag."""
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...effects import all_effects
 from ...signals.paths import reversals
 from ..residuals.single import SignalEvidence
 from .sensitivity import Template
@@ -133,8 +134,10 @@ def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:
     """Return 1 where effects take away from the target, as friction does from what an actuator delivers, else −1.
 
     It is −1 where the target is what moves the thing: friction then adds to it. Amplitudes have signs, so only one of
-    both fits.
+    both fits. What a faulty sensor reads has no sense: a late position looks like friction in either.
     """
+    library = all_effects()
+    found = [t for t in found if not {"measure", "adjust"} & set(library[t.effect].hooks())]
     best = {}
     for sense in (1, -1):
         gains = [

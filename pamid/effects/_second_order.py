@@ -1,0 +1,65 @@
+"""A second-order lag, exact for an input that is held or goes straight between two instants."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from ..signals.state import Array
+
+
+@lru_cache(maxsize=64)
+def transition(frequency: float, damping: float, dt: float, ramp: bool) -> tuple[Array, Array, Array]:
+    r"""Return what carries (y, ẏ) over an interval, :math:`\ddot y = \omega^2 (v - y) - 2 \zeta \omega\,\dot y`.
+
+    Parameters
+    ----------
+    frequency, damping : float
+        ω (rad/s) and ζ.
+    dt : float
+        The interval, s.
+    ramp : bool
+        Whether the input goes straight from its old value to its new one; it is held at the old one else.
+
+    Returns
+    -------
+    (ndarray, ndarray, ndarray)
+        The matrix for (y, ẏ), the gains of the old and of the new input.
+    """
+    from scipy.linalg import expm
+
+    # The input and its rate are carried along as two more states.
+    A = np.zeros((4, 4))
+    A[0, 1] = 1.0
+    A[1] = -(frequency**2), -2.0 * damping * frequency, frequency**2, 0.0
+    A[2, 3] = 1.0 if ramp else 0.0
+    E = expm(A * dt)
+    slope = E[:2, 3] / dt if dt > 0.0 else 0.0 * E[:2, 3]
+    return E[:2, :2], E[:2, 2] - slope, slope
+
+
+def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt: float, ramp: bool) -> Array:
+    """Return the states (y, ẏ) along the first axis after an interval."""
+    M, old, new = transition(frequency, damping, dt, ramp)
+    shape = (2, *[1] * np.ndim(v0))
+    return np.tensordot(M, x, 1) + old.reshape(shape) * v0 + new.reshape(shape) * v1
+
+
+def carried_along(v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool) -> Array:
+    """Return `carried` along the trajectories of a log, at rest at the start of each; time is the first axis."""
+    from scipy.signal import lfilter, ss2tf
+
+    v = np.asarray(v, dtype=float)
+    M, old, new = transition(frequency, damping, dt, ramp)
+    # With w[k] = x[k] - new v[k] the input enters at the old instant alone, as filters have it.
+    B = (old + M @ new)[:, None]
+    numerators, denominator = ss2tf(M, B, np.eye(2), new[:, None])
+    out = np.empty((2, *v.shape))
+    for a, b in pairwise([*np.asarray(starts).tolist(), len(v)]):
+        u = v[a:b] - v[a : a + 1]  # at rest the output is the input
+        for k in range(2):
+            out[k, a:b] = lfilter(numerators[k], denominator, u, axis=0)
+        out[0, a:b] += v[a : a + 1]
+    return out
