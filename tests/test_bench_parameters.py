@@ -9,7 +9,6 @@ import tomllib
 import pytest
 
 from pamid.bench import BenchParameters, JointParameters
-from pamid.bench.simulator_file import MAX_BYTES
 from pamid.errors import (
     ImplausibleParameterError,
     MissingParameterError,
@@ -23,6 +22,7 @@ from pamid.errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
+from pamid.toml_files import MAX_BYTES
 
 B = BenchParameters.for_muscle("B")
 

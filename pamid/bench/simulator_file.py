@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,36 +17,14 @@ from ..errors import (
     UnknownParameterError,
 )
 from ..files import write_whole
+from ..toml_files import TomlErrors, read_toml
 
 if TYPE_CHECKING:
     from .parameters import BenchParameters
 
-MAX_BYTES = 1_000_000
-"""A simulator file holds a page of text; what is much larger is something else."""
+ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
 
 T = TypeVar("T", bound="BenchParameters")
-
-
-def _read_text(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise OversizedSimulatorError(
-                f"{path} holds {size:,} bytes.", f"at most {MAX_BYTES:,}", "Name the simulator file, not a log."
-            )
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SimulatorNotFoundError(f"There is no file {path}.", "a simulator file", "Check the path.") from None
-    except UnicodeDecodeError as error:
-        raise SimulatorSyntaxError(
-            f"{path} is not text in UTF-8 (byte {error.start}).", "a TOML file", "Name the simulator file."
-        ) from None
-    except OSError as error:
-        if isinstance(error, SimulatorFileError):
-            raise
-        raise SimulatorNotFoundError(
-            f"{path} cannot be read: {error.strerror}.", "a simulator file", "Check the path and its permissions."
-        ) from None
 
 
 def _table(cls: type, name: str, raw: Any) -> Any:
@@ -87,13 +64,7 @@ def read_simulator_file(cls: type[T], path: Path) -> T:
     """Read the file at ``path`` into ``cls``, naming the file in every error."""
     from .parameters import TABLES
 
-    text = _read_text(path)
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SimulatorSyntaxError(
-            f"{path} is not valid TOML: {error}.", "tables such as [muscle] with lines name = number", "Correct it."
-        ) from None
+    raw = read_toml(path, "a simulator file", ERRORS)
     try:
         if raw.get("kind") == "bench":
             del raw["kind"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import importlib
 import os
 import pkgutil
@@ -19,6 +20,8 @@ from .. import __version__
 from ..errors import PamidError, PamidWarning
 from ._style import marked, plain
 from .common import DONE, INTERRUPTED, OWN_ERROR, TERMINATED, WRONG_USE
+
+_OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EBADF)
 
 _SAME_WARNINGS = 3
 """Warnings of one kind that are shown; the others are counted."""
@@ -76,6 +79,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     """Parse arguments and run the command; see `pamid.cli.main`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
+    _replace_closed_streams()
     try:
         with _terminable(), _plain_warnings("--quiet" in arguments):
             parser = build_parser()
@@ -99,20 +103,33 @@ def run(argv: Sequence[str] | None = None) -> int:
             raise
         _say(f"{plain(str(error))} See {marked(error.page, 'page', sys.stderr)}.", "error")
         return WRONG_USE
+    except OSError as error:
+        if debug or error.errno not in _OUTPUT_LOST:
+            return _own_error(error, debug)
+        _close_stdout()
+        _say(
+            f"The output cannot be written: {error.strerror}. Expected room for it. Free some, or write elsewhere.",
+            "error",
+        )
+        return WRONG_USE
     except MemoryError:
         _say(
             "There is not enough memory for this. Expected a smaller table. Thin the log, or cut it in parts.", "error"
         )
         return WRONG_USE
     except Exception as error:
-        if debug:
-            raise
-        text = " ".join(str(error).split())[:300]
-        _say(
-            f"error inside pamid: {type(error).__name__}: {text}\n"
-            "This should not happen. Please report it; --debug shows the traceback to send along."
-        )
-        return OWN_ERROR
+        return _own_error(error, debug)
+
+
+def _own_error(error: Exception, debug: bool) -> int:
+    if debug:
+        raise error
+    text = " ".join(str(error).split())[:300]
+    _say(
+        f"error inside pamid: {type(error).__name__}: {text}\n"
+        "This should not happen. Please report it; --debug shows the traceback to send along."
+    )
+    return OWN_ERROR
 
 
 class _Terminated(KeyboardInterrupt):
@@ -140,6 +157,13 @@ def _say(text: str, kind: str = "") -> None:
     with contextlib.suppress(OSError, ValueError):
         mark = f"{marked(f'{kind}:', kind, sys.stderr)} " if kind else ""
         print(f"pamid: {mark}{text}", file=sys.stderr, flush=True)
+
+
+def _replace_closed_streams() -> None:
+    """Give a process that was started without output or errors a place for them, so that no file takes it."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - open until the end
 
 
 def _close_stdout() -> None:

@@ -190,6 +190,8 @@ def muscle_numbers(page: BenchParameters | System | None, columns: str | None = 
 def _note_assumed(args: argparse.Namespace) -> None:
     """Remind of what 'pamid init' had to assume and nobody has replaced since."""
     for path in filter(None, (args.sim, args.columns)):
+        if not Path(path).is_file():
+            continue  # whoever reads it for its content says so better
         try:
             with Path(path).open(encoding="utf-8") as stream:
                 lines = [line.split("=")[0].strip() for line in stream if "ASSUMED" in line]
@@ -276,7 +278,8 @@ def wrapped(word: str, text: str, width_of_word: int | None = None) -> str:
 def note(args: argparse.Namespace, text: str) -> None:
     """Say something to people on standard error."""
     if not args.quiet:
-        print(f"pamid: {text}", file=sys.stderr, flush=True)
+        with contextlib.suppress(OSError):  # a note that nobody can read is no reason to fail
+            print(f"pamid: {text}", file=sys.stderr, flush=True)
 
 
 def _no_step(text: str = "") -> None:

@@ -304,6 +304,10 @@ def _expand(path: Path) -> list[Path]:
         if isinstance(error, LogNotFoundError):
             raise
         raise LogNotFoundError(f"{path} cannot be read: {error}.", "a log file", "Correct the path.") from None
+    if path.exists():
+        raise LogNotFoundError(
+            f"{path} is no regular file.", "an existing file, folder or pattern", "Write the log to a file first."
+        )
     near = ""
     if path.parent.is_dir():
         import difflib

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import fnmatch
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -13,8 +12,10 @@ from typing import Any
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
 
+from ..toml_files import TomlErrors, read_toml
 from .units import Unit, dimension_of, find_unit, is_gauge_name, parse_quantity
 
+_ERRORS = TomlErrors(LogNotFoundError, MappingError, MappingError)
 _ORDERS = ("raise", "sort", "split")
 _DUPLICATES = ("drop", "mean", "raise", "keep")
 
@@ -309,7 +310,7 @@ class LogMapping:
         if isinstance(source, cls):
             return source
         if isinstance(source, str | Path):
-            return cls.load(_read_toml(Path(source)))
+            return cls.load(read_toml(source, "a mapping file", _ERRORS))
         if not isinstance(source, Mapping):
             raise MappingError(
                 f"mapping is a {type(source).__name__}.", "a dict or the path of a TOML file", "Pass one of them."
@@ -370,22 +371,6 @@ class LogMapping:
             if entry.matches(path):
                 constants |= entry.constants
         return {name: parse_quantity(value, name) for name, value in constants.items()}
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as stream:
-            return tomllib.load(stream)
-    except FileNotFoundError:
-        raise LogNotFoundError(
-            f"No mapping file at {path}.", "a TOML file", "Correct the path of the mapping."
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MappingError(f"{path} is not valid TOML: {error}.", "a TOML file", "Correct the mapping.") from None
-    except OSError as error:
-        raise LogNotFoundError(
-            f"The mapping file {path} cannot be read: {error.strerror}.", "a TOML file", "Correct the path."
-        ) from None
 
 
 def _file_constants(entry: Any) -> FileConstants:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..signals import differentiate, noise_level, tune_cutoff
+from .sampling import Sampling, between_pauses
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from .sampling import Sampling
 
 _STILL = 0.02  # of the largest rate: slower is standing still
 _SHUT = 1e-3
@@ -94,7 +94,10 @@ def first_of(log: pd.DataFrame, names: tuple[str, ...]) -> str:
 
 
 def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
-    """Return what a tidy log excites."""
+    """Return what a tidy log excites between its pauses."""
+    log = between_pauses(log, sampling.period)
+    longest = max((float(np.ptp(run["time"])) for _, run in log.groupby("trajectory", sort=False)), default=0.0)
+    sampling = replace(sampling, longest=min(sampling.longest, longest))
     position = first_of(log, ("q", "eps", "x"))
     pressure = first_of(log, ("P", "P1", "P2"))
     target = first_of(log, ("F", "F1", "drive", "mdot", "mdot1"))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _GAP = 5.0  # sampling intervals
+_PAUSE = 20.0  # sampling intervals
 _POINTS = 200
 _ALIKE = 0.1  # of the spread: two runs that differ by less are a repeat
 _MOST_RUNS = 80
@@ -119,6 +120,28 @@ def sampling_of(log: pd.DataFrame, signals: list[str]) -> Sampling:
         repeats=repeats,
         repeat_error=error,
     )
+
+
+def between_pauses(log: pd.DataFrame, period: float) -> pd.DataFrame:
+    """Return a log whose runs are cut where time goes on by more than 20 periods, so that nothing looks across.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pamid.survey.sampling import between_pauses
+    >>> log = pd.DataFrame({"trajectory": ["a"] * 4, "time": [0.0, 0.001, 60.0, 60.001]})
+    >>> between_pauses(log, 0.001)["trajectory"].tolist()
+    ['a', 'a', 'a (2)', 'a (2)']
+    """
+    time = log["time"].to_numpy(dtype=float)
+    codes = log["trajectory"].factorize()[0]
+    same = codes[1:] == codes[:-1]
+    pauses = np.concatenate([[False], same & (np.diff(time) > _PAUSE * period)])
+    if not pauses.any():
+        return log
+    part = log.assign(pause=pauses.astype(int)).groupby("trajectory", sort=False)["pause"].cumsum()
+    names = log["trajectory"].astype(str)
+    return log.assign(trajectory=names.where(part == 0, names + " (" + (part + 1).astype(str) + ")"))
 
 
 def _repeats(runs: list[pd.DataFrame], signals: list[str]) -> tuple[int, dict[str, float]]:

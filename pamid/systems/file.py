@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..bench.simulator_file import effects_of
+from ..bench.simulator_file import ERRORS, effects_of
 from ..errors import (
-    OversizedSimulatorError,
     SimulatorFileError,
-    SimulatorNotFoundError,
     SimulatorSyntaxError,
     UnknownOptionError,
     UnknownParameterError,
 )
+from ..toml_files import read_toml
 from .base import FIT, System
-
-MAX_BYTES = 1_000_000
 
 
 def kind_of_file(path: str | Path) -> str:
@@ -46,10 +42,8 @@ def kind_of_file(path: str | Path) -> str:
     bench
     """
     try:
-        if Path(path).stat().st_size > MAX_BYTES:
-            return "bench"
-        kind = tomllib.loads(Path(path).read_text(encoding="utf-8")).get("kind", "bench")
-    except (OSError, ValueError, RecursionError):
+        kind = read_toml(path, "a simulator file", ERRORS).get("kind", "bench")
+    except SimulatorFileError:
         return "bench"
     return kind if isinstance(kind, str) else "bench"
 
@@ -85,20 +79,7 @@ def read_system(path: str | Path) -> System:
     from . import all_systems
 
     path = Path(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise OversizedSimulatorError(
-                f"{path} holds {path.stat().st_size:,} bytes.", f"at most {MAX_BYTES:,}", "Name the simulator file."
-            )
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise SimulatorSyntaxError(f"{path} is not valid TOML: {error}.", "a TOML file", "Correct it.") from None
-    except OSError as error:
-        if isinstance(error, SimulatorFileError):
-            raise
-        raise SimulatorNotFoundError(
-            f"{path} cannot be read: {error.strerror}.", "a simulator file", "Check the path."
-        ) from None
+    raw = read_toml(path, "a simulator file", ERRORS)
     kind, known = raw.get("kind"), all_systems()
     if kind not in known:
         raise UnknownOptionError(

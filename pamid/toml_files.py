@@ -1,0 +1,84 @@
+"""Small TOML files that people write, read with care: a page of text, and nothing that hangs or fills the memory."""
+
+from __future__ import annotations
+
+import re
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .errors import PamidError
+
+MAX_BYTES = 1_000_000
+"""Such a file holds a page of text; what is much larger is something else."""
+
+_LONG_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){17}")
+"""Keys nest two deep in every file of pamid; parsing time grows with the square of the depth."""
+
+
+class TomlErrors(NamedTuple):
+    """Which errors a kind of file raises.
+
+    Parameters
+    ----------
+    missing, oversized, broken : type of PamidError
+        There is no such file, it is far too large, or it is no TOML.
+    """
+
+    missing: type[PamidError]
+    oversized: type[PamidError]
+    broken: type[PamidError]
+
+
+def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]:
+    """Read a TOML file of at most a megabyte.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    what : str
+        What it should be, in words, such as "a simulator file".
+    errors : TomlErrors
+        The errors to raise.
+
+    Returns
+    -------
+    dict
+        Its content.
+
+    Raises
+    ------
+    PamidError
+        One of the three.
+    """
+    text = _text(Path(path), what, errors)
+    if _LONG_KEY.search(text):
+        raise errors.broken(f"{path} has a key of more than 17 parts.", f"{what} with short keys", "Correct it.")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a ValueError also of numbers of thousands of digits
+        raise errors.broken(
+            f"{path} is not valid TOML: {str(error).split(';')[0]}.", f"{what} with lines name = number", "Correct it."
+        ) from None
+
+
+def _text(path: Path, what: str, errors: TomlErrors) -> str:
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            kind = "a folder" if stat.S_ISDIR(found.st_mode) else "no regular file"
+            raise errors.missing(f"{path} cannot be read: it is {kind}.", what, "Name a file.")
+        if found.st_size > MAX_BYTES:
+            raise errors.oversized(
+                f"{path} holds {found.st_size:,} bytes.", f"at most {MAX_BYTES:,}", f"Name {what}, not a log."
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise errors.broken(f"{path} is not text in UTF-8 (byte {error.start}).", what, "Save it as UTF-8.") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, PamidError):
+            raise
+        said = getattr(error, "strerror", None) or error
+        raise errors.missing(f"{path} cannot be read: {said}.", what, "Check the path and its permissions.") from None
