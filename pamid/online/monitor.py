@@ -20,6 +20,12 @@ from .still import StillSensors
 HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")
 """Effects that may appear, by default."""
 
+BLOCKS = 50
+"""Blocks that a healthy stretch has at least."""
+
+WILD = 30.0
+"""Times the noise beyond which a sample is wild."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -170,6 +176,11 @@ class GapMonitor:
         self.calibrated = False
 
     @property
+    def least(self) -> int:
+        """Samples that a healthy stretch has at least."""
+        return BLOCKS * self.block
+
+    @property
     def stuck(self) -> dict[str, float]:
         """Channels whose sensor stands still now, with the time since which it does, s; they are left out."""
         return self.sensors.stuck
@@ -189,31 +200,29 @@ class GapMonitor:
         """
         state, measured = self._columns(table)
         n = len(state.eps)
-        if n < 50 * self.block:
+        if n < self.least:
             raise EmptyLogError(
                 f"The healthy stretch has {n} samples.",
-                f"at least {50 * self.block}, better a minute of signal",
+                f"at least {self.least}, better a minute of signal",
                 "Record longer before something is expected to appear.",
             )
         self.sensors.learn(self._channels(state, measured))
         for watch, y in zip(self.watches, measured, strict=True):
             watch.factor, watch.offset = 1.0, 0.0
             modelled = np.asarray(watch.law.predict(*self.volume.jet(state), state))
-            known = np.isfinite(y) & np.isfinite(modelled)
-            A = np.column_stack([modelled[known], np.ones(known.sum())])
-            scaled = A * np.array([1.0, np.std(y[known]) or 1.0])
-            factor, offset = np.linalg.lstsq(scaled, y[known], rcond=None)[0]
-            watch.factor, watch.offset = float(factor), float(offset * (np.std(y[known]) or 1.0))
+            watch.factor, watch.offset = _line(modelled, y)
             residual, H = watch.residual(self.volume, state, y)
             watch.noise = max(float(1.4826 * np.nanmedian(np.abs(residual))), 1e-12 * (np.nanmax(np.abs(y)) or 1.0))
+            blocks = [slice(i, i + self.block) for i in range(0, n - self.block + 1, self.block)]
+            for b in blocks:
+                residual[b] = _tamed(residual[b], watch.noise)
             # What healthy operation shows of each effect by itself is no news later.
-            known = np.isfinite(residual)
+            known = np.isfinite(residual) & np.isfinite(H).all(axis=1)
             size = np.sqrt(np.mean(H[known] ** 2, axis=0))
             size[size == 0] = 1.0
             start = np.linalg.lstsq(H[known] / size, residual[known], rcond=1e-6)[0] / size
             watch.start = start
             residual = residual - H @ start
-            blocks = [slice(i, i + self.block) for i in range(0, n - self.block + 1, self.block)]
             watch.alarm.calibrate(
                 np.array([watch.alarm.statistic(H[b], residual[b], watch.noise) for b in blocks]).reshape(
                     len(blocks), H.shape[1]
@@ -271,12 +280,8 @@ class GapMonitor:
         return sorted(found, key=lambda f: f.time)
 
     def _block(self, watch: _Watch, H: np.ndarray, residual: np.ndarray, time: float) -> Finding | None:
+        residual = _tamed(residual, watch.noise)
         good = np.isfinite(residual)
-        # Single wild samples are a sensor's fault; more of them together are a change.
-        wild = np.abs(residual) > 30.0 * watch.noise
-        if 0 < (wild & good).sum() < 0.2 * max(good.sum(), 1):
-            residual = np.where(wild, np.nan, residual)
-            good &= ~wild
         if not good.any():
             return None
         named = watch.alarm.update(H, residual, watch.noise) if H.shape[1] else None
@@ -319,3 +324,27 @@ class GapMonitor:
             )
         state = State(*(np.asarray(table[s], dtype=float) for s in STATE_SIGNALS))
         return state, [np.asarray(table[w.law.target], dtype=float) for w in self.watches]
+
+
+def _line(modelled: np.ndarray, measured: np.ndarray) -> tuple[float, float]:
+    """Return factor and offset of the model that fit what is measured, whatever a few wild samples say."""
+    known = np.isfinite(measured) & np.isfinite(modelled)
+    unit = float(np.std(measured[known])) or 1.0
+    factor, offset = 1.0, 0.0
+    for _ in range(5):
+        A = np.column_stack([modelled[known], np.full(known.sum(), unit)])
+        factor, share = np.linalg.lstsq(A, measured[known], rcond=None)[0]
+        offset = share * unit
+        size = np.abs(measured - factor * modelled - offset)
+        kept = np.isfinite(size) & (size <= WILD * 1.4826 * np.median(size[known]))
+        if kept.sum() < 3 or (kept == known).all():
+            break
+        known = kept
+    return float(factor), float(offset)
+
+
+def _tamed(residual: np.ndarray, noise: float) -> np.ndarray:
+    """Leave single wild samples of a block out: they are a sensor's fault; more of them together are a change."""
+    good = np.isfinite(residual)
+    wild = good & (np.abs(residual) > WILD * noise)
+    return np.where(wild, np.nan, residual) if 0 < wild.sum() < 0.2 * good.sum() else residual

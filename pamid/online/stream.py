@@ -1,28 +1,40 @@
-"""Samples as they come: JSON lines from a pipe or a growing file, checked, with rates, in blocks."""
+"""Samples as they come: JSON lines checked, put on an even clock, with rates, in blocks."""
 
 from __future__ import annotations
 
 import json
 import math
-import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import IO, Any
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from ..errors import LogNotFoundError, ParameterError, StreamError
+from ..errors import ParameterError
+from .lines import LONGEST_LINE, lines, pipe_lines
 
 HALF_WIDTH = 10
 """Samples on either side of the one whose rate is estimated; results come that much later than samples."""
 
-LONGEST_LINE = 1 << 20
-"""Bytes after which a line without an end is given up."""
-
 RESTART = 1.0
 """Seconds by which time goes back that make it a restarted stream rather than a late sample."""
 
+STEPS = 50
+"""Steps of time from which the interval is found."""
+
+HOLE = HALF_WIDTH + 0.5
+"""Intervals across which lost samples are filled by a straight line: no more than half the window of the rates."""
+
+EVEN = 0.02
+"""Share of the interval within which a step is an even one; its sample is then taken as it is."""
+
+GLITCH = 10.0
+"""Times the bend that nine in ten samples stay below, from which on a single sample is a glitch."""
+
 _RATES = {"deps": "eps", "dP": "P"}
+
+Row = list[float]
+Block = tuple[bool, dict[str, np.ndarray]]
 
 
 def slope_weights(interval: float) -> np.ndarray:
@@ -32,157 +44,204 @@ def slope_weights(interval: float) -> np.ndarray:
     return np.arange(n, -n - 1, -1) / (n * (n + 1) * (2 * n + 1) / 3.0) / interval
 
 
-def lines(
-    path: str | Path, *, follow: bool = False, poll: float = 0.1, patience: float | None = None
-) -> Iterator[bytes]:
-    """Yield the complete lines of a file, and of what is appended to it.
-
-    A line that is still being written is not read until its end is there. A file that has become shorter is read anew.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    follow : bool, default=False
-        Whether to wait for more at its end.
-    poll : float, default=0.1
-        Seconds between looks.
-    patience : float, optional
-        Seconds without news after which following ends; without end by default.
-
-    Raises
-    ------
-    LogNotFoundError
-        There is no such file.
-    StreamError
-        A line is longer than any sample.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise LogNotFoundError(f"There is no file {path}.", "a file of JSON lines", "Correct the path; '-' is a pipe.")
-    position, rest, quiet = 0, b"", 0.0
-    while True:
-        if path.stat().st_size < position:
-            position, rest = 0, b""
-        with path.open("rb") as stream:
-            stream.seek(position)
-            news = stream.read(1 << 20)
-        if news:
-            position, quiet = position + len(news), 0.0
-            *whole, rest = (rest + news).split(b"\n")
-            yield from whole
-            if len(rest) > LONGEST_LINE:
-                raise StreamError(f"A line of {path} has no end after {len(rest)} bytes.", "JSON lines", "Check it.")
-            continue
-        if not follow or (patience is not None and quiet >= patience):
-            if rest and not follow:
-                yield rest
-            return
-        time.sleep(poll)
-        quiet += poll
-
-
-def pipe_lines(stream: IO[bytes]) -> Iterator[bytes]:
-    """Yield the lines of a pipe as they come."""
-    while line := stream.readline(LONGEST_LINE):
-        if len(line) >= LONGEST_LINE:
-            raise StreamError(f"A line has no end after {LONGEST_LINE} bytes.", "JSON lines", "Check the pipe.")
-        yield line.rstrip(b"\n")
-
-
 class Samples:
     """Turn lines into blocks of evenly spaced samples with rates.
+
+    The interval is the median step of the first samples. From then on samples that come unevenly, and a few that are
+    lost, are put on an even clock by straight lines; a longer hole begins a new run. A single sample that leaves the
+    others and comes back at once is replaced by its neighbours' mean.
 
     Parameters
     ----------
     columns : sequence of str
         Signals that are read; ``eps`` and ``P`` must be among them. One that a sample lacks is NaN.
-    interval : float, default=0.001
-        Sampling interval, s.
+    interval : float, optional
+        Sampling interval, s; found from the stream by default.
     block : int, default=100
         Samples a block.
+    convert : callable, optional
+        Turns the object of a line into one with the columns; may raise ValueError, TypeError or KeyError.
 
     Attributes
     ----------
+    interval : float or None
+        Sampling interval, s; None until it is known.
     problems : dict of str to int
-        How often each kind of bad input was met: ``"malformed"``, ``"late"``, ``"gap"``, ``"restart"``, ``"missing"``.
+        How often each kind of bad input was met: ``"malformed"``, ``"late"``, ``"gap"``, ``"restart"``, ``"missing"``,
+        ``"lost"`` (samples that were filled in), ``"glitch"``.
     last_problem : str
         The last malformed line, in words.
     """
 
-    def __init__(self, columns: Sequence[str], *, interval: float = 1e-3, block: int = 100) -> None:
-        if not interval > 0 or block < 1:
+    def __init__(
+        self,
+        columns: Sequence[str],
+        *,
+        interval: float | None = None,
+        block: int = 100,
+        convert: Callable[[dict[str, Any]], Mapping[str, Any]] | None = None,
+    ) -> None:
+        if (interval is not None and not 0 < interval < math.inf) or block < 1:
             raise ParameterError(f"interval={interval!r}, block={block!r}.", "positive numbers", "Correct them.")
         self.columns = tuple(columns)
         self.interval = interval
         self.block = block
-        self.problems = dict.fromkeys(("malformed", "late", "gap", "restart", "missing"), 0)
+        self.convert = convert
+        kinds = ("malformed", "late", "gap", "restart", "missing", "lost", "glitch")
+        self.problems = dict.fromkeys(kinds, 0)
         self.last_problem = ""
-        self._rows: list[list[float]] = []
-        self._last = -math.inf
+        self._waiting: list[Row] = []
+        self._rows: list[Row] = []
+        self._last: Row | None = None
         self._begins = True
-        self._slope = slope_weights(interval)
 
-    def take(self, line: bytes) -> list[tuple[bool, dict[str, np.ndarray]]]:
+    def take(self, line: bytes) -> list[Block]:
         """Take a line and return the blocks that it completes, each with whether a new run begins with it."""
         row = self._parse(line)
         if row is None:
             return []
-        now, out = row[0], []
-        step = now - self._last
-        if step < 0.5 * self.interval:
-            if step > -RESTART:
-                self.problems["late"] += 1
-                return []
-            self.problems["restart"] += 1
-        elif math.isfinite(self._last) and step > 1.5 * self.interval:
-            self.problems["gap"] += 1
-        if not math.isfinite(self._last) or step < 0 or step > 1.5 * self.interval:
-            out += self._cut(whole=True)
-            self._rows, self._begins = [], True
-        self._last = now
-        self._rows.append(row)
-        return out + (self._cut() if len(self._rows) >= self.block + 2 * HALF_WIDTH else [])
+        if self.interval is not None:
+            return self._follow(row)
+        if self._waiting and 0 >= row[0] - self._waiting[-1][0] > -RESTART:
+            self.problems["late"] += 1
+            return []
+        self._waiting.append(row)
+        steps = np.diff([r[0] for r in self._waiting])
+        forward = steps[steps > 0]
+        if len(forward) < STEPS:
+            return []
+        self.interval = float(np.median(forward))
+        # Clocks are set to plain numbers; a median of rounded times is not off by more than their rounding.
+        plain = float(f"{self.interval:.3g}")
+        self.interval = plain if abs(plain - self.interval) < 1e-3 * self.interval else self.interval
+        waiting, self._waiting = self._waiting, []
+        return [block for early in waiting for block in self._follow(early)]
 
-    def end(self) -> list[tuple[bool, dict[str, np.ndarray]]]:
+    def end(self) -> list[Block]:
         """Return what is left at the end of the stream."""
         out = self._cut(whole=True)
         self._rows = []
         return out
 
-    def _cut(self, whole: bool = False) -> list[tuple[bool, dict[str, np.ndarray]]]:
+    def _follow(self, row: Row) -> list[Block]:
+        """Put a sample on the even clock."""
+        assert self.interval is not None
+        last = self._last
+        if last is None:
+            self._begin(row)
+            return []
+        step = row[0] - last[0]
+        if 0 >= step > -RESTART:
+            self.problems["late"] += 1
+            return []
+        if step < 0 or step > HOLE * self.interval:
+            self.problems["restart" if step < 0 else "gap"] += 1
+            out = self.end()
+            self._begin(row)
+            return out
+        self._last = row
+        due = self._rows[-1][0] + self.interval
+        if abs(row[0] - due) <= EVEN * self.interval:
+            self._rows.append(row)
+        else:
+            self.problems["lost"] += max(0, round(step / self.interval) - 1)
+            while due <= row[0] + 1e-9 * self.interval:
+                share = (due - last[0]) / step
+                self._rows.append([due, *(a + share * (b - a) for a, b in zip(last[1:], row[1:], strict=True))])
+                due += self.interval
+        return self._cut() if len(self._rows) >= self.block + 2 * HALF_WIDTH else []
+
+    def _begin(self, row: Row) -> None:
+        self._last, self._rows, self._begins = row, [row], True
+
+    def _cut(self, whole: bool = False) -> list[Block]:
         n = HALF_WIDTH
         if len(self._rows) <= 2 * n or (not whole and len(self._rows) < self.block + 2 * n):
             return []
+        assert self.interval is not None
         data = np.array(self._rows, dtype=float)
+        for k in range(1, data.shape[1]):
+            self.problems["glitch"] += without_glitches(data[:, k])
+        for name in _RATES.values():
+            _filled(data[:, 1 + self.columns.index(name)])
         table = {"time": data[n:-n, 0]}
         for k, name in enumerate(self.columns, 1):
             table[name] = data[n:-n, k]
         for rate, name in _RATES.items():
-            table[rate] = np.convolve(data[:, 1 + self.columns.index(name)], self._slope, mode="valid")
+            column = data[:, 1 + self.columns.index(name)]
+            table[rate] = np.convolve(column, slope_weights(self.interval), mode="valid")
         begins, self._begins = self._begins, False
-        self._rows = self._rows[-2 * n :]
+        self._rows = data[-2 * n :].tolist()
         return [(begins, table)]
 
-    def _parse(self, line: bytes) -> list[float] | None:
+    def _parse(self, line: bytes) -> Row | None:
         text = line.strip()
         if not text:
             return None
         try:
+            if len(text) >= LONGEST_LINE:
+                raise ValueError(f"no end after {LONGEST_LINE} bytes")
             found = json.loads(text)
             if not isinstance(found, dict):
                 raise ValueError(f"a {type(found).__name__} instead of an object")
-            row = [_number(found.get("time"), "time"), *(_number(found.get(c), c) for c in self.columns)]
-            if not math.isfinite(row[0]):
+            row = found if self.convert is None else self.convert(found)
+            values = [_number(row.get("time"), "time"), *(_number(row.get(c), c) for c in self.columns)]
+            if not math.isfinite(values[0]):
                 raise ValueError("no time")
-        except (ValueError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError, MemoryError) as error:
             self.problems["malformed"] += 1
             shown = text[:60].decode("utf-8", "replace")
             self.last_problem = f"{shown!r}: {str(error)[:80]}"
             return None
-        if any(math.isnan(v) for v in row):
+        if any(math.isnan(v) for v in values):
             self.problems["missing"] += 1
-        return row
+        return values
+
+
+def without_glitches(values: np.ndarray) -> int:
+    """Replace single samples that leave their neighbours and come back by these neighbours' mean; return how many.
+
+    Parameters
+    ----------
+    values : array, shape (n_samples,)
+        One signal at even times, changed in place.
+
+    Returns
+    -------
+    int
+        Number of samples that were replaced.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.online.stream import without_glitches
+    >>> x = np.sin(np.arange(50) / 8)
+    >>> x[20] = 900.0
+    >>> without_glitches(x), round(x[20], 2)
+    (1, np.float64(0.59))
+    """
+    between = (values[:-2] + values[2:]) / 2.0
+    bend = np.abs(values[1:-1] - between)
+    known = bend[np.isfinite(bend)]
+    if len(known) < 2 * HALF_WIDTH:
+        return 0
+    usual = float(np.quantile(known, 0.9))
+    # A spike bends its neighbours, too, by half as much; an edge bends two samples alike.
+    beside = np.fmax(np.r_[0.0, bend[:-1]], np.r_[bend[1:], 0.0])
+    floor = 1e-12 * float(np.nanmax(np.abs(values)))
+    found = np.flatnonzero((bend > GLITCH * usual + floor) & (bend > 1.5 * beside))
+    values[1 + found] = between[found]
+    return len(found)
+
+
+def _filled(values: np.ndarray) -> None:
+    """Fill short holes in one signal by straight lines, in place."""
+    known = np.flatnonzero(np.isfinite(values))
+    if 0 < len(known) < len(values):
+        for left, right in pairwise(known):
+            if 1 < right - left < HOLE:
+                inner = np.arange(left + 1, right)
+                values[inner] = np.interp(inner, [left, right], values[[left, right]])
 
 
 def _number(value: Any, name: str) -> float:
@@ -193,4 +252,4 @@ def _number(value: Any, name: str) -> float:
     return float(value) if math.isfinite(value) else math.nan
 
 
-__all__ = ["Samples", "lines", "pipe_lines", "slope_weights"]
+__all__ = ["Samples", "lines", "pipe_lines", "slope_weights", "without_glitches"]

@@ -4,21 +4,35 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
+import time
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ...errors import IncompatibleError, ParameterError
+from ...errors import IncompatibleError, ParameterError, StreamError
 from ..common import add_command, finite, load_simulator, note
+
+if TYPE_CHECKING:
+    from ...online.stream import Samples
+
+_TARGETS = ("F", "mdot")
+_BLOCK = 20
+_MANY = 100
+"""Lines in a row that are no samples, after which the watch is blind."""
+_PATIENCE = 2.0
+"""Seconds without a sample, after which it is."""
 
 _DESCRIPTION = """\
 Follow a muscle while it works: samples come as JSON lines from a growing file or a pipe, one object a line with time
 (s), eps (-), P (Pa, absolute) and what is measured of F (N) and mdot (kg/s). A bench's samples with q, P1, P2, F1, F2,
-mdot1 and mdot2 are watched muscle by muscle (--muscle).
+mdot1 and mdot2 are watched muscle by muscle (--muscle). The sampling interval is found from the stream.
 
 The first seconds (--learn) must be healthy: the monitor learns from them how large its evidence is by itself. From
-then on it names what appears, a leak, friction, hysteresis, at the rate of false alarms that you allow. Late samples,
-gaps, missing values, malformed lines and a restarted stream are counted and survived.
+then on it names what appears, a leak, friction, hysteresis, at the rate of false alarms that you allow. Late and lost
+samples, uneven times, gaps, missing values, glitches, malformed lines and a restarted stream are counted and survived.
+While nothing can be seen, because no samples come, signals are missing, stand still or are in another unit, it says so
+within seconds: "blind because ...".
 
 Output is one line an event, with --json one object a line.
 """
@@ -49,16 +63,18 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--false-alarms", type=float, default=1.0, metavar="N", help="false alarms allowed an hour (default: 1)"
     )
-    parser.add_argument("--interval", type=float, default=1e-3, metavar="S", help="sampling interval (default: 0.001)")
+    parser.add_argument(
+        "--interval", type=float, metavar="S", help="sampling interval (default: found from the stream)"
+    )
     parser.add_argument("--follow", action="store_true", help="wait for more at the end of the file")
     parser.add_argument("--patience", type=float, metavar="S", help="stop following after this long without news")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...online.stream import lines, pipe_lines
+    from ...online.lines import lines, pipe_lines
 
-    if not (args.learn > 0 and args.interval > 0 and args.false_alarms > 0):
+    if not all(math.isfinite(x) and x > 0 for x in (args.learn, args.interval or 1.0, args.false_alarms)):
         raise ParameterError("--learn, --interval or --false-alarms is not positive.", "numbers above 0", "Correct it.")
     if args.stream == "-":
         source = pipe_lines(sys.stdin.buffer)
@@ -72,62 +88,122 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _events(args: argparse.Namespace, source: Iterator[bytes]) -> Iterator[dict[str, Any]]:
+def _events(args: argparse.Namespace, source: Iterator[bytes | None]) -> Iterator[dict[str, Any]]:
     from ...online.stream import Samples
 
     params = load_simulator(args.sim)
-    samples = Samples(("eps", "P", "F", "mdot"), interval=args.interval)
-    told, watcher = 0, _Watcher(args, params)
+    samples = Samples(
+        ("eps", "P", *_TARGETS), interval=args.interval, convert=lambda row: _one_muscle(row, args.muscle, params)
+    )
+    told, watcher, silence = 0, _Watcher(args, params, samples), _Silence()
     for line in source:
-        for begins, table in samples.take(_one_muscle(line, args.muscle, params)):
-            yield from watcher.take(begins, table)
-        if samples.problems["malformed"] > told:
-            told = samples.problems["malformed"]
-            if told <= 3:
-                note(args, f"warning: line left out, {samples.last_problem}")
+        if line is not None:
+            for begins, table in samples.take(line):
+                yield from watcher.take(begins, table)
+            if samples.problems["malformed"] > told:
+                told = samples.problems["malformed"]
+                if told <= 3:
+                    note(args, f"warning: line left out, {samples.last_problem}")
+        yield from watcher.blind(silence.why(line, samples))
     for begins, table in samples.end():
         yield from watcher.take(begins, table)
     yield from watcher.finish()
     yield {
         "event": "end",
         "samples": watcher.count,
+        "watched": watcher.watched * (samples.interval or 0.0),
         "findings": watcher.found,
         "problems": {k: v for k, v in samples.problems.items() if v},
     }
+    if not watcher.watched:
+        raise StreamError(
+            f"Nothing was watched: {watcher.why or silence.last(samples)}",
+            f"more than {args.learn:g} s of samples with time, eps, P and F or mdot in SI",
+            "Correct the stream, or learn for less time with --learn.",
+        )
 
 
-def _one_muscle(line: bytes, muscle: int, params: Any) -> bytes:
-    """Turn a sample of the bench into one of a muscle; anything else stays as it is."""
-    if b'"q"' not in line:
-        return line
-    try:
-        row = json.loads(line)
-        gain = (1 if muscle == 1 else -1) * params.joint.pulley_radius / params.muscle.rest_length
-        eps = None if row["q"] is None else params.muscle.initial_contraction + gain * row["q"]
-        kept = {name: row.get(f"{name}{muscle}") for name in ("P", "F", "mdot")}
-        return json.dumps({"time": row["time"], "eps": eps, **kept}).encode()
-    except (ValueError, KeyError, TypeError):
-        return line  # it is told as malformed where it is parsed
+def _one_muscle(row: dict[str, Any], muscle: int, params: Any) -> dict[str, Any]:
+    """Turn a sample of the bench into one of a muscle; one of a muscle stays as it is."""
+    if "q" not in row:
+        return row
+    gain = (1 if muscle == 1 else -1) * params.joint.pulley_radius / params.muscle.rest_length
+    eps = None if row["q"] is None else params.muscle.initial_contraction + gain * row["q"]
+    return {"time": row["time"], "eps": eps, **{name: row.get(f"{name}{muscle}") for name in ("P", *_TARGETS)}}
+
+
+class _Silence:
+    """Tell that no sample comes: nothing at all, or only lines that are none."""
+
+    def __init__(self) -> None:
+        self.since = time.monotonic()
+        self.bad = 0
+        self.malformed = 0
+
+    def why(self, line: bytes | None, samples: Samples) -> str:
+        """Return why no sample came with this line, if that has lasted."""
+        malformed = samples.problems["malformed"] - self.malformed
+        self.malformed = samples.problems["malformed"]
+        if line is not None and line.strip():
+            self.bad = self.bad + 1 if malformed else 0
+            if not malformed:
+                self.since = time.monotonic()
+        if self.bad >= _MANY:
+            return f"{self.bad} lines in a row are no samples, the last: {samples.last_problem}"
+        waited = time.monotonic() - self.since
+        return f"no sample has come for {waited:.0f} s." if waited > _PATIENCE else ""
+
+    def last(self, samples: Samples) -> str:
+        """Return why a stream that has ended could not be watched."""
+        if samples.problems["malformed"] and samples.interval is None:
+            return f"no line is a sample, such as {samples.last_problem}."
+        return "the stream ended while it was learnt from." if samples.interval else "hardly any samples came."
 
 
 class _Watcher:
-    """Learn, then watch."""
+    """Learn, then watch, and say so while nothing can be seen."""
 
-    def __init__(self, args: argparse.Namespace, params: Any) -> None:
+    def __init__(self, args: argparse.Namespace, params: Any, samples: Samples) -> None:
         self.args = args
         self.params = params
+        self.samples = samples
         self.healthy: list[dict[str, Any]] = []
         self.monitor: Any = None
+        self.sight: Any = None
+        self.why = ""
+        self.silent = False
+        self.time = float("nan")
         self.count = 0
+        self.watched = 0
         self.found = 0
         self.last: tuple[str, float] = ("", -1e9)
 
+    def blind(self, why: str) -> Iterator[dict[str, Any]]:
+        """Take whether no samples come."""
+        if why and not self.why:
+            self.silent = True
+            yield from self._sees(why)
+        elif not why and self.silent:
+            self.silent = False
+            yield from self._sees("")
+
     def take(self, begins: bool, table: dict[str, Any]) -> Iterator[dict[str, Any]]:
+        """Take a block of samples."""
+        from ...online.sight import Sight
+
         n = len(table["time"])
         self.count += n
+        self.time = float(table["time"][-1])
+        if self.sight is None:
+            self.sight = Sight(_TARGETS, self.samples.interval or 1.0, self.params.gas.atmospheric_pressure)
+        why = self.sight.look(table, self.monitor.stuck if self.monitor else None)
+        yield from self._sees(why)
+        if self.sight.why:  # what is no signal is neither learnt from nor watched
+            self.healthy = []
+            return
         if self.monitor is None:
             self.healthy.append(table)
-            if sum(len(t["time"]) for t in self.healthy) * self.args.interval >= self.args.learn:
+            if self._learnt_enough():
                 yield self._learn()
             return
         if begins:
@@ -135,6 +211,7 @@ class _Watcher:
             yield {"event": "run", "time": float(table["time"][0])}
         before = set(self.monitor.stuck)
         findings = self.monitor.update(table)
+        self.watched += 0 if why else n
         for channel, since in self.monitor.stuck.items():
             if channel not in before:
                 yield {"event": "stuck", "channel": channel, "time": since}
@@ -148,8 +225,24 @@ class _Watcher:
             yield {"event": "finding", **vars(finding)}
 
     def finish(self) -> Iterator[dict[str, Any]]:
-        if self.monitor is None and self.healthy:
+        """Take the end of the stream."""
+        from ...online.monitor import BLOCKS
+
+        if self.monitor is None and sum(len(t["time"]) for t in self.healthy) >= BLOCKS * _BLOCK:
             yield self._learn()
+
+    def _sees(self, why: str) -> Iterator[dict[str, Any]]:
+        if bool(why) != bool(self.why):
+            yield {"event": "blind" if why else "sees", "time": self.time, **({"why": why} if why else {})}
+            if not why and self.monitor is not None:
+                self.monitor.restart()
+        self.why = why
+
+    def _learnt_enough(self) -> bool:
+        from ...online.monitor import BLOCKS
+
+        n = sum(len(t["time"]) for t in self.healthy)
+        return n * (self.samples.interval or 0.0) >= self.args.learn and n >= BLOCKS * _BLOCK
 
     def _learn(self) -> dict[str, Any]:
         import numpy as np
@@ -169,13 +262,15 @@ class _Watcher:
         if not measured:
             raise IncompatibleError("The samples have neither F nor mdot.", "at least one of them", "Log it as well.")
         wanted = [e.strip() for e in self.args.effects.split(",")] if self.args.effects else list(HYPOTHESES)
-        noise = float(np.nanstd(np.diff(whole["eps"], 2)) / 6.0**0.5)
+        bend = np.abs(np.diff(whole["eps"], 2))
+        noise = float(np.nanquantile(bend, 0.9) / 1.645 / 6.0**0.5)  # nine in ten samples of white noise stay below it
         self.monitor = GapMonitor(
             self._volume(),
             measured,
             self.params.plant(),
             wanted,
-            dt=self.args.interval,
+            dt=float(self.samples.interval or 0.0),
+            block=_BLOCK,
             false_alarms_per_hour=self.args.false_alarms,
             play=3.0 * noise,
         ).calibrate(whole)
@@ -211,6 +306,10 @@ def _said(event: dict[str, Any]) -> str:
     if kind == "learnt":
         noise = ", ".join(f"{k} {v:.3g}" for k, v in event["noise"].items())
         return f"{event['time']:9.2f} s  learnt from {event['samples']} samples; noise of {noise} (N, kg/s)"
+    if kind == "blind":
+        return f"{_moment(event)}  blind because {event['why']}"
+    if kind == "sees":
+        return f"{_moment(event)}  sees again"
     if kind == "run":
         return f"{event['time']:9.2f} s  the stream begins anew here; the calibration stays"
     if kind == "stuck":
@@ -222,4 +321,9 @@ def _said(event: dict[str, Any]) -> str:
             f"(evidence {event['strength']:.1f} times its threshold)"
         )
     problems = ", ".join(f"{k} {v}" for k, v in event["problems"].items()) or "none"
-    return f"end: {event['samples']} samples, findings: {event['findings']}, problems: {problems}"
+    watched = f"watched: {event['watched']:.1f} s"
+    return f"end: {event['samples']} samples, findings: {event['findings']}, {watched}, problems: {problems}"
+
+
+def _moment(event: dict[str, Any]) -> str:
+    return f"{event['time']:9.2f} s" if math.isfinite(event["time"]) else f"{'-':>9}  "

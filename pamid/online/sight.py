@@ -1,0 +1,87 @@
+"""Whether a stream lets anything be seen right now, and if not, why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..constants import ATMOSPHERIC_PRESSURE
+from ..signals.plausibility import implausible_units
+
+WINDOW = 1.0
+"""Seconds that are judged together; what blinds is told after one or two of them."""
+
+LEAST = 20
+"""Samples that are judged together at least."""
+
+
+class Sight:
+    """Judge the last second of a stream: are there signals, are they in SI, do they move?
+
+    Parameters
+    ----------
+    targets : sequence of str
+        Signals of which at least one must be measured.
+    interval : float
+        Sampling interval, s.
+    ambient : float, default=101325.0
+        Ambient pressure, Pa, absolute.
+
+    Attributes
+    ----------
+    why : str
+        Why nothing can be seen; empty while all is well.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.online.sight import Sight
+    >>> t = np.arange(1000) * 1e-3
+    >>> table = {"time": t, "eps": 0.1 + 0 * t, "P": 3.0 + np.sin(t), "F": np.cos(t)}  # the pressure in bar
+    >>> Sight(["F", "mdot"], 1e-3).look(table)
+    'P reaches 3.84: that looks like bar; expected Pa, absolute.'
+    """
+
+    def __init__(self, targets: Sequence[str], interval: float, ambient: float = ATMOSPHERIC_PRESSURE) -> None:
+        self.targets = tuple(targets)
+        self.interval = interval
+        self.ambient = ambient
+        self.why = ""
+        self._parts: list[Mapping[str, np.ndarray]] = []
+
+    def look(self, table: Mapping[str, np.ndarray], stuck: Mapping[str, Any] | None = None) -> str:
+        """Take a block; return why nothing can be seen since then, or nothing.
+
+        Parameters
+        ----------
+        table : mapping of str to array
+            Signals of the block, with ``time`` (s).
+        stuck : mapping, optional
+            Channels whose sensors stand still now.
+        """
+        self._parts.append(table)
+        n = sum(len(t["time"]) for t in self._parts)
+        if n >= max(WINDOW / self.interval, LEAST):
+            names = ("time", "eps", "P", *self.targets)
+            whole = {k: np.concatenate([t[k] for t in self._parts]) for k in names if k in table}
+            self._parts = []
+            self.why = self._judge(whole)
+        return self.why or self._stuck(stuck or {})
+
+    def _judge(self, whole: Mapping[str, np.ndarray]) -> str:
+        for name in ("eps", "P"):
+            if np.isfinite(whole[name]).mean() < 0.5:
+                return f"most samples have no {name}."
+        measured = [t for t in self.targets if t in whole and np.isfinite(whole[t]).mean() > 0.5]
+        if not measured:
+            return f"most samples have neither {' nor '.join(self.targets)}."
+        doubts = implausible_units(whole, ambient_pressure=self.ambient)
+        return " ".join(d.text for d in doubts)
+
+    def _stuck(self, stuck: Mapping[str, Any]) -> str:
+        blocked = [c for c in ("eps", "P") if c in stuck]
+        if not blocked and self.targets and all(t in stuck for t in self.targets):
+            blocked = list(self.targets)
+        return f"the sensor of {' and '.join(blocked)} stands still." if blocked else ""
