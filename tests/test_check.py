@@ -205,3 +205,32 @@ def test_the_page_stands_alone_and_escapes_what_a_log_says(tmp_path):
     assert text.count("<svg") == 3
     ids = re.findall(r' id="([^"]+)"', text)
     assert len(ids) == len(set(ids))
+
+
+# --- runs that are held ------------------------------------------------------------------------------------------
+def test_runs_held_at_different_places_are_no_movement():
+    t, rng = np.arange(0, 5, 0.002), np.random.default_rng(0)
+    runs = []
+    for k, eps in enumerate((0.0, 0.05, 0.1, 0.15)):
+        P = 2e5 + 8e4 * np.sin(3 * t) + 40 * rng.standard_normal(len(t))
+        runs.append(pd.DataFrame({"trajectory": f"held-{k}", "time": t, "eps": eps, "P": P, "F": 1e-3 * (P - 101_325)}))
+    found = survey(pd.concat(runs, ignore_index=True))
+    assert (found.coverage.up, found.coverage.down, found.coverage.reversals) == (0.0, 0.0, 0)
+    assert found.coverage.longest_hold == pytest.approx(5.0, abs=0.01)
+    assert found.coverage.held_pressure_moves == pytest.approx(1.6e5, rel=0.05)
+    answers = {a.question: a for a in found.answers}
+    assert answers["friction of any kind"].answer == "no"
+    assert "stands still in every run" in answers["friction of any kind"].why
+    assert answers["geometry and elasticity: diameter, braid, threads, bladder"].answer == "yes"
+    assert not any("200 Hz" in text for text in found.record)  # it is sampled at 500 Hz
+
+
+def test_the_command_says_what_comes_next(tmp_path, capsys):
+    t = np.arange(0, 3, 0.01)
+    log = pd.DataFrame({"time": t, "x": 0.01 * np.sin(t), "P": 3e5 + 1e5 * np.sin(2 * t), "F": 90 + np.cos(t)})
+    log.to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "page.toml").write_text('kind = "cylinder"\n[cylinder]\nbore = "25 mm"\n')
+    assert main(["check", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "page.toml")]) == 0
+    assert (
+        f"next: pamid diagnose {tmp_path}/log.csv --sim {tmp_path}/page.toml --out diagnosis" in capsys.readouterr().out
+    )

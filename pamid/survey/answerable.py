@@ -19,6 +19,9 @@ _SETS = {
 }
 
 
+_QUICK = 200.0  # Hz: sampling that shows delays of a few ms
+
+
 @dataclass(frozen=True)
 class Answerable:
     """Whether one question can be answered.
@@ -86,8 +89,8 @@ class Rule(NamedTuple):
         Signals, separated by blanks.
     test : callable
         Takes facts; returns whether it holds (None: partly) and the figure that it looked at.
-    record : str
-        What to record where it does not hold.
+    record : str or callable
+        What to record where it does not hold; a callable takes facts.
     """
 
     question: str
@@ -95,16 +98,20 @@ class Rule(NamedTuple):
     kinds: str
     needs: str
     test: Callable[[Facts], tuple[bool | None, str]]
-    record: str
+    record: str | Callable[[Facts], str]
 
 
 def _both_ways(f: Facts) -> tuple[bool | None, str]:
     c = f.coverage
+    if c.up + c.down == 0:
+        return False, "the position stands still in every run"
     least = min(c.up, c.down)
     return (least > 0.05 or (None if least > 0.01 else False)), f"moves up {c.up:.0%} and down {c.down:.0%} of the time"
 
 
 def _speeds(f: Facts) -> tuple[bool | None, str]:
+    if f.coverage.up + f.coverage.down == 0:
+        return False, "the position stands still in every run"
     ratio = f.coverage.fast / f.coverage.slow if f.coverage.slow > 0 else 0.0
     return (ratio > 5 or (None if ratio > 2 else False)), f"speeds differ by a factor of {ratio:.3g}"
 
@@ -168,9 +175,14 @@ def _commands(f: Facts) -> tuple[bool | None, str]:
 def _quick(f: Facts) -> tuple[bool | None, str]:
     c, s = f.coverage, f.sampling
     enough = c.bandwidth > 0 and s.rate > 10 * c.bandwidth
-    good = enough and s.rate >= 200 and c.bandwidth >= 2
+    good = enough and s.rate >= _QUICK and c.bandwidth >= 2
     said = f"sampled at {s.rate:.4g} Hz, {_movement(c)}"
     return good or (None if enough and c.bandwidth > 0.5 else False), said
+
+
+def _record_quick(f: Facts) -> str:
+    rate = "Sample at 200 Hz or more, and record" if f.sampling.rate < _QUICK else "Record"
+    return f"{rate} steps or sines above 2 Hz."
 
 
 def _movement(c: Coverage) -> str:
@@ -294,7 +306,7 @@ RULES = (
         ALL,
         "position",
         _quick,
-        "Sample at 200 Hz or more, and record steps or sines above 2 Hz.",
+        _record_quick,
     ),
     Rule(
         "inertia and damping of the joint",
@@ -365,5 +377,6 @@ def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind:
             continue
         holds, why = rule.test(facts)
         answer = "partly" if holds is None else "yes" if holds else "no"
-        found.append(Answerable(rule.question, effects, answer, why, "" if holds else rule.record))
+        record = "" if holds else rule.record if isinstance(rule.record, str) else rule.record(facts)
+        found.append(Answerable(rule.question, effects, answer, why, record))
     return found

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 _STILL = 0.02  # of the largest rate: slower is standing still
+_HELD = 0.02  # of the range over all runs: a run that moves by less is held
 _SHUT = 1e-3
 _POWER = 0.99
 _MOST_RUNS = 60
@@ -108,15 +109,44 @@ def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
     commands = [c for c in ("u", "u1", "u2") if c in log.columns]
     if commands:
         found |= _valves(log, commands, pressure, sampling.period)
-    if position and _swing(log[position].to_numpy(dtype=float)) > 0:
+    if position and _moves(log, position):
         found |= _motion(log, position, pressure, sampling)
-    elif pressure:  # what stands still all the time is held: the pressure is what moves
-        runs = [run[pressure].dropna().to_numpy(dtype=float) for _, run in log.groupby("trajectory", sort=False)]
-        powers = [_spectrum(p, sampling.period) for p in runs if len(p) > 20]
-        held = sampling.longest if position else 0.0
-        swing = found["pressure_range"] if position else 0.0
-        found |= {"longest_hold": held, "held_pressure_moves": swing, "bandwidth": _bandwidth(powers)}
+    elif pressure:  # what stands still in every run is held: the pressure is what moves
+        found |= _held(log, position, pressure, sampling)
+    if position and pressure:
+        found["correlation"] = _correlation(log, position, pressure)
     return Coverage(**found)  # type: ignore[arg-type]
+
+
+def _moves(log: pd.DataFrame, position: str) -> bool:
+    """Say whether the position moves within a run; runs held at different places are no movement."""
+    whole = _swing(log[position].to_numpy(dtype=float))
+    for _, run in log.groupby("trajectory", sort=False):
+        values = run[position].dropna().to_numpy(dtype=float)
+        if len(values) > 5 and _swing(values) > max(_HELD * whole, 4.0 * noise_level(values)):
+            return True
+    return False
+
+
+def _held(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling) -> dict[str, object]:
+    """Return what runs excite in which the position stands, or is not logged."""
+    runs = [run[pressure].dropna().to_numpy(dtype=float) for _, run in log.groupby("trajectory", sort=False)]
+    found: dict[str, object] = {"bandwidth": _bandwidth([_spectrum(p, sampling.period) for p in runs if len(p) > 20])}
+    if position:
+        swings = [_swing(p) for p in runs if len(p)]
+        found |= {
+            "position_range": _swing(log[position].to_numpy(dtype=float)),
+            "longest_hold": sampling.longest,
+            "held_pressure_moves": max(swings, default=0.0),
+        }
+    return found
+
+
+def _correlation(log: pd.DataFrame, position: str, pressure: str) -> float:
+    both = log[[position, pressure]].dropna().to_numpy(dtype=float)
+    if len(both) < 3 or not np.all(np.ptp(both, axis=0) > 0):
+        return float("nan")
+    return float(np.corrcoef(both.T)[0, 1])
 
 
 def forward(run: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -203,7 +233,7 @@ def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling)
                 held.append(_swing(run[pressure].to_numpy(dtype=float)[a:b]))
     moving = np.abs(every[np.abs(every) >= limit])
     slow, fast = np.quantile(moving, [0.1, 0.9]) if len(moving) else (np.nan, np.nan)
-    found = {
+    return {
         "position_range": whole,
         "slow": float(slow),
         "fast": float(fast),
@@ -216,11 +246,6 @@ def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling)
         "held_pressure_moves": max(held),
         "bandwidth": _bandwidth(powers),
     }
-    if pressure:
-        both = log[[position, pressure]].dropna().to_numpy(dtype=float)
-        if len(both) > 2 and np.all(np.ptp(both, axis=0) > 0):
-            found["correlation"] = float(np.corrcoef(both.T)[0, 1])
-    return found  # type: ignore[return-value]
 
 
 def _turns(y: np.ndarray, least: float) -> list[float]:

@@ -183,7 +183,10 @@ def _channel_warnings(c: Channel) -> list[str]:
         found.append(f"{c.name} repeats one value for long while others move in {100 * c.frozen:.2g} % of the rows.")
     if c.clipped:
         end = {"low": "lower end", "high": "upper end", "both": "both ends"}[c.clipped]
-        found.append(f"{c.name} piles up at the {end} of its range: it looks clipped.")
+        found.append(
+            f"{c.name} piles up at the {end} of its range: it looks clipped. Either the sensor ends there, or what it "
+            "measures stands at a stop, which then belongs into the model."
+        )
     if c.bits < _LEAST_BITS and c.moves and c.high - c.low > 4 * c.step and c.name not in ("branch", "enabled", "gain"):
         found.append(f"{c.name} has {2**c.bits:.0f} steps over its range: its rate will be coarse.")
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +81,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"wrote {file}")
     if not files:
         note(args, "--html FILE writes this as a page with pictures")
+    if args.sim:
+        print(f"\nnext: {_diagnose(args)}")
     return 0
+
+
+def _diagnose(args: argparse.Namespace) -> str:
+    """Return the command that comes next."""
+    options = [*(["--columns", args.columns] if args.columns else []), "--sim", args.sim, "--out", "diagnosis"]
+    return shlex.join(["pamid", "diagnose", *args.log, *options])
 
 
 def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
