@@ -72,6 +72,7 @@ VOCABULARY = [
     "overflow",
     "quantisation",
     "compliance",
+    "effective_contraction",
 ]
 PLANT = BenchParameters.for_muscle("B").plant()
 DT = 1e-3

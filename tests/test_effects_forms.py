@@ -151,6 +151,20 @@ def test_a_spool_lags_twice(share: float) -> None:
     np.testing.assert_allclose(y, exact[1 if share else 0], atol=5e-3)
 
 
+@pytest.mark.parametrize("k", [0.7, 1.3])
+def test_a_contraction_counts_for_less_or_more(k: float) -> None:
+    """Force and flow are those of a muscle whose active part contracts by k ε, and which exchanges no energy twice."""
+    eps, P = np.array([0.05, 0.12]), np.array([3e5, 4e5])
+    s = Signals(position=eps, velocity=np.array([0.1, -0.2]), pressure=P, pressure_rate=np.zeros(2))
+    effect = make_effect("effective_contraction", factor=k)
+    p = P - PLANT.atmospheric_pressure
+    total = p * PLANT.volume_slope(eps) / PLANT.rest_length + effect.force(s, None, PLANT)
+    np.testing.assert_allclose(total, p * PLANT.volume_slope(k * eps) / PLANT.rest_length)
+    own = make_effect("end_cap", factor=max(k, 1.0))
+    if k > 1.0:
+        np.testing.assert_allclose(effect.flow(s, None, PLANT).a, own.flow(s, None, PLANT).a)
+
+
 def test_a_compliant_drive_swings_at_its_frequency() -> None:
     load = np.where(np.arange(2000) < 100, 0.0, 10.0)
     effect = make_effect("compliance", frequency=80.0, damping=0.1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ..signals.state import Array
 from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
@@ -37,8 +39,9 @@ class EndCap(Effect):
     family = "elasticity"
     equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
+    kinds = ("bench",)  # a single muscle has the effective contraction, on both sides of 1
     source = "10.1109/37.833638"
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("factor", "-", 1.0, 1.6, 1.1, "contraction of the active part over that of the whole"),
         Parameter("swept", "-", 0.0, 1.0, 1.0, "share of the change of shape that the gas feels as volume"),
     )

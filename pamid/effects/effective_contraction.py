@@ -1,0 +1,42 @@
+"""A muscle whose active part contracts by more, or by less, than the whole."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from .base import Parameter
+from .end_cap import EndCap
+
+
+class EffectiveContraction(EndCap):
+    r"""Contraction k ε of the active part, where ε is that of the whole muscle.
+
+    .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
+        \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)
+
+    Stiff fittings make k larger than 1; a braid that lengthens, or fittings that yield, smaller. The gas feels the
+    change of shape as `EndCap` says with s = 1.
+
+    Parameters
+    ----------
+    **values : float
+        ``factor`` k (dimensionless).
+
+    References
+    ----------
+    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("effective_contraction", factor=0.83)
+    effective_contraction(factor=0.83)
+    """
+
+    name = "effective_contraction"
+    kinds = ("muscle",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("factor", "-", 0.05, 1.6, 0.8, "contraction of the active part over that of the whole"),
+    )
+    swept = 1.0
