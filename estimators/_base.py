@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_array, column_or_1d, validate_data
 
 from pamid.errors import MissingColumnError, ParameterError, ShapeError
 
+from ._checks import check_squares
 from ._trajectories import TRAJECTORY, encode_trajectory_column
 
 Signals = Mapping[str, "str | int"]
@@ -54,6 +55,7 @@ class SignalEstimator(BaseEstimator):
             X = validate_data(self, X, reset=True, dtype=np.float64, **checks)
         else:
             X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, y_numeric=True, multi_output=True, **checks)
+            check_squares(y)
         if reset:
             self.signal_columns_ = self._locate(X.shape[1])
         return X, y
@@ -66,6 +68,7 @@ class SignalEstimator(BaseEstimator):
             return table, column_or_1d(target, warn=True)[:, None]
         table, _ = self._read(X, reset=reset)
         target = check_array(y, dtype=np.float64, ensure_all_finite="allow-nan", input_name="y")
+        check_squares(target)
         if target.shape != (len(table), 2):
             raise ShapeError(
                 f"y has shape {target.shape} for {len(table)} rows.",

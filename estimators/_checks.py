@@ -34,6 +34,17 @@ def check_option(estimator: Any, name: str, offered: tuple[str, ...]) -> None:
         raise UnknownOptionError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Choose one of them.")
 
 
+def check_squares(y: Any) -> None:
+    """Raise unless the squares of a target can be summed; NaN is passed over."""
+    size = float(np.nanmax(np.abs(y), initial=0.0))
+    if size > np.sqrt(np.finfo(np.float64).max / max(np.size(y), 1)):
+        raise ParameterError(
+            f"y reaches {size:.4g}, whose square is no number any more.",
+            "a target in SI units, such as a force in N or a flow in kg/s",
+            "Look for the damaged sample, or correct the unit.",
+        )
+
+
 def warn_of_still_columns(columns: np.ndarray, names: Sequence[str], who: str) -> None:
     """Warn, before a fit, of signals that do not vary: nothing about them can be learnt."""
     if len(columns) < 3:

@@ -22,6 +22,7 @@ from pamid.volume.base import VolumeModel
 from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator, Signals
+from ._checks import check_squares
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
 from ._trajectories import trajectory_codes
@@ -229,6 +230,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
             return self.fit(X, y, groups)
         table, _ = self._read(X, reset=False)
         y = column_or_1d(check_array(y, ensure_2d=False, ensure_all_finite="allow-nan", dtype=np.float64), warn=True)
+        check_squares(y)
         check_consistent_length(table, y)
         streamed = self._streamed()
         for effect, state in zip(streamed, self.effect_state_, strict=True):

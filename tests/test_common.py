@@ -19,12 +19,14 @@ import pandas as pd
 import pytest
 import sklearn
 from pamid.estimators import all_estimators, checked_instances
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import estimator_checks_generator, parametrize_with_checks
+
+from pamid.errors import ParameterError
 
 INSTANCES = checked_instances()
 pytestmark = pytest.mark.filterwarnings(
@@ -323,3 +325,14 @@ def test_html_representation(estimator, data):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert name_of(estimator) in model._repr_html_()
+
+
+@pytest.mark.parametrize("estimator", checked_instances(), ids=lambda e: type(e).__name__)
+def test_a_target_whose_square_overflows_is_refused(estimator):
+    X = np.random.default_rng(0).uniform(0.1, 1.0, size=(40, 3))
+    y = X @ [1.0, 2.0, 3.0]
+    y[7] = 1e200
+    if isinstance(estimator, TransformerMixin):
+        return  # it does not look at a target
+    with pytest.raises(ParameterError, match=r"y reaches 1e\+200"):
+        clone(estimator).fit(X, y)
