@@ -56,7 +56,7 @@ def forked(body: Callable[[], int]) -> int:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
-            signal.alarm(60)
+            signal.alarm(200)
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal.signal(signal.SIGINT, signal.default_int_handler)
             code = body()
@@ -168,6 +168,9 @@ def hybrid(folder: Path, name: str, seed: int) -> int:
 @pytest.fixture(scope="module")
 def computed(bench, tmp_path_factory) -> Iterator[None]:
     """Compute once what takes long, so that each fork has nothing to do but to write."""
+    import torch
+
+    torch.set_num_threads(1)  # its pool of threads would not be there in a fork
     for seed, name in enumerate(("old", "new")):
         assert forked(lambda name=name, seed=seed: hybrid(bench, name, seed)) == 0
     patch = pytest.MonkeyPatch()
