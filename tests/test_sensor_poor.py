@@ -93,6 +93,7 @@ def test_diagnosis_without_the_sensors(effect, values, lacking):
     found = diagnose(poor(effect, lacking, seed=2, **values), NOMINAL, FEW)
     if effect is None:
         assert found.verdict == "none"
+        assert found.candidates[0].confidence > 0.9
     else:
         assert len(found.causes) == 1
         assert effect in found.causes[0].effects

@@ -59,8 +59,12 @@ class FlowEquation(Equation):
         return Residual(time, value, measured, noise, shared)
 
 
-def gas_balance(run: Run, windows: Windows, mdot: np.ndarray) -> np.ndarray:
-    """Return a flow into both muscles less what pressure and volume say of it, over windows of order 2, kg/s."""
+def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | None = None) -> np.ndarray:
+    """Return a flow into both muscles less what pressure and volume say of it, over windows of order 2, kg/s.
+
+    Between samples the flow goes that share of the way straight to the next one, rather than on at a held command; by
+    default the share that fits the run best.
+    """
     gas = run.model.params.gas
     gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
     per_flow = RT * run.P ** (1.0 / gamma - 1.0)
@@ -73,7 +77,7 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray) -> np.ndarray:
     drift = supplied[:-1] * (growth - 1.0) / 2
     held = windows.mean(supplied[:-1] + drift - gain) / scale
     ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
-    return np.asarray(held + _share(held, ramp) * ramp)
+    return np.asarray(held + (_share(held, ramp) if share is None else share) * ramp)
 
 
 def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.ndarray]]:

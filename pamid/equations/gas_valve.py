@@ -41,7 +41,8 @@ class GasValveEquation(Equation):
     def residual(self, run: Run) -> Residual:
         """Return the residual flow of both muscles, kg/s."""
         windows, flow = run.windows(self), passed(run)
-        value = gas_balance(run, windows, flow)
+        # A command is held from sample to sample; what follows it with a lag of its own goes there gradually.
+        value = gas_balance(run, windows, flow, share=1.0 if run.follows_gradually() else 0.0)
         time, modelled = windows.time(run.time[:-1]) + run.dt / 2, windows.mean(flow[:-1])
         if not run.model.noise:
             return Residual(time, value, modelled, np.zeros_like(value))

@@ -327,6 +327,10 @@ class Run:
             u = e.command(u, s, x, self.model.plant)
         return u
 
+    def follows_gradually(self) -> bool:
+        """Tell whether what the valves follow changes between two samples of the command."""
+        return any(e.n_states and not e.sampled for e, _, _ in self._having("command"))
+
     def inlet_pressure(self) -> Any:
         """Return the pressure at the valves' inlets, Pa."""
         P = self.model.params.gas.supply_pressure

@@ -14,6 +14,9 @@ from .sensitivity import Template
 from .student_t import NU
 
 REPLICATES = 199
+ALIKE = 0.01
+"""Share of an effect that parameters within their tolerances must leave for it to be told from them. What is left of
+less is of second order: a change that makes all residuals and their noise smaller, which no first-order score counts."""
 
 
 class Significance(NamedTuple):
@@ -77,7 +80,7 @@ def library_test(
         T = t.columns * root[:, None]
         T = T - Q @ (Q.T @ T)
         size = np.sqrt(np.sum(T * T, axis=0))
-        usable = size > 1e-6 * np.sqrt(np.sum(np.square(t.columns * root[:, None]), axis=0))
+        usable = size > ALIKE * np.sqrt(np.sum(np.square(t.columns * root[:, None]), axis=0))
         if not usable.any():
             continue
         T = T[:, usable] / size[usable]
