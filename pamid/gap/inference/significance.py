@@ -16,7 +16,7 @@ from .student_t import NU
 REPLICATES = 199
 ALIKE = 0.01
 """Share of an effect that parameters within their tolerances must leave for it to be told from them. What is left of
-less is of second order: a change that makes all residuals and their noise smaller, which no first-order score counts."""
+less is of second order: a change that makes residuals and their noise smaller, which no score of first order counts."""
 
 
 class Significance(NamedTuple):
