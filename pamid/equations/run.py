@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +84,9 @@ class Run:
         )
         if not stretch.noises:
             stretch.noises.update({name: self._noise(name) for name in stretch.readings})
-        self.responses = {name: self._restored(name, faults) for name in stretch.readings}
+        self.geometry = {} if faults else stretch.geometry
+        faulty = {fault.channel for fault in faults} & set(stretch.readings)
+        self.responses = {name: self._restored(name, faults) for name in faulty}
 
     def under(self, model: Model) -> Run:
         """Return the same stretch of the log held against another simulator."""
@@ -172,8 +174,8 @@ class Run:
 
     def covariances(self, windows: Windows, channel: str, weights: np.ndarray) -> np.ndarray:
         """Return what a channel's noise leaves in weighted sums of its restored values, see `Windows.covariances`."""
-        response, bridges = self.responses[channel], self.stretch.bridges.get(channel)
-        if len(response) > 1 or response[0] != 1.0:
+        response, bridges = self.responses.get(channel), self.stretch.bridges.get(channel)
+        if response is not None and (len(response) > 1 or response[0] != 1.0):
             weights = np.convolve(weights, response)
         return windows.covariances(channel, weights, self.stretch.noises[channel], bridges)
 
@@ -191,18 +193,34 @@ class Run:
     def eps(self) -> np.ndarray:
         """Contraction ratios, shape (n_samples, 2)."""
         p = self.model.params
-        gain = p.joint.pulley_radius / p.muscle.rest_length
-        return p.muscle.initial_contraction + gain * self.q[:, None] * SIGNS
+        gain, first = p.joint.pulley_radius / p.muscle.rest_length, p.muscle.initial_contraction
+        return self._kept(("eps", gain, first), lambda: first + gain * self.q[:, None] * SIGNS)
 
     @cached_property
     def volume(self) -> np.ndarray:
         """Nominal gas volumes, m³, shape (n_samples, 2)."""
-        return np.asarray(self.model.plant.volume(self.eps))
+        return self._kept(("volume", *self._shape), lambda: np.asarray(self.model.plant.volume(self.eps)))
 
     @cached_property
     def volume_slope(self) -> np.ndarray:
         """∂V/∂ε, m³, shape (n_samples, 2)."""
-        return np.asarray(self.model.plant.volume_slope(self.eps))
+        return self._kept(("slope", *self._shape), lambda: np.asarray(self.model.plant.volume_slope(self.eps)))
+
+    @property
+    def _shape(self) -> tuple[float, ...]:
+        """What the volume depends on."""
+        p, plant = self.model.params, self.model.plant
+        first, radius = p.muscle.initial_contraction, p.joint.pulley_radius
+        return plant.rest_length, plant.thread_length, plant.turns, first, radius, p.muscle.rest_length
+
+    def _kept(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what geometry makes of the readings, made once for all simulators that share it."""
+        found = self.geometry.get(key)
+        if found is None:
+            if len(self.geometry) >= _REMEMBERED:
+                self.geometry.pop(next(iter(self.geometry)))
+            found = self.geometry[key] = make()
+        return found
 
     # --- effects --------------------------------------------------------------------------------------------
     def smooth(self, channel: str, deriv: int) -> np.ndarray:

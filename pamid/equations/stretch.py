@@ -87,6 +87,7 @@ class Stretch:
     selections: dict[tuple[Any, ...], Windows] = field(default_factory=dict)
     smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
     memories: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
+    geometry: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.n: int = samples_per_window(self.dt)
