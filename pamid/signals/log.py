@@ -391,7 +391,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
     log = log.assign(trajectory=_storable(as_names(log["trajectory"]))) if "trajectory" in log else log
     with replacing(path) as draft:
         if suffix == ".parquet":
-            log.to_parquet(draft, index=False)
+            log.to_parquet(draft, index=False, write_page_checksum=True)
         elif suffix == ".csv":
             odd = "trajectory" in log and any(n != n.strip() or "\r" in n for n in log["trajectory"].unique())
             log.to_csv(draft, index=False, quoting=csv.QUOTE_NONNUMERIC if odd else csv.QUOTE_MINIMAL)
@@ -405,7 +405,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
                     values = log[column].to_numpy()
                     data = values if values.dtype.kind in "biuf" else values.astype(object)
                     kind = None if values.dtype.kind in "biuf" else h5py.string_dtype()
-                    group.create_dataset(str(column), data=data, dtype=kind)
+                    group.create_dataset(str(column), data=data, dtype=kind, fletcher32=kind is None and len(data) > 0)
             draft.write_bytes(memory.getvalue())
     return path
 

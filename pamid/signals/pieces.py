@@ -180,7 +180,7 @@ def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Ite
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path, pre_buffer=False) as file:
+        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
             schema, total = file.schema_arrow, file.metadata.num_rows
             flat = flat_columns(schema, settings)
             named = names_column(flat, settings)
@@ -202,7 +202,7 @@ def _parquet_slices(path: Path, columns: list[str], ends: list[int]) -> Iterator
 
     try:
         # Buffered ahead, all row groups that were read would be kept until the file is closed.
-        with pq.ParquetFile(path, pre_buffer=False) as file:
+        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
             waiting: list[Any] = []
             held, left = 0, [b - a for a, b in zip([0, *ends], ends, strict=False)]
             for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
 BEYOND = 1e30
 """No quantity of a log is as large in SI; markers of missing values and overflows are."""
 
-_SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T"))
+_SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T", "u"))
+_FULL_COMMAND = 1.5  # within it a command may well jump there and back
 _COMMANDS = ("_ref", "_cmd", "_set")
 _FEW = 50  # rows below which neither a glitch nor a dead channel can be told
 _WIDTHS = (1, 2)  # samples of a glitch
 _OF_JUMPS, _OF_STEPS = 20.0, 10.0
 _BACK = 0.75  # of the way there
-_MOST_GLITCHES = 0.002  # of the rows: what comes more often belongs to the signal
+_MOST_GLITCHES = 0.002  # of the rows: what comes more often may belong to the signal
 
 
 def impossible(signal: str, values: np.ndarray, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> np.ndarray:
@@ -116,9 +117,12 @@ def screen(
             notes.note(signal, "impossible", frame, bad, MISSING, origin)
         if base_name(signal) in _SENSORS and not signal.endswith(_COMMANDS) and signal not in skip:
             jumps = glitches(np.where(bad, np.nan, values), [rows for _, rows in runs])
+            if base_name(signal) == "u":
+                jumps &= np.abs(values) > _FULL_COMMAND
             if jumps.any():
-                notes.note(signal, "glitch", frame, jumps, USED if nan == "raise" else MISSING, origin)
-                bad |= jumps & (nan != "raise")
+                rare = nan != "raise" and jumps.sum() <= max(3.0, _MOST_GLITCHES * len(values))
+                notes.note(signal, "glitch", frame, jumps, MISSING if rare else USED, origin)
+                bad |= jumps & rare
             if (ends := far_ends(np.where(bad, np.nan, values), [rows for _, rows in runs])).any():
                 notes.note(signal, "end", frame, ends, USED, origin)
         if bad.any():
@@ -142,7 +146,7 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
     """Return which readings jump away and back within two samples.
 
     A jump counts if it is 20 times what all but 1 % of the readings do in this way, and 10 times what all but 1 % of
-    the steps from one sample to the next are. What comes in more than 0.2 % of the rows belongs to the signal.
+    the steps from one sample to the next are.
 
     Parameters
     ----------
@@ -176,7 +180,7 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
         for rows, jumps in zip(kept, back, strict=True):
             for k in np.flatnonzero(jumps > limit):
                 found[rows[k + 1 : k + 1 + width]] = True
-    return found if found.sum() <= max(3.0, _MOST_GLITCHES * len(values)) else np.zeros(len(values), dtype=bool)
+    return found
 
 
 def _level(arrays: list[np.ndarray]) -> float:
@@ -224,7 +228,7 @@ def far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
 
 def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:
     """Note which channels read one value throughout a run in which others do not."""
-    names = [str(c) for c in frame.columns if base_name(str(c)) in (*_SENSORS, "u") and not str(c).endswith(_COMMANDS)]
+    names = [str(c) for c in frame.columns if base_name(str(c)) in _SENSORS and not str(c).endswith(_COMMANDS)]
     columns = {name: frame[name].to_numpy(dtype=float) for name in names}
     for run, rows in runs:
         if len(rows) < _FEW:

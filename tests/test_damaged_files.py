@@ -1,0 +1,191 @@
+"""Damaged files: no traceback, no answer that differs from that of the healthy file without a word, no file changed.
+
+The corpus is that of ``benchmarks/damaged_files.py``; hypothesis adds what nobody thought of.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[1]
+if not (ROOT / "benchmarks").is_dir():
+    pytest.skip("needs the repository", allow_module_level=True)
+sys.path.append(str(ROOT))
+
+from benchmarks.damaged_files import (  # noqa: E402
+    TEXTS,
+    answer,
+    damaged_logs,
+    damaged_simulators,
+    healthy_log,
+    healthy_simulator,
+    log_outcome,
+    simulator_outcome,
+)
+from pamid.bench import BenchParameters  # noqa: E402
+from pamid.cli import main  # noqa: E402
+from pamid.errors import PamidError  # noqa: E402
+from pamid.signals import read_log, write_log  # noqa: E402
+
+HARMLESS = {
+    "no end of line",
+    "carriage returns",
+    "old ends of line",
+    "byte order mark",
+    "semicolons",
+    "semicolons and commas",
+    "tabs",
+    "bars",
+    "quotes",
+    "blanks behind delimiters",
+    "delimiter behind each row",
+    "blank lines",
+    "comments above",
+}
+QUICK = 10  # one in so many goes through the command line
+slow = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    return list(damaged_logs(tmp_path_factory.mktemp("logs")))
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory):
+    return answer(write_log(healthy_log(), tmp_path_factory.mktemp("healthy") / "log.csv"), healthy_simulator())[0]
+
+
+def fingerprints(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.is_file()}
+
+
+def test_the_corpus_is_large_enough(logs, tmp_path):
+    assert len(logs) >= 250
+    assert len(list(damaged_simulators(tmp_path))) >= 60
+
+
+@slow
+def test_no_damaged_log_changes_an_answer_in_silence(logs, healthy):
+    before = fingerprints(logs[0].path.parent)
+    params = healthy_simulator()
+    outcomes = {d.damage: log_outcome(d.path, params, healthy) for d in logs}
+    assert not {damage: o.said for damage, o in outcomes.items() if o.kind == "silent"}
+    assert {damage for damage in TEXTS if outcomes[damage].kind == "same"} >= HARMLESS, "other forms of a healthy log"
+    assert fingerprints(logs[0].path.parent) == before
+
+
+def test_no_damaged_simulator_is_taken_for_another(tmp_path):
+    found = {d.damage: simulator_outcome(d.path) for d in damaged_simulators(tmp_path)}
+    assert not {damage: o.said for damage, o in found.items() if o.kind == "silent"}
+    assert found["byte order mark"].kind == found["carriage returns"].kind == "same"
+
+
+def test_commands_refuse_or_answer(logs, tmp_path, capsys):
+    healthy_simulator().to_toml(tmp_path / "bench.toml")
+    for number, damaged in enumerate(logs[::QUICK]):
+        before = fingerprints(damaged.path.parent)
+        argv = ["evaluate", str(damaged.path), "--sim", str(tmp_path / "bench.toml"), "--json"]
+        code = main(argv if number % 2 else ["check", str(damaged.path), "--json"])
+        out, err = capsys.readouterr()
+        assert code in (0, 2, 3), (damaged.damage, err)
+        assert "Traceback" not in err
+        assert "inside pamid" not in err
+        assert (out == "") == (code == 2), damaged.damage
+        if out:
+            json.loads(out)
+        assert fingerprints(damaged.path.parent) == before
+
+
+# --- what nobody thought of -------------------------------------------------------------------------------------
+ENDINGS = st.sampled_from([".csv", ".json", ".parquet", ".h5", ".mat", ".txt"])
+MARKS = st.sampled_from(
+    [b"", b"PAR1", b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM", b"{", b"[", b"\xff\xfe"]
+)
+CELL = st.one_of(
+    st.sampled_from(["0", "1", "2e5", "-1", "nan", "", "NA", "1e400", '"', "#", "x", "0,5", "true", "2024-01-01"]),
+    st.floats(allow_nan=True).map(repr),
+    st.text(max_size=4),
+)
+HEADER = st.lists(
+    st.sampled_from(["time", "trajectory", "P", "q", "F1 [N]", "P [bar]", "x y", ""]), min_size=1, max_size=5
+)
+TABLE = st.tuples(HEADER, st.lists(st.lists(CELL, max_size=6), max_size=8), st.sampled_from([",", ";", "\t", " ", "|"]))
+LINE = st.one_of(
+    st.sampled_from(
+        ["[muscle]", "[gas]", "[[effects]]", "[tolerance]", 'name = "leakage"', "rest_length = 0.2", "inertia = 1"]
+    ),
+    st.tuples(st.text(max_size=6), st.text(max_size=8)).map(" = ".join),
+    st.text(max_size=12),
+)
+FUZZ = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]}
+
+
+def read_or_refuse(read, path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    with warnings.catch_warnings(), contextlib.suppress(PamidError):
+        warnings.simplefilter("ignore")
+        read(path)
+    assert path.read_bytes() == content
+    path.unlink()
+    assert not list(path.parent.iterdir())
+
+
+def keeping(path: Path):
+    return read_log(path, nan="keep")
+
+
+def any_bytes(mark: bytes, rest: bytes, ending: str, folder: Path) -> None:
+    read_or_refuse(keeping, folder / f"log{ending}", mark + rest)
+
+
+def any_table(table: tuple, folder: Path) -> None:
+    header, rows, delimiter = table
+    content = "\n".join(delimiter.join(row) for row in [header, *rows])
+    read_or_refuse(keeping, folder / "log.csv", content.encode("utf-8", "replace"))
+
+
+def any_page(lines: list[str], folder: Path) -> None:
+    read_or_refuse(BenchParameters.from_toml, folder / "sim.toml", "\n".join(lines).encode("utf-8", "replace"))
+
+
+@given(MARKS, st.binary(max_size=400), ENDINGS)
+@settings(max_examples=100, **FUZZ)
+def test_some_bytes(tmp_path, mark, rest, ending):
+    any_bytes(mark, rest, ending, tmp_path)
+
+
+@slow
+@given(MARKS, st.binary(max_size=400), ENDINGS)
+@settings(max_examples=2_500, **FUZZ)
+def test_many_bytes(tmp_path, mark, rest, ending):
+    any_bytes(mark, rest, ending, tmp_path)
+
+
+@given(TABLE)
+@settings(max_examples=100, **FUZZ)
+def test_some_tables(tmp_path, table):
+    any_table(table, tmp_path)
+
+
+@slow
+@given(TABLE)
+@settings(max_examples=2_000, **FUZZ)
+def test_many_tables(tmp_path, table):
+    any_table(table, tmp_path)
+
+
+@slow
+@given(st.lists(LINE, max_size=12))
+@settings(max_examples=1_000, **FUZZ)
+def test_many_pages(tmp_path, lines):
+    any_page(lines, tmp_path)
