@@ -19,6 +19,7 @@ from pamid.volume import Parameter
 from ._base import SignalEstimator
 from ._classical import warn_of_still_signals
 from ._least_squares import cluster_covariance, fit_nonlinear
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
 Values = Mapping[str, Any]
@@ -26,7 +27,7 @@ _AT_REST = 1e-6  # rate of contraction, 1/s, below which nothing moves
 _NORMAL_95 = 1.959963984540054
 
 
-class EmpiricalForce(RegressorMixin, SignalEstimator):
+class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
     """A force as a formula of the state; subclasses give the formula, its parameters and where the search starts."""
 
     __metadata_request__fit: ClassVar = {"groups": True}
@@ -115,6 +116,7 @@ class EmpiricalForce(RegressorMixin, SignalEstimator):
             n: (v - _NORMAL_95 * self.standard_errors_[n], v + _NORMAL_95 * self.standard_errors_[n])
             for n, v in self.parameters_.items()
         }
+        self._remember(X, y, sample_weight, groups)
         return self
 
     def _identify(

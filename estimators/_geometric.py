@@ -14,9 +14,10 @@ from pamid.volume import ClassicalVolume, Parameter, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._least_squares import Solution, fit_nonlinear
+from ._streaming import Streaming
 
 
-class GeometricRegressor(ClassicalRegressor):
+class GeometricRegressor(Streaming, ClassicalRegressor):
     """Shared by `GeometricForce` and `GeometricFlow`: from a name to fitted parameters with units and errors."""
 
     _silent: ClassVar[tuple[str, ...]] = ()

@@ -18,6 +18,7 @@ from ._checks import check_counts, check_sizes, warn_of_still_columns
 from ._hidden_layer import Marquardt, Normal
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
+from ._streaming import SequenceStreaming
 from ._torch_loop import standardisation
 from ._trajectories import trajectory_slices
 
@@ -52,7 +53,7 @@ class _Segments(NamedTuple):
     counts: np.ndarray
 
 
-class NARXRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
+class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
     """An output from its own past and that of the inputs; subclasses give the function of the lags."""
 
     __metadata_request__fit: ClassVar = {"groups": True}
@@ -172,6 +173,7 @@ class NARXRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimato
         self.loss_curve_ = progress.losses
         self.n_iter_ = max(progress.n_epochs, 1)
         self.n_parameters_ = len(theta)
+        self._remember(X, y, groups=groups)
         return self
 
     # --- prediction ---------------------------------------------------------------------------------------------

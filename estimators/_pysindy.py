@@ -67,14 +67,12 @@ def sparse_regression(
     with sklearn.config_context(enable_metadata_routing=False), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")  # told in our own words below
         regression = _make(optimizer, threshold, alpha, max_iter)
+        if optimizer == "frols" and np.linalg.matrix_rank(terms, tol=1e-10 * np.linalg.norm(terms)) < terms.shape[1]:
+            raise _dependent("FROLS", terms, "they are not")
         try:
             regression.fit(terms, targets)
         except ValueError as error:
-            raise FitError(
-                f"{type(regression).__name__} failed on {len(terms)} rows and {terms.shape[1]} terms: {error}.",
-                "terms that are linearly independent on the data",
-                "Lower degree, drop a signal, give more varied data, or use optimizer='stlsq'.",
-            ) from error
+            raise _dependent(type(regression).__name__, terms, str(error)) from error
         coefficients = np.array(regression.coef_, dtype=float).reshape(targets.shape[1], terms.shape[1])
     if not coefficients.any(axis=1).all():
         warnings.warn(
@@ -85,6 +83,14 @@ def sparse_regression(
             stacklevel=4,
         )
     return coefficients, max(1, len(getattr(regression, "history_", ())) - 1)
+
+
+def _dependent(name: str, terms: np.ndarray, why: str) -> FitError:
+    return FitError(
+        f"{name} failed on {terms.shape[1]} terms: {why}.",
+        "terms that are linearly independent on the data",
+        "Lower degree, drop a signal, give more varied data, or use optimizer='stlsq'.",
+    )
 
 
 def _make(optimizer: Any, threshold: float, alpha: float, max_iter: int) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 from pamid.errors import ParameterError
 
 from ._checks import check_counts, check_sizes
+from ._least_squares import compress
 from ._pysindy import polynomial_powers, sparse_regression, term_names
 
 
@@ -29,6 +30,8 @@ class PolynomialLibraryMixin:
     threshold: float
     alpha: float
     max_iter: int
+    factor_: np.ndarray
+    total_weight_: float
 
     def _check_library(self, signals: Sequence[str]) -> None:
         check_counts(self, "degree", "max_iter")
@@ -41,7 +44,6 @@ class PolynomialLibraryMixin:
 
     def _fit_library(self, signals: np.ndarray, names: Sequence[str], targets: np.ndarray, weights: np.ndarray) -> None:
         """Find sparse coefficients of the targets, shape (n_samples, n_targets)."""
-        weights = weights / weights.sum()
         n_signs = len(self.sign_of)
         powers = polynomial_powers(
             len(names) + n_signs, self.degree, interaction=bool(self.interaction), bias=bool(self.bias)
@@ -51,25 +53,44 @@ class PolynomialLibraryMixin:
         self._names = [str(name) for name in names]
         self.powers_ = powers
         self.terms_ = term_names(powers, [*names, *(f"sign({name})" for name in self.sign_of)])
-        self.signal_scales_ = _root_mean_square(signals, weights)
-        terms = self._terms(signals)
-        term_scales = _root_mean_square(terms, weights)
-        target_scales = _root_mean_square(targets, weights)
-        rows = np.sqrt(weights)[:, None]  # a weight counts like so many repetitions of its row
+        self.reference_scales_ = _root_mean_square(signals, weights / weights.sum())
+        self.factor_ = np.zeros((0, len(powers) + targets.shape[1]))
+        self.total_weight_ = 0.0
+        self._take_in(signals, targets, weights)
+
+    def _take_in(self, signals: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> None:
+        """Add rows to the triangular factor of [terms | targets], and regress on all rows so far.
+
+        A regression reads its rows through their products alone, which the factor has in common with them.
+        """
+        terms = self._terms(signals, self.reference_scales_)
+        self.factor_ = compress(self.factor_, terms, targets, weights)
+        self.total_weight_ += float(weights.sum())
+        n_terms, n_signals = len(self.powers_), len(self._names)
+        root = self.factor_ / np.sqrt(self.total_weight_)  # a weight counts like so many repetitions of its row
+        size = np.linalg.norm(root, axis=0)
+        alone = [int(np.flatnonzero((self.powers_ == unit).all(axis=1))[0]) for unit in self._units()]
+        self.signal_scales_ = self.reference_scales_ * _nonzero(size[alone])
+        scaling = np.prod((self.reference_scales_ / self.signal_scales_) ** self.powers_[:, :n_signals], axis=1)
+        term_scales, target_scales = _nonzero(size[:n_terms]), _nonzero(size[n_terms:])
         coefficients, self.n_iter_ = sparse_regression(
-            rows * (terms / term_scales),
-            rows * (targets / target_scales),
+            root[:, :n_terms] / term_scales,
+            root[:, n_terms:] / target_scales,
             self.optimizer,
             threshold=float(self.threshold),
             alpha=float(self.alpha),
             max_iter=int(self.max_iter),
         )
-        self.scaled_coef_ = coefficients / term_scales * target_scales[:, None]
+        self.scaled_coef_ = coefficients / (term_scales * scaling) * target_scales[:, None]
 
-    def _terms(self, signals: np.ndarray) -> np.ndarray:
+    def _units(self) -> np.ndarray:
+        """Powers of the terms that are one signal each."""
+        return np.eye(len(self._names), self.powers_.shape[1], dtype=int)
+
+    def _terms(self, signals: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Evaluate the terms on scaled signals, shape (n_samples, n_terms)."""
         signs = [np.sign(signals[:, self._names.index(name)]) for name in self.sign_of]
-        factors = np.column_stack([signals / self.signal_scales_, *signs])
+        factors = np.column_stack([signals / scales, *signs])
         terms = np.ones((len(factors), len(self.powers_)))
         for column, row in enumerate(self.powers_):
             for signal in np.flatnonzero(row):
@@ -77,7 +98,7 @@ class PolynomialLibraryMixin:
         return terms
 
     def _evaluate(self, signals: np.ndarray) -> np.ndarray:
-        return self._terms(signals) @ self.scaled_coef_.T
+        return self._terms(signals, self.signal_scales_) @ self.scaled_coef_.T
 
     def _physical_coefficients(self) -> np.ndarray:
         """Coefficients for signals in their own units, shape (n_targets, n_terms)."""
@@ -98,5 +119,8 @@ class PolynomialLibraryMixin:
 
 
 def _root_mean_square(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    scales = np.sqrt(weights @ columns**2)
+    return _nonzero(np.sqrt(weights @ columns**2))
+
+
+def _nonzero(scales: np.ndarray) -> np.ndarray:
     return np.where(scales > 0, scales, 1.0)

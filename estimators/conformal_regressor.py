@@ -9,12 +9,19 @@ import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.model_selection import GroupKFold
 from sklearn.utils import get_tags
-from sklearn.utils.validation import _num_samples, check_is_fitted, column_or_1d, validate_data
+from sklearn.utils.validation import (
+    _num_samples,
+    check_consistent_length,
+    check_is_fitted,
+    column_or_1d,
+    validate_data,
+)
 
 from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterError
 
 from ._base import SignalEstimator
-from ._trajectories import encode_trajectory_column, trajectory_codes
+from ._streaming import SequenceStreaming, forget
+from ._trajectories import TRAJECTORY, encode_trajectory_column, trajectory_codes
 
 
 class Interval(NamedTuple):
@@ -38,7 +45,7 @@ class Interval(NamedTuple):
     upper: np.ndarray
 
 
-class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     r"""Wrap a regressor so that it says how far off it may be on a trajectory that it has not seen.
 
     Every trajectory is predicted by a fit on others. A trajectory of :math:`n_k` samples weighs each of its errors with
@@ -156,14 +163,25 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 ExcitationWarning,
                 stacklevel=2,
             )
+        self._remember(X, y, groups=groups)
         return self
+
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        target = column_or_1d(y).astype(float)
+        check_consistent_length(table, target)
+        return table, target[:, None]
+
+    def _signal_positions(self) -> list[int]:
+        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
+        return [k for k in range(self.n_features_in_) if not names or names[k] not in (TRAJECTORY, "time")]
 
     def _fitted(self, X: Any, y: np.ndarray, codes: np.ndarray) -> Any:
         """Fit a clone; it is told its trajectories if it asks for them."""
         model = clone(self.estimator)
         if isinstance(model, SignalEstimator) and "groups" in model.fit.__code__.co_varnames:
-            return model.fit(X, y, groups=codes)
-        return model.fit(X, y)
+            return forget(model.fit(X, y, groups=codes))
+        return forget(model.fit(X, y))
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict the target.

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
 
 from ._base import SignalEstimator, Signals
+from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
 
 ROLES = {
@@ -24,7 +25,7 @@ NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command",
 EQUATIONS = ("force", "torque", "flow")
 
 
-class GapDiagnoser(RegressorMixin, SignalEstimator):
+class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
     r"""Diagnose the gap between a model of one equation and measured data, and predict with the gap closed.
 
     The residual :math:`y - f(X)` of any fitted model f is held against every effect of the library that the signals
@@ -234,7 +235,38 @@ class GapDiagnoser(RegressorMixin, SignalEstimator):
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
         self._write(outward(found, self.scaling_, self._units()), found)
+        self._remember(X, y, groups=groups)
         return self
+
+    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Take in a further log of the same test rig, and diagnose all that was seen.
+
+        The trajectories of all calls are held and diagnosed together, as one ``fit`` on all of them would; a trajectory
+        that came before adds nothing. Above 100,000 rows whole trajectories are dropped at random, so that memory does
+        not grow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals, as in `fit`.
+        y : array_like, shape (n_samples,)
+            Measured target.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; without it a column ``trajectory`` serves, and without both the log is one
+            trajectory.
+
+        Returns
+        -------
+        GapDiagnoser
+            Itself, fitted.
+        """
+        return self._partial_fit_rows(X, y, None, groups)
+
+    _memory_rows: ClassVar[int | None] = 100_000
+    _changes: ClassVar[bool] = False  # what differs between logs is for the diagnosis to name
+
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
+        return self._codes(X, groups)
 
     def _write(self, found: Any, inward: Any) -> None:
         from pamid.gap.one_equation import plain

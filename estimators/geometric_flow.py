@@ -152,6 +152,7 @@ class GeometricFlow(GeometricRegressor):
             The fitted estimator.
         """
         self._fit_parameters(*self._training(X, y, sample_weight, groups))
+        self._remember(X, y, sample_weight, groups)
         return self
 
     def _law(self) -> ThermodynamicFlow:

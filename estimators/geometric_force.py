@@ -161,6 +161,7 @@ class GeometricForce(GeometricRegressor):
             The fitted estimator.
         """
         self._fit_parameters(*self._training(X, y, sample_weight, groups))
+        self._remember(X, y, sample_weight, groups)
         return self
 
     def _law(self) -> QuasiStaticForce:

@@ -13,6 +13,7 @@ from pamid.errors import ExtrapolationWarning, IncompatibleError
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option
+from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
 
@@ -20,7 +21,7 @@ _CHUNK = 20_000
 _HALVINGS = 40
 
 
-class InvertedForce(RegressorMixin, SignalEstimator):
+class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
     r"""Inverse of a force model by bounded root finding: the pressure at which it gives the wanted force.
 
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
@@ -185,6 +186,8 @@ class InvertedForce(RegressorMixin, SignalEstimator):
         if clusters is not None and has_fit_parameter(self.model_, "groups"):
             given["groups"] = clusters
         self.model_.fit(self._inputs(eps, deps, pressure), self._signal(table, "F"), **given)
+        forget(self.model_)
+        self._remember(X, y, sample_weight, groups)
         used = weight > 0
         self.pressure_low_, self.pressure_high_ = float(pressure[used].min()), float(pressure[used].max())
         self.eps_low_, self.eps_high_ = float(eps[used].min()), float(eps[used].max())

@@ -121,6 +121,26 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         self._read_targets(X, y, reset=True)
         return self
 
+    def partial_fit(self, X: Any, y: Any) -> LawRegressor:
+        """Find the columns at the first call, and check those of later ones: a law has nothing to learn.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle, its volume and the volume's derivatives.
+        y : array, shape (n_samples,)
+            What was measured; only checked.
+
+        Returns
+        -------
+        LawRegressor
+            The estimator itself.
+        """
+        if not hasattr(self, "signal_columns_"):
+            return self.fit(X, y)
+        self._read_targets(X, y, reset=False)
+        return self
+
     def predict(self, X: Any) -> np.ndarray:
         """Apply the law.
 

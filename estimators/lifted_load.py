@@ -17,6 +17,7 @@ from ._base import SignalEstimator, Signals
 from ._checks import check_sizes
 from ._narx import FreeRun
 from ._sequences import SequenceMixin
+from ._streaming import SequenceStreaming, forget
 from ._trajectories import trajectory_slices
 
 LIFTED = 0.002
@@ -29,7 +30,7 @@ NUDGE = 1e-4
 """Contraction, and its rate (1/s), by which the slopes of the force are taken."""
 
 
-class LiftedLoad(SequenceMixin, RegressorMixin, SignalEstimator):
+class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimator):
     r"""Contraction of a muscle that lifts a load, in free run: any force model, integrated by Newton's law.
 
     .. math:: M L_0\,\ddot\varepsilon = F(\varepsilon, \dot\varepsilon, P, \dot P) - M g, \qquad \varepsilon \ge 0
@@ -216,6 +217,8 @@ class LiftedLoad(SequenceMixin, RegressorMixin, SignalEstimator):
         self.model_ = clone(model)
         given = {"groups": codes[lifted]} if has_fit_parameter(self.model_, "groups") else {}
         self.model_.fit(_state(reads, eps, deps, P, dP)[lifted], force[lifted], **given)
+        forget(self.model_)
+        self._remember(X, y, groups=groups)
         if (count := getattr(self.model_, "n_parameters_", None)) is not None:
             self.n_parameters_ = count
         elif hasattr(self.model_, "fitted_names_"):

@@ -20,10 +20,11 @@ from pamid.errors import (
 )
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
+from ._streaming import SequenceStreaming
 from ._trajectories import encode_trajectory_column, trajectory_codes, trajectory_slices
 
 
-class RateTransformer(TransformerMixin, BaseEstimator):
+class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
     """Append the rates of columns, taken within each trajectory.
 
     For each column ``x`` a column ``dx`` with its rate is appended; rows keep their number and order. Smoothing is as
@@ -188,7 +189,40 @@ class RateTransformer(TransformerMixin, BaseEstimator):
                 warn=False,
             )
             self.cutoffs_ = np.broadcast_to(np.asarray(self.tuning, float), self.column_indices_.shape).copy()
+        self._remember(X, None, groups=groups)
         return self
+
+    def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:  # type: ignore[override]
+        """Choose the cut-off frequencies over the trajectories of all calls.
+
+        They are those of one `fit` on all trajectories up to 20,000 rows; above, those of a fair sample of whole ones.
+        A trajectory that came before adds nothing.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_features)
+            Table whose rows are samples in time order, trajectory by trajectory.
+        y : None
+            Ignored.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; a column ``trajectory`` of X serves as well.
+
+        Returns
+        -------
+        RateTransformer
+            The fitted transformer.
+        """
+        return self._partial_fit_rows(X, y, None, groups)
+
+    _changes: ClassVar[bool] = False
+
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        return table, np.zeros((len(table), 1))
+
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
+        known = X if isinstance(X, pd.DataFrame) else table
+        return trajectory_codes(known, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
 
     def transform(self, X: Any, groups: Any = None) -> Any:
         """Append the rates.

@@ -16,13 +16,14 @@ from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes
 from ._hidden_layer import forward, initial_weights, marquardt_on_rows, unflatten
 from ._progress import ProgressMixin, fit_progress
+from ._streaming import Streaming, forget
 from ._torch_loop import local_generator, standardisation
 from ._trajectories import trajectory_codes
 
 _CANDIDATE_STEPS = 15
 
 
-class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
+class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     r"""Hybrid of a force model and a network: the model is identified first, the network learns what it leaves.
 
     .. math:: F = F_\mathrm{model}(\varepsilon, P; \theta) + \frac{p}{\bar p}\, N(s)
@@ -234,6 +235,8 @@ class ResidualHybrid(ProgressMixin, RegressorMixin, SignalEstimator):
         self.weights_ = unflatten(steps.x, *shape)
         self.loss_curve_ = progress.losses
         self.n_iter_ = max(progress.n_epochs, 1)
+        forget(self.model_)
+        self._remember(X, y, sample_weight, groups)
         self.n_parameters_ = int(steps.x.size) + len(getattr(self.model_, "fitted_names_", ()))
         return self
 

@@ -68,6 +68,12 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Coefficients for signals in units of `signal_scales_`.
     n_iter_ : int
         Iterations of the sparse regression.
+    factor_ : ndarray
+        Triangular factor of terms and target over all rows seen, from which `partial_fit` goes on.
+    total_weight_ : float
+        Sum of the weights of all rows seen.
+    reference_scales_ : ndarray, shape (n_signals,)
+        Scales of the signals in `factor_`.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_features_in_ : int
@@ -163,13 +169,44 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         SINDyRegressor
             The fitted estimator itself.
         """
-        X, y = self._read(X, y, reset=True, ensure_min_samples=2)
-        y = column_or_1d(y, warn=True).astype(float)
+        columns, target, weights = self._rows(X, y, sample_weight, reset=True, ensure_min_samples=2)
+        warn_of_still_columns(columns, self.inputs, type(self).__name__)
+        self._fit_library(columns, self.inputs, target, weights)
+        return self._named()
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
+        """Take in further rows: after any number of batches the polynomial is that of one `fit` on all of them.
+
+        The rows are compressed into a triangular factor of fixed size, which tells the sparse regression all that the
+        rows would; an optimizer of PySINDy that draws among rows draws among those of the factor, in `fit` too.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            Signals, SI units.
+        y : array_like, shape (n_samples,)
+            Target, as in `fit`.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weight of each row.
+
+        Returns
+        -------
+        SINDyRegressor
+            The fitted estimator itself.
+        """
+        if not hasattr(self, "factor_"):
+            return self.fit(X, y, sample_weight)
+        self._take_in(*self._rows(X, y, sample_weight, reset=False))
+        return self._named()
+
+    def _rows(self, X: Any, y: Any, sample_weight: Any, **how: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        X, y = self._read(X, y, **how)
         self._check_library(self.inputs)
         weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        columns = self._columns(X)
-        warn_of_still_columns(columns, self.inputs, type(self).__name__)
-        self._fit_library(columns, self.inputs, y[:, None], weights)
+        return self._columns(X), column_or_1d(y, warn=True).astype(float)[:, None], weights
+
+    def _named(self) -> Self:
+        """Set what the coefficients are called."""
         self.coef_ = self._physical_coefficients()[0]
         self.coefficients_ = {t: float(c) for t, c in zip(self.terms_, self.coef_, strict=True) if c != 0}
         self.equations_ = self._equations([self.target])

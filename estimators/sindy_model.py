@@ -90,6 +90,12 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Coefficients for signals in units of `signal_scales_`.
     n_iter_ : int
         Iterations of the sparse regression.
+    factor_ : ndarray
+        Triangular factor of terms and rates over all rows seen, from which `partial_fit` goes on.
+    total_weight_ : float
+        Number of rows seen.
+    reference_scales_ : ndarray, shape (n_signals,)
+        Scales of the signals in `factor_`.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_features_in_ : int
@@ -122,6 +128,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     """
 
     __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__partial_fit: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
     def __init__(
@@ -199,6 +206,37 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         warn_of_still_columns(self._columns(columns), self._needs, type(self).__name__)
         rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
         self._fit_library(self._columns(columns), self._needs, rates, np.ones(len(columns)))
+        return self._named()
+
+    def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
+        """Take in further trajectories: after any number of batches the dynamics are those of one `fit` on all.
+
+        Rates are differentiated within the batch; its rows are then compressed into a triangular factor of fixed size,
+        which tells the sparse regression all that the rows would.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            States and inputs, SI units, in time order within each trajectory.
+        y : array_like, shape (n_samples,) or (n_samples, n_states), optional
+            Rates of the states, as in `fit`.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row; no trajectory goes on from one call to the next.
+
+        Returns
+        -------
+        SINDyModel
+            The fitted estimator itself.
+        """
+        if not hasattr(self, "factor_"):
+            return self.fit(X, y, groups)
+        columns, y = self._read(X, y, reset=False)
+        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
+        self._take_in(self._columns(columns), rates, np.ones(len(columns)))
+        return self._named()
+
+    def _named(self) -> Self:
+        """Set what the coefficients are called."""
         self.coef_ = self._physical_coefficients()
         self.coefficients_ = {
             str(state): {t: float(c) for t, c in zip(self.terms_, row, strict=True) if c != 0}

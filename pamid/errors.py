@@ -333,6 +333,10 @@ class AdaptationWarning(PamidWarning):
     """Source and target of an adaptation hardly belong together, or the geometry contradicts the data."""
 
 
+class StreamChangeWarning(PamidWarning):
+    """At the same signals the target is another one than earlier in the stream."""
+
+
 class VolumeWarning(PamidWarning):
     """The identified volume does not make physical sense."""
 

@@ -1,0 +1,247 @@
+"""``partial_fit`` of estimators that are not linear in their parameters: a bounded memory, and the fit to it."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from pamid.errors import ExcitationWarning, StreamChangeWarning
+
+from ._stream_memory import CHANGED, Rows, bounded, merged, surprise
+from ._trajectories import TRAJECTORY, trajectory_codes
+
+MEMORY_ROWS = 5_000
+"""Rows that a model of single rows remembers."""
+
+GROWN = 2
+"""Growth of the memory at which a model that is trained step by step starts anew instead of going on."""
+
+MEMORY_ROWS_IN_ORDER = 20_000
+"""Rows that a model of trajectories remembers: neighbours in time tell little that is new."""
+
+
+class Streaming:
+    """Gives ``partial_fit`` to an estimator whose ``fit`` ends with ``self._remember(...)``; goes left of its bases.
+
+    A method ``_continue(rows, share)`` may train a network on from where it stands, where the new rows have that share of
+    the weight of all; it starts anew each time that the memory has doubled.
+    """
+
+    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
+
+    _memory: dict[str, Any]
+    _memory_rows: ClassVar[int | None] = None
+    """Rows remembered, where neither of the bounds above is meant."""
+    _changes: ClassVar[bool] = True
+    """Whether a change of the stream is looked for."""
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Take in a batch of a stream: the fit of all rows so far, as long as the memory holds them.
+
+        Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
+        Beyond, it is the fit to a fair sample of the stream, with the weight of all; memory does not grow. A call costs
+        no more than a fit to the memory. Where two batches in a row say that the same signals now bring about something
+        else, rows from before count less, by as much as they are off.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            What ``fit`` takes, SI units.
+        y : array_like
+            Target, as in ``fit``.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights; a weight of 2 is the same row twice.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
+        """
+        return self._partial_fit_rows(X, y, sample_weight, groups)
+
+    # --- the memory ---------------------------------------------------------------------------------------------
+    def _remember(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> None:
+        """Begin a memory with the rows of a fit."""
+        rows, grouped = self._stream_rows(X, y, sample_weight, groups)
+        rows = bounded(rows, self._most(), whole=self._whole(grouped), random=np.random.default_rng(0))
+        self._store(rows, grouped)
+
+    def _store(self, rows: Rows, grouped: bool, n_batches: int = 1, suspect: int = 0, fitted: int = 0) -> None:
+        counts = {"grouped": bool(grouped), "n_batches": n_batches, "suspect": suspect, "fitted": fitted or len(rows)}
+        self._memory = rows.plain() | counts
+
+    def _recalled(self) -> Rows:
+        return Rows(*(self._memory[name] for name in ("X", "y", "weight", "unit", "regime")))
+
+    def _partial_fit_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Self:
+        if not hasattr(self, "_memory"):
+            given = {"sample_weight": sample_weight, "groups": groups}
+            return self.fit(X, y, **{k: v for k, v in given.items() if v is not None})  # type: ignore[attr-defined]
+        batch, grouped = self._stream_rows(X, y, sample_weight, groups)
+        if not (batch.weight > 0).any():
+            return self
+        held, count = self._recalled(), int(self._memory["n_batches"])
+        batch = Rows(batch.X, batch.y, batch.weight, batch.unit + int(held.unit.max()) + 1, batch.regime)
+        grouped = grouped or bool(self._memory["grouped"])
+        whole, fitted = self._whole(grouped), int(self._memory["fitted"])
+        rows, suspect = self._joined(held, batch)
+        rows = merged(rows, whole=whole)
+        nothing_new = len(rows) == len(held) and not self._weighs()
+        rows = bounded(rows, self._most(), whole=whole, random=np.random.default_rng(count))
+        if nothing_new:
+            pass
+        elif len(rows) < GROWN * fitted and rows.regime.max() == held.regime.max() and hasattr(self, "_continue"):
+            self._continue(rows, float(batch.weight.sum() / rows.weight.sum()))
+        else:
+            self._refit(rows, grouped)
+            fitted = len(rows)
+        self._store(rows, grouped, count + 1, suspect, fitted)
+        return self
+
+    def _joined(self, held: Rows, batch: Rows) -> tuple[Rows, int]:
+        """Return all rows, those before a change weighed down, and from which trajectory on a change is suspected."""
+        regime, suspect = int(held.regime.max()), int(self._memory["suspect"])
+        batch = Rows(batch.X, batch.y, batch.weight, batch.unit, np.full(len(batch), regime))
+        old = held.at((held.regime == regime) & ((held.unit < suspect) | (suspect == 0)))
+        ratio = surprise(old, batch, self._signal_positions()) if self._changes else 1.0
+        if (fade := self._fade(float(batch.weight.sum()))) < 1.0:
+            held = Rows(held.X, held.y, fade * held.weight, held.unit, held.regime)
+        both = held.followed_by(batch)
+        if ratio <= CHANGED:
+            return both, 0
+        if not suspect:
+            return both, int(batch.unit.min())
+        warnings.warn(
+            f"The stream has changed: at the same signals the target now differs by {ratio**0.5:.2g} times what it "
+            "differed by before. Expected one muscle. What came before the change counts less from here on; check the "
+            "sensors if the muscle is the same.",
+            StreamChangeWarning,
+            stacklevel=4,
+        )
+        new = (both.unit >= suspect) & (both.regime == regime)
+        weight = np.where(new, both.weight, both.weight / ratio)
+        rows = Rows(both.X, both.y, weight, both.unit, both.regime + new)
+        return (rows if self._weighs() else rows.at(new)), 0
+
+    def _refit(self, rows: Rows, grouped: bool) -> None:
+        """Fit to what is remembered."""
+        X, y, given = self._arguments(rows, grouped)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExcitationWarning)  # told of the batch that it is true of, when it came
+            self.fit(X, y, **given)  # type: ignore[attr-defined]
+
+    def _arguments(self, rows: Rows, grouped: bool) -> tuple[Any, Any, dict[str, Any]]:
+        """Return remembered rows as ``fit`` takes them."""
+        given: dict[str, Any] = {}
+        if self._weighs() and not (rows.weight == 1.0).all():
+            given["sample_weight"] = rows.weight
+        names = getattr(self, "feature_names_in_", None)
+        X: Any = rows.X
+        if names is not None:
+            import pandas as pd
+
+            X = pd.DataFrame(X, columns=names)
+            if TRAJECTORY in names:
+                X[TRAJECTORY] = rows.unit
+        if grouped and not (names is not None and TRAJECTORY in names):
+            given["groups"] = rows.unit
+        return X, (rows.y if self._memory_columns(rows) else rows.y[:, 0]), given
+
+    # --- what an estimator may say of itself --------------------------------------------------------------------
+    def _stream_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> tuple[Rows, bool]:
+        """Validate a batch; say also whether its rows are told apart by trajectories."""
+        from sklearn.utils.validation import _check_sample_weight
+
+        table, target = self._stream_table(X, y)
+        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        codes = self._stream_codes(X, table, groups)
+        unit = np.zeros(len(table), dtype=int) if codes is None else np.unique(codes, return_inverse=True)[1]
+        rows = Rows(table.copy(), target.copy(), weight.copy(), unit, np.zeros(len(table), dtype=int))
+        return rows, codes is not None
+
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        from sklearn.utils.validation import column_or_1d
+
+        table, y = self._read(X, y, reset=False)  # type: ignore[attr-defined]
+        return table, column_or_1d(y).astype(float)[:, None]
+
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
+        if hasattr(self, "_codes"):
+            return np.asarray(self._codes(X, table, groups))
+        return trajectory_codes(X, groups)
+
+    def _signal_positions(self) -> list[int]:
+        """Columns of X in which neighbours are looked for: all signals but the time."""
+        columns: dict[str, int] = self.signal_columns_  # type: ignore[attr-defined]
+        return sorted({k for name, k in columns.items() if name != "time"}) or [0]
+
+    def _memory_columns(self, rows: Rows) -> bool:
+        """Whether the target keeps its columns."""
+        return rows.y.shape[1] > 1
+
+    def _most(self) -> int:
+        return self._memory_rows or (MEMORY_ROWS_IN_ORDER if self._in_order() else MEMORY_ROWS)
+
+    def _in_order(self) -> bool:
+        """Whether the estimator needs the order of time."""
+        return hasattr(self, "one_trajectory")
+
+    def _whole(self, grouped: bool) -> bool:
+        """Whether the memory keeps or drops whole trajectories instead of rows."""
+        return self._in_order() or (grouped and not self._weighs())
+
+    def _fade(self, weight: float) -> float:
+        """By how much what is remembered counts less once rows of this weight have come."""
+        return 1.0
+
+    def _weighs(self) -> bool:
+        return "sample_weight" in inspect.signature(self.fit).parameters  # type: ignore[attr-defined]
+
+
+class SequenceStreaming(Streaming):
+    """The same for an estimator whose ``fit`` takes no weights."""
+
+    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:  # type: ignore[override]
+        """Take in further trajectories: the fit of all so far, as long as the memory holds them.
+
+        Up to `MEMORY_ROWS_IN_ORDER` rows, the model after any number of batches is that of one ``fit`` on all their
+        trajectories; one that came before adds nothing. Beyond, it is the fit to a fair sample of whole trajectories;
+        memory does not grow. A call costs no more than a fit to the memory. Where two batches in a row say that the
+        same signals now bring about something else, trajectories from before are dropped.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            What ``fit`` takes, SI units, in time order within each trajectory.
+        y : array_like
+            Target, as in ``fit``.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
+        """
+        return self._partial_fit_rows(X, y, None, groups)
+
+
+def forget(model: Any) -> Any:
+    """Drop the memory of a model inside another one, which has its own."""
+    vars(model).pop("_memory", None)
+    return model
