@@ -26,9 +26,10 @@ from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator
-from ._pihm import PARTIAL_PULL, PARTIAL_STEPS, HybridModel, _checked_weight, _numpy, _range, _spread
+from ._pihm import HybridModel, _checked_weight, _numpy, _range, _spread
 from ._progress import ProgressMixin, fit_progress
 from ._source import hybrid_of
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
 VOLUME_COLUMNS = ("V", "V_eps", "V_P")
@@ -44,7 +45,7 @@ PUBLISHED_BATCH = 128
 """Batch of Adam in an adaptation, as published."""
 
 
-class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
+class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
     """Base of the adapters; a subclass says what is trained."""
 
     _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
@@ -126,13 +127,15 @@ class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstima
             self._place(model, table, Y, weight, codes)
         self._train(model, source, table, Y, weight, codes, rng, (X, y, groups), going_on)
         self.model_ = model
+        self._remember(X, y, sample_weight, groups)
         return self
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Go on from where the adaptation stands with a batch of new samples of a stream.
+        """Take in a batch of the target muscle: the adaptation, from the source, to all rows so far.
 
-        The factor on the volume stays where it was found, unless it is all that is adapted; the rest takes a few steps
-        on the batch, held near where it stands. Memory does not grow.
+        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
+        the volume included; beyond, that of a fair sample of the stream. Where two batches in a row say that the muscle
+        is another one, rows from before count less, by as much as they are off. Memory does not grow.
 
         Parameters
         ----------
@@ -143,44 +146,27 @@ class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstima
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; read by the first call alone.
+            Trajectory of each row.
 
         Returns
         -------
         self
             The adapted model.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
         """
-        if not hasattr(self, "model_"):
-            return self.fit(X, y, sample_weight, groups)
-        import torch
+        return self._partial_fit_rows(X, y, sample_weight, groups)
 
-        from pamid.adapters.base import Bound
-
-        table, Y = self._read_targets(X, y, reset=False)
-        if Y.shape[1] != len(self.model_._laws()):
-            raise ShapeError(f"y has {Y.shape[1]} columns.", f"{len(self.model_._laws())}, as in the fit", "Correct y.")
-        weight, rng = _checked_weight(sample_weight, table), check_random_state(self.random_state)
-        model = self._target(self.model_)
-        state = model._state(table)
-        model.input_range_ = _range(np.vstack([model.input_range_, np.column_stack(state)]))
-        if not self.psi_:
-            self._stream(model, table, Y, weight)
-        else:
-            dtype = getattr(torch, model.dtype)
-            start, psi = (
-                [torch.as_tensor(a, dtype=dtype, device=model.device) for a in arrays]
-                for arrays in (self.start_, self.psi_)
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        table, target = self._read_targets(X, y, reset=False)
+        if target.shape[1] != len(self.model_._laws()):
+            raise ShapeError(
+                f"y has {target.shape[1]} columns.", f"{len(self.model_._laws())}, as in the fit", "Correct y."
             )
-            trainer = self._trainer(PARTIAL_PULL).set_params(max_iter=PARTIAL_STEPS)
-            bound = Bound(self._bound_adapter(), start)
-            problem = model._problem(state, Y, weight)
-            result = trainer.run(problem, psi, model.activation, rng, prior=psi, adapter=bound)
-            self._keep(model, result, bound, [*self.loss_curve_], [])
-        self.model_ = model
-        return self
-
-    def _stream(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray) -> None:
-        """Take a batch where no network is trained."""
+        return table, target
 
     def _target(self, base: HybridModel) -> HybridModel:
         """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
@@ -415,7 +401,8 @@ class AdaptedModel(ProgressMixin, RegressorMixin, TransformerMixin, SignalEstima
         check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
         columns = np.column_stack(self.model_._jet(table))
-        if isinstance(X, pd.DataFrame):
+        asked = getattr(self, "_sklearn_output_config", {}).get("transform")
+        if isinstance(X, pd.DataFrame) and asked != "default":
             if doubled := [c for c in VOLUME_COLUMNS if c in X.columns]:
                 raise DuplicateColumnError(
                     f"X already has the column {', '.join(doubled)}.", "no column of that name", "Drop or rename it."

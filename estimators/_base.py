@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_array, column_or_1d, validate_data
 from pamid.errors import MissingColumnError, ParameterError, ShapeError
 
 from ._checks import check_squares
-from ._trajectories import TRAJECTORY, encode_trajectory_column
+from ._trajectories import TRAJECTORY, encode_text_columns
 
 Signals = Mapping[str, "str | int"]
 
@@ -48,7 +48,7 @@ class SignalEstimator(BaseEstimator):
         """
         if y is None and not reset and not checks and (plain := self._plain(X)) is not None:
             return plain, None
-        X = encode_trajectory_column(X)
+        X = encode_text_columns(X, self._read_columns())
         if y is None and not reset:
             X, y = validate_data(self, X, reset=False, dtype=np.float64, **checks), None
         elif y is None:
@@ -59,6 +59,11 @@ class SignalEstimator(BaseEstimator):
         if reset:
             self.signal_columns_ = self._locate(X.shape[1])
         return X, y
+
+    def _read_columns(self) -> set[str]:
+        """Names of the columns that are read as signals, which must hold numbers."""
+        given = self.signals if isinstance(self.signals, Mapping) else {}
+        return {str(given.get(name, name)) for name in self._needs}
 
     def _read_targets(self, X: Any, y: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray]:
         """Validate X and y, the latter as columns; a target of two columns may hold NaN."""

@@ -14,35 +14,34 @@ from pamid.errors import ParameterError, ShapeError
 from ._base import SignalEstimator
 from ._checks import check_counts, check_sizes, warn_of_still_columns
 from ._hidden_layer import (
-    Marquardt,
-    Normal,
-    flatten,
     forward,
     initial_weights,
     marquardt_on_rows,
-    normal_equations,
-    squared_error,
     unflatten,
 )
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin, last_direction
+from ._stream_memory import Rows
+from ._streaming import Streaming
 from ._torch_loop import local_generator, standardisation
+from ._trajectories import trajectory_codes
 
 CELL = 0.25
 """Edge of the cells that note where the fit had data, in standard deviations of each input."""
 _CANDIDATE_STEPS = 15
-_UPDATE_STEPS = 4
+_SLOW = 5  # steps without improvement that end a training
 
 
-class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
+class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
     """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs."""
 
     __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__partial_fit: ClassVar = {"groups": True}
     __metadata_request__predict: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
     cells_: np.ndarray
+    input_low_: np.ndarray
+    input_high_: np.ndarray
     target_low_: np.ndarray
     target_high_: np.ndarray
     _turning: ClassVar[str]
@@ -119,26 +118,23 @@ class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEsti
             for _ in progress:
                 before = best.loss
                 moved = best.step()
-                progress.report(
-                    best.loss / total, attributes=lambda: {"weights_": unflatten(best.x, *shape), "information_": None}
-                )
+                progress.report(best.loss / total, attributes=lambda: {"weights_": unflatten(best.x, *shape)})
                 slow = slow + 1 if best.loss > before * (1.0 - float(self.tol)) else 0
-                if not moved or slow >= 5:
+                if not moved or slow >= _SLOW:
                     break
         self.weights_ = unflatten(best.x, *shape)
         self.loss_curve_ = progress.losses
         self.n_iter_ = max(progress.n_epochs, 1)
-        found = normal_equations(self.weights_, x, z, share)
-        # what the rows of the fit say about the weights, forgotten over `forget_rows` rows once more come in
-        self.information_ = found.matrix * min(1.0, float(self.forget_rows) / total)
+        self._remember(X, y, sample_weight, groups)
         return self
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Follow a muscle that drifts: fit further rows, and hold on to what earlier ones said, less and less.
+        """Take in a batch of a stream: the fit of all rows so far, of which those long past count less.
 
-        The squared error of the new rows plus a quadratic memory of the earlier ones is lowered by a few steps; the
-        memory fades by 1/e over `forget_rows` rows and its size does not grow. The first call on an unfitted
-        estimator is a fit.
+        Up to 5,000 different rows are remembered, with `direction` 20,000 in whole trajectories; beyond, a fair sample.
+        Their weight fades by 1/e over `forget_rows` rows, and by more where two batches in a row say that the same
+        signals now ask for something else. Each time that the memory has doubled the network is trained anew; in
+        between it goes on from where it stands, and its error on the memory never rises.
 
         Parameters
         ----------
@@ -155,40 +151,50 @@ class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEsti
         -------
         self
             The fitted estimator.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
         """
-        if not hasattr(self, "weights_"):
-            return self.fit(X, y, sample_weight=sample_weight, groups=groups)
-        self._check_parameters()
-        columns, target, weight = self._table(X, y, sample_weight, groups, reset=False)
-        used = weight > 0
-        if not used.any():
-            return self
-        x, z = self._scaled(columns[used], target[used])
-        share = weight[used]
-        shape = (x.shape[1], int(self.hidden), z.shape[1])
-        old = flatten(self.weights_)
-        prior = self.information_ * np.exp(-float(share.sum()) / float(self.forget_rows))
+        return self._partial_fit_rows(X, y, sample_weight, groups)
 
-        def around(flat: np.ndarray) -> Normal:
-            here = normal_equations(unflatten(flat, *shape), x, z, share)
-            off = flat - old
-            return Normal(here.loss + off @ prior @ off, here.gradient + prior @ off, here.matrix + prior)
-
-        def value(flat: np.ndarray) -> float:
-            off = flat - old
-            return squared_error(unflatten(flat, *shape), x, z, share) + float(off @ prior @ off)
-
-        steps = Marquardt(old, around, value)
-        for _ in range(_UPDATE_STEPS):
+    def _continue(self, rows: Rows, share: float) -> None:
+        """Train on from where the network stands; scales stay."""
+        columns = self._columns(rows.X, rows.X, rows.unit)
+        x, z = self._scaled(columns, rows.y)
+        steps = marquardt_on_rows(self.weights_, x, z, rows.weight, float(self.alpha))
+        slow, taken = 0, 0
+        while taken < int(self.max_iter) and slow < _SLOW:
+            before = steps.loss
             if not steps.step():
                 break
-        self.weights_ = unflatten(steps.x, *shape)
-        self.information_ = prior + normal_equations(self.weights_, x, z, share).matrix
+            slow = slow + 1 if steps.loss > before * (1.0 - float(self.tol)) else 0
+            taken += 1
+        self.weights_ = unflatten(steps.x, x.shape[1], int(self.hidden), z.shape[1])
         self.cells_ = np.unique(np.concatenate([self.cells_, self._cells(x)]), axis=0)
-        self.target_low_ = np.minimum(self.target_low_, target[used].min(axis=0))
-        self.target_high_ = np.maximum(self.target_high_, target[used].max(axis=0))
-        self.n_iter_ += 1
-        return self
+        self.input_low_ = np.minimum(self.input_low_, columns.min(axis=0))
+        self.input_high_ = np.maximum(self.input_high_, columns.max(axis=0))
+        self.target_low_ = np.minimum(self.target_low_, rows.y.min(axis=0))
+        self.target_high_ = np.maximum(self.target_high_, rows.y.max(axis=0))
+        self.n_iter_ += taken
+
+    def _fade(self, weight: float) -> float:
+        return float(np.exp(-weight / float(self.forget_rows)))
+
+    def _in_order(self) -> bool:
+        return bool(self.direction)
+
+    def _memory_columns(self, rows: Rows) -> bool:
+        return self.n_outputs_ > 0
+
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        self._check_parameters()
+        table, y = self._read(X, y, reset=False)
+        return table, self._output_columns(self._target(y))
+
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
+        return self._codes(X, table, groups) if self.direction else trajectory_codes(X, groups)
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Evaluate the network; the answer stays within its bounds.
@@ -238,6 +244,11 @@ class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEsti
         target = self._target(y)
         if reset:
             self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
+        target = self._output_columns(target)
+        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        return self._columns(X, table, groups), target, weight
+
+    def _output_columns(self, target: np.ndarray) -> np.ndarray:
         target = target.reshape(len(target), -1)
         if target.shape[1] != max(self.n_outputs_, 1):
             raise ShapeError(
@@ -245,8 +256,7 @@ class OneLayerRegressor(ProgressMixin, SequenceMixin, RegressorMixin, SignalEsti
                 f"{max(self.n_outputs_, 1)}, as in the fit",
                 "Pass the same targets.",
             )
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
-        return self._columns(X, table, groups), target, weight
+        return target
 
     def _columns(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         columns = [self._signal(table, name) for name in self.inputs]

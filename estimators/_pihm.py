@@ -19,6 +19,7 @@ from pamid.errors import (
     InterruptedFitWarning,
     MissingTrajectoryError,
     ParameterError,
+    ShapeError,
     TooFewTrajectoriesError,
     UnknownOptionError,
 )
@@ -32,6 +33,8 @@ from pamid.volume.neural import InputScale, NeuralVolume
 
 from ._base import SignalEstimator
 from ._progress import ProgressMixin, fit_progress
+from ._stream_memory import Rows
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
 CHUNK = 2048
@@ -46,7 +49,7 @@ AUTO_TRAJECTORIES = 5
 """Trajectories below which ``validation_fraction="auto"`` holds none out."""
 
 
-class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
+class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     """Base of the hybrid estimators; a subclass names its laws and its targets."""
 
     _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
@@ -124,6 +127,7 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
         split = problem.split(rows) if held_out.any() else (problem, None)
         self._train(split, start, rng, original)
+        self._remember(*original, sample_weight, groups)
         return self
 
     def _train(self, split: tuple[Any, Any], start: list[Any], rng: Any, original: tuple[Any, Any]) -> None:
@@ -152,24 +156,62 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         if result.status is Status.DIVERGED:
             raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
 
-    def _partial_fit(self, X: np.ndarray, Y: np.ndarray, sample_weight: Any, original: tuple[Any, Any]) -> Self:
-        """Take a few proximal steps on a batch, from where the model stands."""
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Take in a batch of a stream, and train on with all rows so far.
+
+        Up to 5,000 different rows are remembered; beyond, a fair sample that stands for the whole stream. Each time
+        that the memory has doubled the model is fitted to it anew, scaling and anchor included; in between the network
+        takes as many further iterations as the batch has a share in the stream, and the training error on the memory
+        never rises. So passes approach one `fit` on all rows. Where two batches in a row say that the muscle is another
+        one, rows from before count less, by as much as they are off. Memory does not grow.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Signals of the muscle.
+        y : array, shape (n_samples,) or (n_samples, 2)
+            What was measured, as in `fit`.
+        sample_weight : array, shape (n_samples,), optional
+            Weights of the samples.
+        groups : array, shape (n_samples,), optional
+            Trajectory of each row.
+
+        Returns
+        -------
+        self
+            The fitted model.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
+        """
+        return self._partial_fit_rows(X, y, sample_weight, groups)
+
+    def _continue(self, rows: Rows, share: float) -> None:
+        """Train on from where the network stands."""
         import torch
 
-        dtype = getattr(torch, self.dtype)
-        state, rng = self._state(X), check_random_state(self.random_state)
-        problem = self._problem(state, Y, _checked_weight(sample_weight, X))
-        here = [torch.as_tensor(w, dtype=dtype, device=self.device) for w in self.weights_]
-        if hasattr(self, "input_range_"):
-            self.input_range_ = _range(np.vstack([self.input_range_, np.column_stack(state)]))
-        trainer = self._trainer().set_params(max_iter=PARTIAL_STEPS)
-        if "damping" in trainer.get_params():
-            trainer.set_params(weight_decay=PARTIAL_PULL)
-        result = trainer.run(problem, here, self.activation, rng, prior=here)
+        state, rng = self._state(rows.X), check_random_state(self.random_state)
+        inputs = np.column_stack(state)
+        self.input_range_ = _range(np.vstack([self.input_range_, inputs]) if hasattr(self, "input_range_") else inputs)
+        problem = self._problem(state, rows.y, rows.weight)
+        here = [torch.as_tensor(w, dtype=getattr(torch, self.dtype), device=self.device) for w in self.weights_]
+        trainer = self._trainer()
+        trainer.set_params(max_iter=max(1, int(np.ceil(share * trainer.max_iter))), checkpoint=None)
+        result = trainer.run(problem, here, self.activation, rng)
         result.loss_curve = [*self.loss_curve_, *result.loss_curve]
+        result.validation_curve = self.validation_curve_
         result.n_iter += self.n_iter_
         self._keep(result)
-        return self
+
+    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        table, target = self._read_targets(X, y, reset=False)
+        if target.shape[1] != len(self._laws()):
+            raise ShapeError(
+                f"y has {target.shape[1]} columns.", f"{len(self._laws())}, as in the first fit", "Correct y."
+            )
+        return table, target
 
     def _problem(self, state: State, Y: np.ndarray, weight: np.ndarray) -> Any:
         """Put the laws into the network's coordinates, one block of rows a law."""
@@ -363,13 +405,6 @@ class HybridModel(ProgressMixin, RegressorMixin, SignalEstimator):
         """Number of trained parameters of the network."""
         check_is_fitted(self, "weights_")
         return int(sum(w.size for w in self.weights_))
-
-
-PARTIAL_STEPS = 3
-"""Steps that one call of ``partial_fit`` takes on its batch."""
-
-PARTIAL_PULL = 1e-4
-"""Pull of a call of ``partial_fit`` toward where the model stood before it."""
 
 
 def _numpy(parameters: Sequence[Any]) -> list[np.ndarray]:

@@ -156,5 +156,6 @@ class PolynomialRegressor(ClassicalRegressor):
 def require_degree(name: str, value: Any, least: int) -> int:
     """Return a polynomial degree as an int, or raise."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= 12:
-        raise ParameterError(f"{name} is {value!r}.", f"an integer from {least} to 12", "Correct the degree.")
+        remedy = f"Pass form={value!r}." if isinstance(value, str) else "Correct the degree."
+        raise ParameterError(f"{name} is {value!r}.", f"an integer from {least} to 12", remedy)
     return int(value)

@@ -67,13 +67,15 @@ def sparse_regression(
     with sklearn.config_context(enable_metadata_routing=False), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")  # told in our own words below
         regression = _make(optimizer, threshold, alpha, max_iter)
-        if optimizer == "frols" and np.linalg.matrix_rank(terms, tol=1e-10 * np.linalg.norm(terms)) < terms.shape[1]:
-            raise _dependent("FROLS", terms, "they are not")
         try:
             regression.fit(terms, targets)
         except ValueError as error:
             raise _dependent(type(regression).__name__, terms, str(error)) from error
         coefficients = np.array(regression.coef_, dtype=float).reshape(targets.shape[1], terms.shape[1])
+    if optimizer == "frols":  # greedy selection goes on into rounding where a term follows from others
+        for chosen in coefficients != 0:
+            if np.linalg.matrix_rank(terms[:, chosen], tol=1e-10 * np.linalg.norm(terms)) < chosen.sum():
+                raise _dependent("FROLS", terms, "it chose terms that depend on each other")
     if not coefficients.any(axis=1).all():
         warnings.warn(
             f"The sparse regression kept no term for {int((~coefficients.any(axis=1)).sum())} of {len(coefficients)} "

@@ -163,7 +163,7 @@ def surprise(remembered: Rows, batch: Rows, columns: list[int]) -> float:
 
 
 def _off_the_surface(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a surface through rows (x, y) leaves of them and of others: quadratic, or lower where rows are few."""
+    """Return what a surface through rows (x, y) leaves of them and of others: quadratic, or less where rows are few."""
 
     def terms(a: np.ndarray) -> np.ndarray:
         i, j = np.triu_indices(a.shape[1])

@@ -23,11 +23,11 @@ MEMORY_ROWS_IN_ORDER = 20_000
 """Rows that a model of trajectories remembers: neighbours in time tell little that is new."""
 
 
-class Streaming:
-    """Gives ``partial_fit`` to an estimator whose ``fit`` ends with ``self._remember(...)``; goes left of its bases.
+class StreamMemory:
+    """A memory of the stream, for an estimator whose ``fit`` calls ``self._remember(...)``.
 
-    A method ``_continue(rows, share)`` may train a network on from where it stands, where the new rows have that share of
-    the weight of all; it starts anew each time that the memory has doubled.
+    A method ``_continue(rows, share)`` may train a network on from where it stands, where the new rows have that share
+    of the weight of all; it starts anew each time that the memory has doubled.
     """
 
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
@@ -37,37 +37,6 @@ class Streaming:
     """Rows remembered, where neither of the bounds above is meant."""
     _changes: ClassVar[bool] = True
     """Whether a change of the stream is looked for."""
-
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream: the fit of all rows so far, as long as the memory holds them.
-
-        Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
-        Beyond, it is the fit to a fair sample of the stream, with the weight of all; memory does not grow. A call costs
-        no more than a fit to the memory. Where two batches in a row say that the same signals now bring about something
-        else, rows from before count less, by as much as they are off.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            What ``fit`` takes, SI units.
-        y : array_like
-            Target, as in ``fit``.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
-        """
-        return self._partial_fit_rows(X, y, sample_weight, groups)
 
     # --- the memory ---------------------------------------------------------------------------------------------
     def _remember(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> None:
@@ -208,10 +177,45 @@ class Streaming:
         return "sample_weight" in inspect.signature(self.fit).parameters  # type: ignore[attr-defined]
 
 
-class SequenceStreaming(Streaming):
+class Streaming(StreamMemory):
+    """Gives ``partial_fit`` to an estimator; goes left of its other bases."""
+
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Take in a batch of a stream: the fit of all rows so far, as long as the memory holds them.
+
+        Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
+        Beyond, it is the fit to a fair sample of the stream, with the weight of all; memory does not grow. A call costs
+        no more than a fit to the memory. Where two batches in a row say that the same signals now bring about something
+        else, rows from before count less, by as much as they are off.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            What ``fit`` takes, SI units.
+        y : array_like
+            Target, as in ``fit``.
+        sample_weight : array_like, shape (n_samples,), optional
+            Weights; a weight of 2 is the same row twice.
+        groups : array_like, shape (n_samples,), optional
+            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
+
+        Returns
+        -------
+        self
+            The fitted estimator.
+
+        Warns
+        -----
+        StreamChangeWarning
+            If the stream has changed.
+        """
+        return self._partial_fit_rows(X, y, sample_weight, groups)
+
+
+class SequenceStreaming(StreamMemory):
     """The same for an estimator whose ``fit`` takes no weights."""
 
-    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:  # type: ignore[override]
+    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Take in further trajectories: the fit of all so far, as long as the memory holds them.
 
         Up to `MEMORY_ROWS_IN_ORDER` rows, the model after any number of batches is that of one ``fit`` on all their

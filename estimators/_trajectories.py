@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _num_samples
 
-from pamid.errors import InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
+from pamid.errors import ColumnTypeError, InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
 
 TRAJECTORY = "trajectory"
 """Name of the column that says to which trajectory a row belongs."""
@@ -20,14 +21,42 @@ def has_trajectory_column(X: Any) -> bool:
     return isinstance(X, pd.DataFrame) and TRAJECTORY in X.columns
 
 
-def encode_trajectory_column(X: Any) -> Any:
-    """Replace the names in a ``trajectory`` column by numbers, so that the table is numeric.
+def encode_text_columns(X: Any, read: Collection[str] = ()) -> Any:
+    """Replace names in columns that are no signals, such as ``trajectory`` and ``run``, by numbers.
 
-    Rows keep their order; other inputs come back untouched.
+    Rows keep their order; numbers written as text, and inputs other than tables, come back untouched.
+
+    Raises
+    ------
+    ColumnTypeError
+        If a column that is read as a signal holds text.
     """
-    if has_trajectory_column(X) and not pd.api.types.is_numeric_dtype(X[TRAJECTORY]):
-        return X.assign(**{TRAJECTORY: pd.factorize(X[TRAJECTORY])[0].astype(float)})
-    return X
+    if not isinstance(X, pd.DataFrame):
+        return X
+    coded = {}
+    for name in X.columns:
+        if pd.api.types.is_numeric_dtype(X[name]) or pd.api.types.is_complex_dtype(X[name]):
+            continue
+        if name != TRAJECTORY and (text := _first_text(X[name])) is None:
+            continue
+        if name in read:
+            raise ColumnTypeError(
+                f"The column {name} holds text ({text!r}).",
+                "numbers",
+                f"Map the log's columns, or say with signals= which column holds {name}.",
+            )
+        coded[name] = pd.factorize(X[name])[0].astype(float)
+    return X.assign(**coded) if coded else X
+
+
+def _first_text(column: pd.Series[Any]) -> Any:
+    """Return the first value that is no number, None if there is none."""
+    for value in column.unique():
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            return value
+    return None
 
 
 def trajectory_codes(

@@ -21,7 +21,7 @@ from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterErr
 
 from ._base import SignalEstimator
 from ._streaming import SequenceStreaming, forget
-from ._trajectories import TRAJECTORY, encode_trajectory_column, trajectory_codes
+from ._trajectories import TRAJECTORY, encode_text_columns, trajectory_codes
 
 
 class Interval(NamedTuple):
@@ -130,7 +130,7 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
             raise ParameterError(f"confidence={self.confidence!r}.", "a number between 0 and 1", "Correct it.")
         if not (isinstance(self.n_splits, int | np.integer) and self.n_splits >= 2):
             raise ParameterError(f"n_splits={self.n_splits!r}.", "a whole number of at least 2", "Correct it.")
-        validate_data(self, encode_trajectory_column(X), y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        validate_data(self, encode_text_columns(X), y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
         target = column_or_1d(y, warn=True).astype(float)
         codes = trajectory_codes(X, groups)
         if codes is None:
@@ -167,7 +167,7 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
         return self
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        table = validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
         target = column_or_1d(y).astype(float)
         check_consistent_length(table, target)
         return table, target[:, None]
@@ -197,7 +197,7 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
             The regressor's prediction.
         """
         check_is_fitted(self, "estimator_")
-        validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
         return np.asarray(self.estimator_.predict(X))
 
     def predict_interval(self, X: Any) -> Interval:

@@ -82,12 +82,10 @@ class ForwardModel(OneLayerRegressor):
         The same of the outputs.
     cells_ : ndarray of int, shape (n_cells, n_inputs)
         Cells of the input space that held rows of the fit.
-    information_ : ndarray, shape (n_weights, n_weights)
-        What the rows seen so far say about the weights; `partial_fit` goes on from it.
     loss_curve_ : list of float
         Loss after each step, per row, in units of the targets' variances.
     n_iter_ : int
-        Steps of the last fit, and calls of `partial_fit` since.
+        Steps of the last fit, and of `partial_fit` since.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_outputs_ : int

@@ -10,7 +10,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
+from pamid.errors import ExcitationError, MissingColumnError, ShapeError, TimeOrderError, UnknownOptionError
 
 from ._base import SignalEstimator, Signals
 from ._streaming import SequenceStreaming
@@ -494,10 +494,45 @@ class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
                 import pandas as pd
 
                 X = pd.DataFrame(X, columns=names)
-            out = self.nominal.predict(X) if hasattr(self.nominal, "predict") else self.nominal(X)
+            out = (
+                self.nominal.predict(self._read_by_nominal(X)) if hasattr(self.nominal, "predict") else self.nominal(X)
+            )
             return np.asarray(out, dtype=float).reshape(len(table))
 
         return modelled
+
+    def _read_by_nominal(self, X: Any) -> Any:
+        """Return the columns that the model was fitted on."""
+        own = getattr(self.nominal, "feature_names_in_", None)
+        if own is None:
+            count = getattr(self.nominal, "n_features_in_", X.shape[1])
+            if count != X.shape[1]:
+                raise ShapeError(
+                    f"The nominal {type(self.nominal).__name__} was fitted on {count} columns without names; X has "
+                    f"{X.shape[1]}.",
+                    "the columns of the model's fit, or a model that was fitted on names",
+                    "Fit the model on a DataFrame, or pass as nominal a function of X that picks its columns.",
+                )
+            return X
+        names = [str(name) for name in own]
+        if missing := [name for name in names if name not in getattr(X, "columns", ())]:
+            raise MissingColumnError(
+                f"The nominal {type(self.nominal).__name__} reads {', '.join(missing)}, which X does not have.",
+                f"the columns of the model's fit: {', '.join(names)}",
+                "Pass a DataFrame with these columns besides those that have a role.",
+            )
+        return X[names]
+
+    def _repr_html_inner(self) -> str:
+        """Put the verdict before scikit-learn's picture of the estimator."""
+        picture = str(super()._repr_html_inner())
+        if not hasattr(self, "findings_"):
+            return picture
+        from html import escape
+
+        causes = "; ".join(f"{' or '.join(c.effects)}, {c.share:.0%} of the gap" for c in self.causes_)
+        said = f"Verdict: {self.verdict_}" + (f" ({causes})" if causes else "")
+        return f"<p><strong>{escape(said)}</strong></p>{picture}"
 
     @staticmethod
     def _checked_instances() -> list[GapDiagnoser]:

@@ -10,7 +10,6 @@ from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
-from pamid.errors import ShapeError
 from pamid.laws.base import Law
 from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.laws.thermodynamic import ThermodynamicFlow
@@ -169,36 +168,6 @@ class JointPIHM(HybridModel):
         table, target = self._read_targets(X, y, reset=True)
         self.n_targets_ = target.shape[1]
         return self._fit(table, target, sample_weight, groups, (X, y))
-
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> JointPIHM:
-        """Go on from where the model stands with a batch of new samples.
-
-        The scaling and the anchor stay; the network takes a few steps on the batch, held near its present weights.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
-        y : array, shape (n_samples, 2)
-            Measured force (N) and mass flow (kg/s); NaN where one was not measured.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Trajectory of each row; read by the first call alone.
-
-        Returns
-        -------
-        JointPIHM
-            The fitted model itself.
-        """
-        if not hasattr(self, "weights_"):
-            return self.fit(X, y, sample_weight, groups)
-        table, target = self._read_targets(X, y, reset=False)
-        if target.shape[1] != self.n_targets_:
-            raise ShapeError(
-                f"y has {target.shape[1]} columns.", f"{self.n_targets_}, as in the first fit", "Pass the same targets."
-            )
-        return self._partial_fit(table, target, sample_weight, (X, y))
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict force and mass flow.

@@ -15,6 +15,8 @@ from pamid.errors import ParameterError
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._stream_memory import Rows
+from ._streaming import Streaming
 from ._torch_loop import (
     AdamSteps,
     Best,
@@ -25,7 +27,6 @@ from ._torch_loop import (
     penalty,
     run_epochs,
     standardisation,
-    to_arrays,
     to_tensors,
 )
 from ._trajectories import trajectory_codes
@@ -35,7 +36,7 @@ OPTIMIZERS = ("adam", "lbfgs")
 _CHUNK = 65536  # rows predicted at a time, which bounds the memory of a prediction
 
 
-class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
+class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     r"""Plain network from the muscle's signals to a force or a mass flow.
 
     .. math:: y = \bar y + \sigma_y\, N\!\left(\frac{s - \bar s}{\sigma_s}\right), \quad
@@ -228,51 +229,27 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
         self.optimizer_state_: dict[str, Any] = {}
         train = self._train_adam if self.optimizer == "adam" else self._train_lbfgs
         with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
-            train(initial, training, validation, progress, best, rng)
+            train(initial, training, validation, progress, best, rng, int(self.max_iter))
         self.weights_ = initial if best.weights is None else best.weights
         self.loss_curve_ = progress.losses
         self.validation_curve_ = best.curve if validation is not None else []
         self.n_iter_ = max(progress.n_epochs, 1)
+        self._remember(X, y, sample_weight, groups)
         return self
 
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
-        """Go on training with further rows: one pass over them by Adam, in mini-batches, at the full learning rate.
-
-        The first call on an unfitted estimator sets the scaling of inputs and target, which later calls keep, and
-        the initial weights; so its rows should span the range to come. Moments of Adam are carried from call to
-        call and from fit; memory does not grow.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
-        y : array_like, shape (n_samples,)
-            Target, as in fit.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-
-        Returns
-        -------
-        MLP
-            The fitted estimator itself.
-        """
-        self._check_parameters()
-        first = not hasattr(self, "weights_")
-        columns, target, weights = self._table(X, y, sample_weight, reset=first)
-        if first:
-            self._set_scales(columns, target, weights)
-            self.weights_ = self._initial_weights(local_generator(self.random_state))
-            self.optimizer_state_ = {}
-            self.loss_curve_, self.validation_curve_, self.n_iter_ = [], [], 0
-        tensors = to_tensors(self.weights_, self.device)
-        adam = AdamSteps(tensors, float(self.learning_rate), self.optimizer_state_)
-        used = weights > 0
-        rows = self._scaled(columns[used], target[used], weights[used])
-        self._epoch(tensors, adam, rows, later_generator(self.random_state, adam.steps))
-        self.weights_ = to_arrays(tensors)
-        self.optimizer_state_ = adam.state()
-        self.n_iter_ += 1
-        return self
+    def _continue(self, rows: Rows, share: float) -> None:
+        """Train on from where the network stands; the error on the memory never rises."""
+        training = self._scaled(self._columns(rows.X), rows.y[:, 0], rows.weight)
+        start = self.weights_
+        best = Best(int(self.patience), float(self.tol))
+        best.offer(self._error(to_tensors(start, self.device), training), lambda: start)
+        epochs = max(1, int(np.ceil(share * int(self.max_iter))))
+        progress = FitProgress(self, None, None, epochs)
+        train = self._train_adam if self.optimizer == "adam" else self._train_lbfgs
+        train(start, training, training, progress, best, later_generator(self.random_state, self.n_iter_), epochs)
+        self.weights_ = best.weights or start
+        self.loss_curve_ = [*self.loss_curve_, *progress.losses]
+        self.n_iter_ += progress.n_epochs
 
     def predict(self, X: Any) -> np.ndarray:
         """Evaluate the network.
@@ -396,13 +373,13 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
         return total / n
 
     def _train_adam(
-        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any
+        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any, epochs: int
     ) -> None:
         tensors = to_tensors(initial, self.device)
-        adam = AdamSteps(tensors, float(self.learning_rate))
+        adam = AdamSteps(tensors, float(self.learning_rate), self.optimizer_state_)
 
         def one_epoch(epoch: int) -> float:
-            adam.anneal(epoch / int(self.max_iter))
+            adam.anneal(epoch / epochs)
             return self._epoch(tensors, adam, training, rng)
 
         try:
@@ -419,7 +396,7 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
             self.optimizer_state_ = adam.state()
 
     def _train_lbfgs(
-        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any
+        self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any, epochs: int
     ) -> None:
         import torch
         from scipy.optimize import OptimizeResult, minimize
@@ -454,7 +431,7 @@ class MLP(ProgressMixin, RegressorMixin, SignalEstimator):
             jac=True,
             method="L-BFGS-B",
             callback=after_iteration,
-            options={"maxiter": int(self.max_iter), "maxcor": 20, "ftol": 1e-15, "gtol": 1e-9, "maxfun": 10**9},
+            options={"maxiter": epochs, "maxcor": 20, "ftol": 1e-15, "gtol": 1e-9, "maxfun": 10**9},
         )
 
     @staticmethod

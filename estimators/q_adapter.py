@@ -213,8 +213,6 @@ class QAdapter(AdaptedModel):
         if fitted > 0:
             q = (self.q0_ / self.q0_uncertainty_**2 + fitted / error**2) / precision
         self.q_, self.q_uncertainty_ = float(q), float(1.0 / np.sqrt(precision)) if precision else np.inf
-        # What a sample with f = 1 adds to the precision, for samples that come later.
-        self.sample_precision_ = 1.0 / (error**2 * information) if information > 0 and error > 0 else 0.0
         if not self._trains_q():
             self._rescale(model, self.q_)
 
@@ -246,22 +244,6 @@ class QAdapter(AdaptedModel):
                 AdaptationWarning,
                 stacklevel=5,
             )
-
-    def _stream(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray) -> None:
-        """Update Q by recursive least squares."""
-        if not hasattr(self, "q_"):
-            return
-        f = model._predict(table) / model.target_scale_ / self.q_
-        w = np.where(np.isfinite(Y), weight[:, None], 0.0)
-        y = np.where(w > 0, Y / model.target_scale_, 0.0)
-        known = 1.0 / self.q_uncertainty_**2 if self.q_uncertainty_ > 0 else np.inf
-        added = self.sample_precision_ * float((w * f * f).sum())
-        if added <= 0 or not np.isfinite(known):
-            return
-        q = (known * self.q_ + self.sample_precision_ * float((w * f * y).sum())) / (known + added)
-        if q > 0:
-            self._rescale(model, q / self.q_)
-            self.q_, self.q_uncertainty_ = float(q), float(1.0 / np.sqrt(known + added))
 
     def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:
         super()._keep(model, result, bound, before, held_out)

@@ -16,12 +16,13 @@ from pamid.errors import (
     MissingColumnError,
     ParameterError,
     SamplingWarning,
+    ShapeError,
     ShortTrajectoryError,
 )
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
 from ._streaming import SequenceStreaming
-from ._trajectories import encode_trajectory_column, trajectory_codes, trajectory_slices
+from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
 
 
 class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
@@ -34,7 +35,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
     Parameters
     ----------
     columns : sequence of str or int, default=("eps", "P")
-        Columns to differentiate, by name or position.
+        Columns to differentiate, by name or position. An array, which has no names, holds the time and then these
+        columns in their order, or with `sampling_period` these columns alone.
     time : str, int or None, default="time"
         Column with the time, s, by name or position. Where X has no such column, `sampling_period` serves.
     method : {"savgol", "spline", "kalman"}, default="savgol"
@@ -120,8 +122,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        # scikit-learn has no tag for rows that depend on their neighbours; this one only leaves out the checks that
-        # transform shuffled and single rows, which no rate can bear.
+        # scikit-learn has no tag for rows that depend on their neighbours: this one leaves out the checks that transform
+        # shuffled and single rows. The others that it leaves out are run in pamid's own tests.
         tags.non_deterministic = bool(self.one_trajectory)
         return tags
 
@@ -149,14 +151,19 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         MissingColumnError
             If a column is not there, or there is neither time nor `sampling_period`.
         """
-        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, ensure_min_samples=2)
+        table = validate_data(
+            self, encode_text_columns(X, self._read_columns()), dtype=np.float64, ensure_min_samples=2
+        )
         names = [str(n) for n in getattr(self, "feature_names_in_", [])]
         if isinstance(self.columns, str) or not len(self.columns):
             raise ParameterError(
                 f"columns is {self.columns!r}.", "a sequence of names or positions", "Pass for instance ['q', 'P1']."
             )
-        self.column_indices_ = np.array([self._position(c, names, table.shape[1], "columns") for c in self.columns])
-        self.time_index_ = self._find_time(names, table.shape[1])
+        if names or not any(isinstance(c, str) for c in self.columns):
+            self.column_indices_ = np.array([self._position(c, names, table.shape[1], "columns") for c in self.columns])
+            self.time_index_ = self._find_time(names, table.shape[1])
+        else:
+            self.column_indices_, self.time_index_ = self._in_order_of_array(table.shape[1])
         doubled = sorted(set(self._new_names(self._names())) & set(names))
         if doubled:
             raise DuplicateColumnError(
@@ -192,7 +199,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         self._remember(X, None, groups=groups)
         return self
 
-    def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:  # type: ignore[override]
+    def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:
         """Choose the cut-off frequencies over the trajectories of all calls.
 
         They are those of one `fit` on all trajectories up to 20,000 rows; above, those of a fair sample of whole ones.
@@ -217,7 +224,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
     _changes: ClassVar[bool] = False
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
         return table, np.zeros((len(table), 1))
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
@@ -237,7 +244,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         Returns
         -------
         DataFrame or ndarray, shape (n_samples, n_features_out)
-            X with the rates appended, a DataFrame where X is one; units of the columns per s.
+            X with the rates appended, a DataFrame where X is one and ``set_output(transform="default")`` was not asked
+            for; units of the columns per s.
 
         Raises
         ------
@@ -245,7 +253,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
             If a trajectory has fewer than two rows.
         """
         check_is_fitted(self, "cutoffs_")
-        table = validate_data(self, encode_trajectory_column(X), dtype=np.float64, reset=False)
+        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
         smoothed = np.empty((len(table), len(self.column_indices_)))
         rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
         slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
@@ -263,7 +271,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
             smoothed[rows] = results[0]
             for whole, part in zip(rates, results[1:], strict=True):
                 whole[rows] = part
-        if isinstance(X, pd.DataFrame):
+        asked = getattr(self, "_sklearn_output_config", {}).get("transform")
+        if isinstance(X, pd.DataFrame) and asked != "default":
             names = self._names()
             out = X.copy()
             if self.smooth:
@@ -359,6 +368,22 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
                 )
             return None
         return self._position(self.time, names, n_columns, "time")
+
+    def _read_columns(self) -> set[str]:
+        """Names of the columns that must hold numbers."""
+        return {str(c) for c in (*self.columns, self.time) if isinstance(c, str)}
+
+    def _in_order_of_array(self, n_columns: int) -> tuple[np.ndarray, int | None]:
+        """Return where columns and time stand in an array without names: the columns in their order, time before."""
+        n = len(self.columns)
+        timed = n_columns == n + 1 and self.time is not None
+        if not timed and (n_columns != n or self.sampling_period is None):
+            raise ShapeError(
+                f"X is an array with {n_columns} columns and no names.",
+                f"{n + 1} columns (time, {', '.join(map(str, self.columns))}), or the last {n} and sampling_period",
+                "Pass these, a DataFrame, or the positions of the columns as columns= and time=.",
+            )
+        return np.arange(n) + int(timed), 0 if timed else None
 
     @staticmethod
     def _position(column: str | int, names: list[str], n_columns: int, parameter: str) -> int:

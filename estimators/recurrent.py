@@ -13,9 +13,11 @@ from pamid.errors import MissingColumnError, ParameterError
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
-from ._progress import ProgressMixin, fit_progress
+from ._progress import FitProgress, ProgressMixin, fit_progress
 from ._recurrent_network import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
 from ._sequences import SequenceScore
+from ._stream_memory import Rows
+from ._streaming import SequenceStreaming
 from ._torch_loop import (
     AdamSteps,
     Best,
@@ -25,7 +27,6 @@ from ._torch_loop import (
     local_generator,
     run_epochs,
     standardisation,
-    to_arrays,
     to_tensors,
 )
 from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
@@ -33,7 +34,7 @@ from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_s
 _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which bounds the memory of a prediction
 
 
-class Recurrent(ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
+class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
     r"""Recurrent network from the muscle's signals and their history to a force or a mass flow.
 
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
@@ -153,7 +154,6 @@ class Recurrent(ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
     """
 
     __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__partial_fit: ClassVar = {"groups": True}
     __metadata_request__predict: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
@@ -266,9 +266,7 @@ class Recurrent(ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
             return self._epoch(network, adam, inputs, wanted, training, rng)
 
         def validate() -> float:
-            outputs = self._run(network, inputs, validation)
-            rows = np.concatenate([p.rows() for p in validation])
-            return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
+            return self._mean_square(network, inputs, wanted, validation)
 
         # lets a callback score on the rows of the fit without being told trajectories
         self._codes_of_fit = codes
@@ -291,46 +289,44 @@ class Recurrent(ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
         self.loss_curve_ = progress.losses
         self.validation_curve_ = best.curve if validation else []
         self.n_iter_ = max(progress.n_epochs, 1)
+        self._remember(X, y, groups=groups)
         return self
 
-    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
-        """Go on training with further trajectories: one pass over them, at the full learning rate.
-
-        The first call on an unfitted estimator sets the scaling of inputs and target, which later calls keep, and
-        the initial weights. Each call's trajectories start from their own burn-in; memory does not grow.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each trajectory.
-        y : array_like, shape (n_samples,)
-            Target, as in fit.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        Recurrent
-            The fitted estimator itself.
-        """
-        self._check_parameters()
-        first = not hasattr(self, "weights_")
-        columns, target, codes = self._table(X, y, groups, reset=first)
-        if first:
-            self._set_scales(columns, target)
-            rng = local_generator(self.random_state)
-            self.weights_ = initial_weights(rng, self.cell, len(self.inputs), int(self.hidden), int(self.layers))
-            self.optimizer_state_ = {}
-            self.loss_curve_, self.validation_curve_, self.n_iter_ = [], [], 0
-        inputs, wanted = self._scaled(columns, target)
+    def _continue(self, rows: Rows, share: float) -> None:
+        """Train on from where the network stands; the error on the memory never rises."""
+        inputs, wanted = self._scaled(self._columns(rows.X), rows.y[:, 0])
+        slices = trajectory_slices(rows.unit)
         network = self._network(self.weights_)
         adam = AdamSteps(network.parameters(), float(self.learning_rate), self.optimizer_state_)
-        pieces = pieces_of(trajectory_slices(codes), self.segment_length)
-        self._epoch(network, adam, inputs, wanted, pieces, later_generator(self.random_state, adam.steps))
-        self.weights_ = to_arrays(network.parameters())
-        self.optimizer_state_ = adam.state()
-        self.n_iter_ += 1
-        return self
+        pieces, whole = pieces_of(slices, self.segment_length), pieces_of(slices, None)
+        rng = later_generator(self.random_state, self.n_iter_)
+        epochs = max(1, int(np.ceil(share * int(self.max_iter))))
+        start, best = self.weights_, Best(int(self.patience), float(self.tol))
+        best.offer(self._mean_square(network, inputs, wanted, whole), lambda: start)
+
+        def one_epoch(epoch: int) -> float:
+            adam.anneal(epoch / epochs)
+            return self._epoch(network, adam, inputs, wanted, pieces, rng)
+
+        progress = FitProgress(self, None, None, epochs)
+        run_epochs(
+            progress,
+            best,
+            network.parameters(),
+            one_epoch,
+            lambda: self._mean_square(network, inputs, wanted, whole),
+            one_step=False,
+            attributes=lambda weights: {},
+        )
+        self.weights_, self.optimizer_state_ = best.weights or start, adam.state()
+        self.loss_curve_ = [*self.loss_curve_, *progress.losses]
+        self.n_iter_ += progress.n_epochs
+
+    def _mean_square(self, network: Network, inputs: Any, wanted: Any, pieces: list[Piece]) -> float:
+        """Mean squared error over whole trajectories, in units of the target's variance."""
+        outputs = self._run(network, inputs, pieces)
+        rows = np.concatenate([p.rows() for p in pieces])
+        return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Run the network along each trajectory, from its burn-in to its end.

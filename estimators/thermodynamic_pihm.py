@@ -173,34 +173,6 @@ class ThermodynamicPIHM(HybridModel):
         target = column_or_1d(target, warn=True)
         return self._fit(table, target[:, None], sample_weight, groups, (X, y))
 
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
-        """Go on from where the model stands with a batch of new samples.
-
-        The scaling and the anchor stay as the first fit (or the first call) left them; the network takes a few steps
-        on the batch, held near its present weights. Memory does not grow.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
-        y : array, shape (n_samples,)
-            Measured mass flow into the muscle, kg/s.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Trajectory of each row; read by the first call alone.
-
-        Returns
-        -------
-        ThermodynamicPIHM
-            The fitted model itself.
-        """
-        if not hasattr(self, "weights_"):
-            return self.fit(X, y, sample_weight, groups)
-        table, target = self._read(X, y, reset=False)
-        target = column_or_1d(target, warn=True)
-        return self._partial_fit(table, target[:, None], sample_weight, (X, y))
-
     def predict(self, X: Any) -> np.ndarray:
         """Predict the mass flow into the muscle.
 

@@ -67,8 +67,6 @@ class ThreeElement(EmpiricalForce):
         Parameters that are held, and their values, SI units.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
-    max_iter : int, default=200
-        Not used: the fit is linear.
     signals : mapping of str to (str or int), optional
         Which column holds which signal.
 
@@ -139,7 +137,6 @@ class ThreeElement(EmpiricalForce):
         turn_rate: float = 2e4,
         fixed: Mapping[str, float] | None = None,
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        max_iter: int = 200,
         signals: Signals | None = None,
     ) -> None:
         self.rest_length = rest_length
@@ -147,7 +144,6 @@ class ThreeElement(EmpiricalForce):
         self.turn_rate = turn_rate
         self.fixed = fixed
         self.atmospheric_pressure = atmospheric_pressure
-        self.max_iter = max_iter
         self.signals = signals
 
     def _declared(self) -> dict[str, Parameter]:

@@ -336,7 +336,7 @@ def test_adapters_are_saved_as_parameters(flow, tmp_path):
     np.testing.assert_array_equal(back.predict(few), model.predict(few))
     assert back.base == LowRank((1, 2))
     before = back.q_
-    assert back.partial_fit(few, few["mdot"]).q_ == before
+    assert back.partial_fit(few, few["mdot"]).q_ == pytest.approx(before, rel=1e-3)
 
 
 def test_warm_start_and_stream(flow):

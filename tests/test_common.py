@@ -18,7 +18,7 @@ import pamid.estimators
 import pandas as pd
 import pytest
 import sklearn
-from pamid.estimators import all_estimators, checked_instances
+from pamid.estimators import RateTransformer, all_estimators, checked_instances
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
@@ -100,6 +100,12 @@ def assert_same_outputs(one: BaseEstimator, other: BaseEstimator, data) -> None:
         np.testing.assert_allclose(theirs[method], result, rtol=1e-9, atol=1e-12)
 
 
+def _check_name(check) -> str:
+    if not isinstance(check, functools.partial):
+        return check.__name__
+    return "-".join([check.func.__name__, *(f"{k}={v}" for k, v in check.keywords.items())])
+
+
 # --- the contract of scikit-learn -----------------------------------------------------------------------------
 @parametrize_with_checks(INSTANCES)
 def test_scikit_learn_contract(estimator, check):
@@ -116,10 +122,27 @@ def test_scikit_learn_contract_with_routing(estimator, check):
         check(clone(estimator))
 
 
-def _check_name(check) -> str:
-    if not isinstance(check, functools.partial):
-        return check.__name__
-    return "-".join([check.func.__name__, *(f"{k}={v}" for k, v in check.keywords.items())])
+class _Steady(RateTransformer):
+    """A transformer of rates without the tag that leaves out more checks than rows in time order call for."""
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.non_deterministic = False
+        return tags
+
+
+@pytest.mark.parametrize(
+    ("estimator", "check"),
+    [
+        (e, c)
+        for own in RateTransformer._checked_instances()
+        for e, c in estimator_checks_generator(_Steady(**own.get_params()))
+        if "sample_order_invariance" not in _check_name(c) and "subset_invariance" not in _check_name(c)
+    ],
+    ids=lambda value: name_of(value) if isinstance(value, BaseEstimator) else _check_name(value),
+)
+def test_rates_pass_all_checks_but_those_of_single_rows(estimator, check):
+    check(clone(estimator))
 
 
 # --- discovery ------------------------------------------------------------------------------------------------

@@ -105,19 +105,17 @@ def test_early_stopping_holds_out_whole_trajectories(static, monkeypatch):
 
 
 def test_partial_fit_learns_from_a_stream(static):
-    """Passes over pieces bring the error down; the scaling of the first piece stays; memory does not grow."""
+    """Pieces bring the error down to that of a fit; each row is remembered once."""
     X, y, _ = static
     model = clone(SMALL).set_params(batch_size=50)
     model.partial_fit(X[:100], y[:100])
-    scales, first = model.input_scale_.copy(), model.score(X, y)
-    for _ in range(60):
-        for start in range(0, 400, 100):
-            model.partial_fit(X[start : start + 100], y[start : start + 100])
-    np.testing.assert_array_equal(model.input_scale_, scales)
-    assert model.score(X, y) > max(first, 0.98)
-    assert model.n_iter_ == 241
-    assert model.loss_curve_ == []
-    assert model.optimizer_state_["steps"] == 482
+    first = model.score(X, y)
+    for start in [0, 100, 200, 300, 0, 100]:
+        model.partial_fit(X[start : start + 100], y[start : start + 100])
+    whole = clone(model).fit(X, y).score(X, y)
+    assert model.score(X, y) > max(first, whole - 0.1 * (1 - whole))
+    assert len(model._recalled()) == len(X)
+    assert len(model.loss_curve_) == model.n_iter_
 
 
 def test_partial_fit_goes_on_after_fit(static):
@@ -127,7 +125,7 @@ def test_partial_fit_goes_on_after_fit(static):
     for _ in range(20):
         model.partial_fit(X, y)
     assert model.score(X, y) > before
-    assert model.n_iter_ == 25
+    assert model.n_iter_ > 25
 
 
 def test_weight_decay_shrinks(static):
@@ -294,10 +292,8 @@ def test_recurrent_early_stopping(lagging):
 def test_recurrent_partial_fit(lagging):
     X, y = lagging[["P", "trajectory"]], lagging["F"]
     model = Recurrent(("P",), hidden=6, window=30, random_state=0)
-    for _ in range(15):
-        for _, run in X.groupby("trajectory"):
-            model.partial_fit(run, y[run.index])
-    assert model.n_iter_ == 90
+    for _, run in X.groupby("trajectory"):
+        model.partial_fit(run, y[run.index])
     assert model.score(X, y) > 0.9
 
 

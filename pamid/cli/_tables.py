@@ -118,6 +118,7 @@ def make_estimator(name: str, settings: dict[str, Any], numbers: dict[str, Any],
 
     # Others predict rates of states, pressures or several outputs, and not a force or a flow.
     known = {n: c for n, c in all_estimators() if set(getattr(c, "equations", ())) & set(TARGETS)}
+    name, settings = _setting_of(name, settings, known)
     if name not in known:
         close = difflib.get_close_matches(name, known, n=3)
         raise UnknownOptionError(
@@ -142,6 +143,23 @@ def make_estimator(name: str, settings: dict[str, Any], numbers: dict[str, Any],
             f"Add --sim SIM.toml ('pamid init --kind muscle' writes one), or --set {lacking[0]}='20 mm'.",
         )
     return known[name](**{k: v for k, v in values.items() if k in accepted} | settings)
+
+
+def _setting_of(name: str, settings: dict[str, Any], known: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Take ``GeometricForce(tondu_lopez)``, as comparisons call it, for the estimator in that setting."""
+    kind, bracket, setting = name.partition("(")
+    if not bracket or kind not in known:
+        return name, settings
+    own: dict[str, Any] = {}
+    for equation in set(known[kind].equations) & set(TARGETS):
+        own |= known[kind]._compared(equation)
+    if setting.removesuffix(")") not in own:
+        raise UnknownOptionError(
+            f"{kind} has no setting {setting.removesuffix(')')!r}.",
+            f"one of {', '.join(f'{kind}({s})' if s else kind for s in own)}",
+            f"Correct the name, or use --estimator {kind} with --set.",
+        )
+    return kind, own[setting.removesuffix(")")] | settings
 
 
 def needed_signals(estimator: Any) -> list[str]:

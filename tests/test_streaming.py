@@ -1,0 +1,321 @@
+"""``partial_fit`` of every estimator: ten batches are worth a fit, passes do no harm, another muscle is followed."""
+
+import warnings
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from pamid.estimators import (
+    MLP,
+    NNARX,
+    ConformalRegressor,
+    ForwardModel,
+    FullFineTuning,
+    GapDiagnoser,
+    GeometricFlow,
+    GeometricForce,
+    HosovskyHybrid,
+    InverseModel,
+    InvertedForce,
+    JointPIHM,
+    LawRegressor,
+    LiftedLoad,
+    LoRA,
+    NonlinearElastic,
+    OnlineAdapter,
+    PartialFineTuning,
+    PolynomialFlow,
+    PolynomialForce,
+    PolynomialNARX,
+    QAdapter,
+    RateTransformer,
+    Recurrent,
+    ResidualHybrid,
+    ScaleAdapter,
+    SINDyModel,
+    SINDyRegressor,
+    StaticForceMap,
+    StaticPIHM,
+    ThermodynamicPIHM,
+    ThreeElement,
+    all_estimators,
+)
+from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
+
+from pamid.errors import StreamChangeWarning
+from pamid.volume.braided import BraidedVolume, chou_hannaford
+from pamid.volume.functions import flow
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::pamid.errors.PamidWarning"),
+    pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning"),
+]
+
+RUNS, ROWS = 20, 10
+STATE = ["eps", "deps", "P", "dP"]
+LARGER = 1.3
+"""Factor by which the other muscle pulls harder and takes more air."""
+
+
+def muscle(seed: int, factor: float = 1.0) -> pd.DataFrame:
+    """Runs of a muscle: random motion for models of single rows, a lag behind the pressure for those of sequences."""
+    rng = np.random.default_rng(seed)
+    n = RUNS * ROWS
+    table = pd.DataFrame(
+        {
+            "trajectory": np.repeat(np.arange(RUNS), ROWS),
+            "time": np.tile(0.1 * np.arange(ROWS), RUNS),
+            "eps": rng.uniform(0.0, 0.2, n),
+            "deps": rng.normal(0.0, 0.2, n),
+            "P": rng.uniform(1.5e5, 6e5, n),
+            "dP": rng.normal(0.0, 3e5, n),
+            "load": np.repeat(rng.choice([10.0, 15.0, 20.0], RUNS), ROWS),
+        }
+    )
+    eps, deps, P, dP = (table[name].to_numpy() for name in STATE)
+    F = chou_hannaford(P, eps, rest_diameter=0.021, braid_angle=0.45) - 60.0 * np.tanh(8.0 * deps) - 200.0 * eps
+    mdot = flow(BraidedVolume(0.2, 0.021, 0.45), P, dP, eps, deps)
+    steps = np.repeat(rng.uniform(3e5, 6e5, n // 5), 5)
+    lifted = np.zeros(n)
+    for k in range(n):
+        rest = factor * (1e-3 * (steps[k] - 101_325.0) - 9.81 * table["load"][k]) / 2000.0
+        before = lifted[k - 1] if k % ROWS else 0.0
+        lifted[k] = before + 0.3 * (rest - before)
+    return table.assign(
+        F=factor * F + rng.normal(0.0, 5.0, n),
+        mdot=factor * mdot + rng.normal(0.0, 0.01 * mdot.std(), n),
+        P_steps=steps,
+        lift=lifted + rng.normal(0.0, 1e-3, n),
+        V=factor * 7e-5,
+        V_eps=factor * F * 0.2 / (P - 101_325.0),
+        V_P=0.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def stream():
+    """Training, held-out and the other muscle's data."""
+    return muscle(0), muscle(1), muscle(2, LARGER), muscle(3, LARGER)
+
+
+@pytest.fixture(scope="module")
+def sources():
+    """Models of a smaller muscle, from which adapters start."""
+    table = muscle(9, 0.8)
+    small = {"hidden_layer_sizes": (12,), "max_iter": 15, "random_state": 0}
+    return {
+        "force": FrozenEstimator(StaticPIHM(0.2, 0.02, **small).fit(table[STATE], table["F"])),
+    }
+
+
+LAG = {"signals": {"P": "P_steps"}}
+PIHM = {"hidden_layer_sizes": (8,), "max_iter": 10, "random_state": 0}
+ADAPT = {"max_iter": 5, "random_state": 0}
+PLAIN = {"hidden": (8,), "batch_size": 64, "max_iter": 60, "learning_rate": 0.02, "random_state": 0}
+MEMORY = {"hidden": 4, "window": 10, "burn_in": 5, "max_iter": 20, "batch_size": 8, "random_state": 0}
+FORCE, SEQUENCE, FLOW = (STATE, "F"), (["trajectory", "time", "P_steps", "load"], "lift"), (STATE, "mdot")
+
+CASES = {
+    "ConformalRegressor": (
+        lambda s: ConformalRegressor(PolynomialForce(2), independent_rows=True, confidence=0.5), (["eps", "P"], "F")
+    ),
+    "ForwardModel": (
+        lambda s: ForwardModel(hidden=4, n_starts=1, random_state=0, **LAG), (["P_steps", "load"], ["load", "lift"])
+    ),
+    "FullFineTuning": (lambda s: FullFineTuning(s["force"], **ADAPT), FORCE),
+    "GeometricFlow": (lambda s: GeometricFlow(), FLOW),
+    "GeometricForce": (lambda s: GeometricForce("tondu_lopez", friction=True), (["eps", "deps", "P"], "F")),
+    "HosovskyHybrid": (lambda s: HosovskyHybrid(max_iter=20), (["eps", "deps", "P"], "F")),
+    "InverseModel": (lambda s: InverseModel(hidden=4, n_starts=1, random_state=0, on_unreachable="clip"),
+                     (["F", "eps"], "P")),
+    "InvertedForce": (lambda s: InvertedForce(GeometricForce(), on_unreachable="clip"), (["F", "eps"], "P")),
+    "JointPIHM": (lambda s: JointPIHM(0.2, 0.02, **PIHM), (STATE, ["F", "mdot"])),
+    "LawRegressor": (lambda s: LawRegressor(), ([*STATE, "V", "V_eps", "V_P"], "F")),
+    "LiftedLoad": (lambda s: LiftedLoad(PolynomialForce(1, "surface"), **LAG), SEQUENCE),
+    "LoRA": (lambda s: LoRA(s["force"], ranks=(3,), **ADAPT), FORCE),
+    "MLP": (lambda s: MLP(("eps", "P"), **PLAIN), (["eps", "P"], "F")),
+    "NNARX": (lambda s: NNARX(hidden=3, horizon=10, max_iter=15, random_state=0, **LAG), SEQUENCE),
+    "NonlinearElastic": (lambda s: NonlinearElastic(), (["eps", "P"], "F")),
+    "OnlineAdapter": (lambda s: OnlineAdapter(s["force"]), FORCE),
+    "PartialFineTuning": (lambda s: PartialFineTuning(s["force"], **ADAPT), FORCE),
+    "PolynomialFlow": (lambda s: PolynomialFlow(), FLOW),
+    "PolynomialForce": (lambda s: PolynomialForce(2, "surface"), (["eps", "P"], "F")),
+    "PolynomialNARX": (lambda s: PolynomialNARX(degree=2, n_terms=6, horizon=10, max_iter=15, **LAG), SEQUENCE),
+    "QAdapter": (lambda s: QAdapter(s["force"], **ADAPT), FORCE),
+    "RateTransformer": (lambda s: RateTransformer(("lift",)), (["trajectory", "time", "lift"], "lift")),
+    "Recurrent": (lambda s: Recurrent(("P", "load"), **MEMORY, **LAG), SEQUENCE),
+    "ResidualHybrid": (lambda s: ResidualHybrid(hidden=4, n_starts=1, random_state=0), FORCE),
+    "SINDyModel": (lambda s: SINDyModel(("lift",), ("P_steps", "load"), degree=2, smoothing_window=1),
+                   (["trajectory", "time", "lift", "P_steps", "load"], None)),
+    "SINDyRegressor": (lambda s: SINDyRegressor(), FORCE),
+    "ScaleAdapter": (lambda s: ScaleAdapter(s["force"], random_state=0), FORCE),
+    "StaticForceMap": (lambda s: StaticForceMap(), (["eps", "P"], "F")),
+    "StaticPIHM": (lambda s: StaticPIHM(0.2, 0.02, **PIHM), FORCE),
+    "StaticPIHM, adam": (
+        lambda s: StaticPIHM(0.2, 0.02, trainer="adam", **PIHM | {"max_iter": 100}), FORCE
+    ),
+    "QAdapter, frozen": (lambda s: QAdapter(s["force"], base="frozen", random_state=0), FORCE),
+    "ThermodynamicPIHM": (lambda s: ThermodynamicPIHM(0.2, 0.02, **PIHM), FLOW),
+    "ThreeElement": (lambda s: ThreeElement(), FORCE),
+}  # fmt: skip
+
+LINEAR = {"PolynomialForce", "PolynomialFlow", "SINDyModel", "SINDyRegressor"}
+"""Sufficient statistics: exactly the fit of all batches, however many rows."""
+
+UNLEARNT = {"LawRegressor", "RateTransformer"}
+"""What has no parameters of a muscle."""
+
+
+def test_every_estimator_streams():
+    names = {name for name, _ in all_estimators()}
+    assert names == {name.split(",")[0] for name in CASES} | {"GapDiagnoser"}
+    assert [name for name, c in all_estimators() if not hasattr(c, "partial_fit")] == []
+
+
+def of(case: str, sources):
+    make, (columns, target) = CASES[case]
+    return make(sources), columns, target
+
+
+def given(table: pd.DataFrame, columns: list[str], target):
+    y = None if target is None else table[target].to_numpy()
+    return table[columns], y
+
+
+def error(model, table: pd.DataFrame, columns: list[str], target) -> float:
+    """Root mean square error on a table, in units of the targets' spread."""
+    X, y = given(table, columns, target)
+    if isinstance(model, RateTransformer):
+        true = np.concatenate([np.gradient(run["lift"], run["time"]) for _, run in table.groupby("trajectory")])
+        return float(np.std(model.transform(X)["dlift"] - true))
+    if target is None:
+        y = np.concatenate([np.gradient(run["lift"], run["time"]) for _, run in table.groupby("trajectory")])
+    off = (np.asarray(model.predict(X)) - y) / np.std(y, axis=0)
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def batches(table: pd.DataFrame, columns: list[str], seed: int, number: int = 10) -> list[pd.DataFrame]:
+    """Shuffled batches: of rows, or of whole runs where the order of time counts."""
+    rng = np.random.default_rng(seed)
+    if "trajectory" not in columns:
+        return [table.iloc[part] for part in np.array_split(rng.permutation(len(table)), number)]
+    return [table[table["trajectory"].isin(part)] for part in np.array_split(rng.permutation(RUNS), number)]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_stream_is_worth_a_fit(case, stream, sources):
+    """Ten shuffled batches reach 1.1 times the held-out error of a fit, and four more passes never make it worse."""
+    train, test, _, _ = stream
+    model, columns, target = of(case, sources)
+    whole = error(clone(model).fit(*given(train, columns, target)), test, columns, target)
+    errors = []
+    for k in range(5):
+        for batch in batches(train, columns, k, 1 if k else 10):
+            model.partial_fit(*given(batch, columns, target))
+        errors.append(error(model, test, columns, target))
+    assert errors[0] <= 1.1 * whole
+    # shares of the batches differ while a pass is under way, hence the two per cent
+    assert all(later <= 1.02 * max(earlier, whole) for earlier, later in pairwise(errors)), errors
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c not in UNLEARNT])
+def test_another_muscle_is_followed(case, stream, sources):
+    """Ten batches of a muscle that pulls harder bring the model to it, as far as what is promised allows."""
+    train, _, other, test = stream
+    model, columns, target = of(case, sources)
+    for batch in batches(train, columns, 0):
+        model.partial_fit(*given(batch, columns, target))
+    before = error(model, test, columns, target)
+    best = error(clone(model).fit(*given(other, columns, target)), test, columns, target)
+    for batch in batches(other, columns, 1):
+        model.partial_fit(*given(batch, columns, target))
+    after = error(model, test, columns, target)
+    if case in LINEAR:  # the fit of both halves together, which is what they promise
+        both = pd.concat([train, other.assign(trajectory=other["trajectory"] + RUNS)])
+        assert after == pytest.approx(error(clone(model).fit(*given(both, columns, target)), test, columns, target))
+        assert after - best < 0.6 * (before - best)
+    else:
+        assert after - best < 0.3 * (before - best) + 0.1 * best
+
+
+@pytest.mark.parametrize("case", sorted(LINEAR))
+def test_linear_models_equal_the_fit_of_all_batches(case, stream, sources):
+    train, test, _, _ = stream
+    model, columns, target = of(case, sources)
+    for batch in batches(train, columns, 3):
+        model.partial_fit(*given(batch, columns, target))
+    whole = clone(model).fit(*given(train, columns, target))
+    np.testing.assert_allclose(
+        model.predict(test[columns]), whole.predict(test[columns]), rtol=1e-6, atol=1e-9 * np.std(test["F"])
+    )
+
+
+@pytest.mark.parametrize("case", ["GeometricForce", "HosovskyHybrid", "QAdapter", "ResidualHybrid", "ThreeElement"])
+def test_the_memory_is_a_fit_of_its_rows(case, stream, sources):
+    """As long as all rows are remembered a refit is that of one fit on them, in their order."""
+    train, test, _, _ = stream
+    model, columns, target = of(case, sources)
+    for start in range(0, len(train), 100):
+        model.partial_fit(*given(train[start : start + 100], columns, target))
+    whole = clone(model).fit(*given(train, columns, target))
+    np.testing.assert_allclose(model.predict(test[columns]), whole.predict(test[columns]), rtol=1e-6)
+
+
+def test_memory_does_not_grow(stream):
+    """Beyond the bound a fair sample stands for the stream: weights add up to all rows, errors stay those of a fit."""
+    model = GeometricForce()
+    model._memory_rows = 150
+    tables = [muscle(seed) for seed in range(10, 16)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", StreamChangeWarning)
+        for table in tables:
+            model.partial_fit(table[["eps", "P"]], table["F"])
+    held = model._recalled()
+    assert len(held) == 150
+    assert held.weight.sum() == pytest.approx(sum(map(len, tables)))
+    whole = GeometricForce().fit(*given(pd.concat(tables), ["eps", "P"], "F"))
+    test = muscle(1)
+    assert error(model, test, ["eps", "P"], "F") < 1.1 * error(whole, test, ["eps", "P"], "F")
+    narx = PolynomialNARX(degree=2, n_terms=6, horizon=10, max_iter=5, **LAG)
+    narx._memory_rows = 5 * ROWS + 3
+    for table in tables[:3]:
+        narx.partial_fit(*given(table, *SEQUENCE))
+    sizes = np.unique(narx._recalled().unit, return_counts=True)[1]
+    assert list(sizes) == [ROWS] * 5, "whole trajectories stay"
+
+
+def test_a_change_is_told(stream):
+    train, _, other, _ = stream
+    model = GeometricForce("tondu_lopez", friction=True).fit(*given(train, ["eps", "deps", "P"], "F"))
+    with pytest.warns(StreamChangeWarning, match="has changed"):
+        for batch in batches(other, ["eps", "deps", "P"], 0)[:3]:
+            model.partial_fit(*given(batch, ["eps", "deps", "P"], "F"))
+    assert model._recalled().regime.max() == 1
+
+
+def test_a_diagnosis_is_that_of_all_logs():
+    """A second log of the same test rig joins the first one; the same log again changes nothing."""
+    t = np.arange(0.0, 4.0, 0.005)
+    rng = np.random.default_rng(0)
+
+    def log(frequencies):
+        rows = [
+            pd.DataFrame(
+                {"trajectory": w, "time": t, "eps": 0.1 + 0.05 * np.sin(w * t), "deps": 0.05 * w * np.cos(w * t)}
+            )
+            for w in frequencies
+        ]
+        table = pd.concat(rows, ignore_index=True)
+        return table, -30.0 * table["deps"] + 0.2 * rng.standard_normal(len(table))
+
+    library = ("viscous_friction", "bladder_elasticity", "force_bias")
+    (X, y), (Z, w) = log([2.0, 4.0]), log([7.0, 9.0])
+    stream = GapDiagnoser(effects=library, random_state=0).partial_fit(X, y)
+    stream.partial_fit(Z, w)
+    whole = GapDiagnoser(effects=library, random_state=0).fit(pd.concat([X, Z], ignore_index=True), pd.concat([y, w]))
+    assert stream.verdict_ == whole.verdict_ == "cause"
+    assert stream.effects_ == whole.effects_
+    kept = stream.findings_
+    assert stream.partial_fit(Z, w).findings_ is kept
