@@ -56,6 +56,10 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         """Return the force, N, for values that may be complex."""
         raise NotImplementedError
 
+    def _bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds of every parameter, SI units."""
+        return {name: (p.lower, p.upper) for name, p in self._declared().items()}
+
     def _grid(self) -> list[dict[str, float]]:
         """Return values of the nonlinear parameters from which the search starts."""
         return [{}]

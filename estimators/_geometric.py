@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pamid.errors import ParameterError, UnknownOptionError
+from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
 from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, Parameter, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._least_squares import Solution, fit_nonlinear
 from ._streaming import Streaming
+
+IMPLAUSIBLE = 2.0
+"""Factor between fitted and stated diameter beyond which the fit is not that of a muscle: four times the force."""
 
 
 class GeometricRegressor(Streaming, ClassicalRegressor):
@@ -99,6 +103,23 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
             )
         return float(low), float(high)
 
+    def _bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds of every parameter that may be fitted, SI units."""
+        declared = self._declared()
+        return {name: self._bounds_of(name, declared) for name in declared}
+
+    def _warn_of_size(self) -> None:
+        """Warn of a fitted diameter that is not that of the muscle."""
+        fitted, stated = self.parameters_.get("rest_diameter", self.rest_diameter), float(self.rest_diameter)
+        if not stated / IMPLAUSIBLE <= fitted <= stated * IMPLAUSIBLE:
+            warnings.warn(
+                f"The fitted rest_diameter is {1e3 * fitted:.3g} mm, and the muscle's is stated as "
+                f"{1e3 * stated:.3g} mm. Expected the two within a factor of {IMPLAUSIBLE:g}. Check the units of force "
+                "and pressure, state the muscle's diameter as rest_diameter, or hold it by leaving it out of free.",
+                VolumeWarning,
+                stacklevel=4,
+            )
+
     def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:
         """Predict with given values of all parameters, real or complex."""
         fields = {n: values[n] for n in nominal.parameter_names()}
@@ -136,6 +157,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
         self.units_ = {n: p.unit for n, p in declared.items()}
         self.fitted_names_ = list(names)
         self.at_bound_ = at_bound
+        self._warn_of_size()
 
     def _best_of_starts(
         self,

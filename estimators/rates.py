@@ -122,8 +122,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        # scikit-learn has no tag for rows that depend on their neighbours: this one leaves out the checks that transform
-        # shuffled and single rows. The others that it leaves out are run in pamid's own tests.
+        # scikit-learn has no tag for rows that depend on their neighbours: this one leaves out the checks that
+        # transform shuffled and single rows. The others that it leaves out are run in pamid's own tests.
         tags.non_deterministic = bool(self.one_trajectory)
         return tags
 

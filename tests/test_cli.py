@@ -19,7 +19,7 @@ from pamid.bench import BenchParameters
 from pamid.cli import app, main
 from pamid.cli.common import finite, parse_settings, table
 from pamid.equations import evaluate_log
-from pamid.errors import ParameterError, UnitWarning
+from pamid.errors import ParameterError, UnitWarning, VolumeWarning
 from pamid.persistence import inspect, load
 from pamid.signals import read_log
 
@@ -268,6 +268,42 @@ def test_fit_takes_the_geometry_from_the_simulator(folder, tmp_path):
     model = load(tmp_path / "m.pamid")
     assert model.rest_diameter == 0.02
     assert model.braid_angle == 0.44
+
+
+@pytest.fixture
+def one_muscle(tmp_path) -> Path:
+    """A log of one muscle of 21 mm, with contraction and pressure in it."""
+    from pamid.volume.braided import chou_hannaford
+
+    eps, P = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 0.2, 12), np.linspace(2e5, 6e5, 12)))
+    F = chou_hannaford(P, eps, rest_diameter=0.021, braid_angle=0.45)
+    rng = np.random.default_rng(0)
+    log = pd.DataFrame({"trajectory": np.arange(144) // 36, "time": 0.01 * (np.arange(144) % 36), "eps": eps, "P": P})
+    log.assign(F=F + rng.normal(0.0, 1.0, 144)).to_csv(tmp_path / "one.csv", index=False)
+    return tmp_path / "one.csv"
+
+
+def test_fit_prints_the_parameters_with_units_errors_and_bounds(one_muscle, tmp_path, capsys):
+    sizes = ["--set", "rest_length=0.2", "--set", "rest_diameter=0.02", "--folds", "0"]
+    argv = ["fit", str(one_muscle), "--out", str(tmp_path / "m.pamid"), *sizes]
+    assert main([*argv, "--estimator", "GeometricForce", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["parameters"]
+    diameter = found["rest_diameter"]
+    assert diameter["value"] == pytest.approx(0.021, rel=0.01)
+    assert diameter["unit"] == "m"
+    assert 0 < diameter["standard_error"] < 1e-3
+    assert diameter["lower"] < diameter["value"] < diameter["upper"]
+    assert diameter["fitted"] and not diameter["at_bound"]
+    assert not found["rest_length"]["fitted"]
+    assert main([*argv, "--estimator", "GeometricForce(tondu_lopez)"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("rest_diameter"))
+    assert " m " in line and " to " in line
+
+
+def test_fit_warns_of_a_diameter_that_is_not_the_muscles(one_muscle, tmp_path):
+    argv = ["fit", str(one_muscle), "--estimator", "GeometricForce", "--out", str(tmp_path / "m.pamid"), "--folds", "0"]
+    with pytest.warns(VolumeWarning, match=r"rest_diameter is 21(\.0)? mm.*10 mm"):
+        main([*argv, "--set", "rest_length=0.2", "--set", "rest_diameter=0.01"])
 
 
 def test_fit_of_one_run_needs_no_held_out_check(folder, tmp_path, capsys):

@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from ...errors import ParameterError, TooFewTrajectoriesError
+from .._parameters import fitted_parameters, parameter_lines
 from ..common import (
     add_command,
     add_log_options,
@@ -105,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
     if scores is not None:
         metadata["held_out"] = {"rmse": scores["rmse"], "nrmse": scores["nrmse"], "folds": args.folds}
     save(model, out, metadata)
+    found = fitted_parameters(fitted)
     report = {
         "model": str(out),
         "estimator": args.estimator,
@@ -114,6 +116,7 @@ def run(args: argparse.Namespace) -> int:
         "held_out": scores,
         "fit_seconds": seconds,
         "n_iter": getattr(fitted, "n_iter_", None),
+        "parameters": found,
     }
     if args.json:
         print_json(report)
@@ -122,6 +125,8 @@ def run(args: argparse.Namespace) -> int:
     if scores is not None:
         lines.append(["held out", number(scores["rmse"]), number(scores["nrmse"]), str(scores["n_samples"])])
     print(table([args.estimator, f"rmse / {target.unit}", "nrmse", "samples"], lines))
+    if found:
+        print(parameter_lines(found))
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
 
