@@ -10,9 +10,11 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, MissingColumnError, ShapeError, TimeOrderError, UnknownOptionError
+from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
 
 from ._base import SignalEstimator, Signals
+from ._gap_signals import read_by, run_names, spoken
+from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
 
@@ -25,7 +27,7 @@ NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command",
 EQUATIONS = ("force", "torque", "flow")
 
 
-class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
+class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstimator):
     r"""Diagnose the gap between a model of one equation and measured data, and predict with the gap closed.
 
     The residual :math:`y - f(X)` of any fitted model f is held against every effect of the library that the signals
@@ -222,7 +224,7 @@ class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
             position_scale=self.position_scale_,
             sense=self.sense,
             labels=self._labels(),
-            names=_names(X, groups, codes),
+            names=run_names(X, groups, codes),
             without=stuck,
         )
         evidence, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
@@ -354,29 +356,6 @@ class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
         evidence = evidence_in(self.scaling_, signals, modelled, nominal, codes, dt, self.equation, self.plant)
         return modelled + self.scaling_.target * evidence.added(self._inward_)
 
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Return the coefficient of determination of the prediction, dimensionless.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals.
-        y : array_like, shape (n_samples,)
-            Measured target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row.
-
-        Returns
-        -------
-        float
-            R².
-        """
-        from sklearn.metrics import r2_score
-
-        return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
-
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True  # it adds to a model what the library names, and no more
@@ -495,44 +474,16 @@ class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
 
                 X = pd.DataFrame(X, columns=names)
             out = (
-                self.nominal.predict(self._read_by_nominal(X)) if hasattr(self.nominal, "predict") else self.nominal(X)
+                self.nominal.predict(read_by(self.nominal, X)) if hasattr(self.nominal, "predict") else self.nominal(X)
             )
             return np.asarray(out, dtype=float).reshape(len(table))
 
         return modelled
 
-    def _read_by_nominal(self, X: Any) -> Any:
-        """Return the columns that the model was fitted on."""
-        own = getattr(self.nominal, "feature_names_in_", None)
-        if own is None:
-            count = getattr(self.nominal, "n_features_in_", X.shape[1])
-            if count != X.shape[1]:
-                raise ShapeError(
-                    f"The nominal {type(self.nominal).__name__} was fitted on {count} columns without names; X has "
-                    f"{X.shape[1]}.",
-                    "the columns of the model's fit, or a model that was fitted on names",
-                    "Fit the model on a DataFrame, or pass as nominal a function of X that picks its columns.",
-                )
-            return X
-        names = [str(name) for name in own]
-        if missing := [name for name in names if name not in getattr(X, "columns", ())]:
-            raise MissingColumnError(
-                f"The nominal {type(self.nominal).__name__} reads {', '.join(missing)}, which X does not have.",
-                f"the columns of the model's fit: {', '.join(names)}",
-                "Pass a DataFrame with these columns besides those that have a role.",
-            )
-        return X[names]
-
     def _repr_html_inner(self) -> str:
         """Put the verdict before scikit-learn's picture of the estimator."""
         picture = str(super()._repr_html_inner())
-        if not hasattr(self, "findings_"):
-            return picture
-        from html import escape
-
-        causes = "; ".join(f"{' or '.join(c.effects)}, {c.share:.0%} of the gap" for c in self.causes_)
-        said = f"Verdict: {self.verdict_}" + (f" ({causes})" if causes else "")
-        return f"<p><strong>{escape(said)}</strong></p>{picture}"
+        return spoken(self.verdict_, self.causes_) + picture if hasattr(self, "findings_") else picture
 
     @staticmethod
     def _checked_instances() -> list[GapDiagnoser]:
@@ -543,13 +494,3 @@ class GapDiagnoser(SequenceStreaming, RegressorMixin, SignalEstimator):
 
 def _values(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
     return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}
-
-
-def _names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
-    """Return the name of each trajectory, by code."""
-    first = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1])
-    named = np.asarray(groups).ravel() if groups is not None else None
-    if named is None and has_trajectory_column(X):
-        named = X["trajectory"].to_numpy()
-    names = [str(named[k]) if named is not None else "0" for k in first]
-    return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]

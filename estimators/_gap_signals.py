@@ -1,0 +1,58 @@
+"""What a diagnosis reads out of a table, and how a notebook shows what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from pamid.errors import MissingColumnError, ShapeError
+
+from ._trajectories import has_trajectory_column
+
+
+def read_by(nominal: Any, X: Any) -> Any:
+    """Return the columns of a table that a nominal model was fitted on.
+
+    Raises
+    ------
+    MissingColumnError, ShapeError
+        If X does not have them, or nothing tells which they are.
+    """
+    own = getattr(nominal, "feature_names_in_", None)
+    if own is None:
+        count = getattr(nominal, "n_features_in_", X.shape[1])
+        if count != X.shape[1]:
+            raise ShapeError(
+                f"The nominal {type(nominal).__name__} was fitted on {count} columns without names; X has "
+                f"{X.shape[1]}.",
+                "the columns of the model's fit, or a model that was fitted on names",
+                "Fit the model on a DataFrame, or pass as nominal a function of X that picks its columns.",
+            )
+        return X
+    names = [str(name) for name in own]
+    if missing := [name for name in names if name not in getattr(X, "columns", ())]:
+        raise MissingColumnError(
+            f"The nominal {type(nominal).__name__} reads {', '.join(missing)}, which X does not have.",
+            f"the columns of the model's fit: {', '.join(names)}",
+            "Pass a DataFrame with these columns besides those that have a role.",
+        )
+    return X[names]
+
+
+def spoken(verdict: str, causes: Sequence[Any]) -> str:
+    """Return the verdict with its causes, as HTML."""
+    named = "; ".join(f"{' or '.join(c.effects)}, {c.share:.0%} of the gap" for c in causes)
+    return f"<p><strong>{escape(f'Verdict: {verdict}' + (f' ({named})' if named else ''))}</strong></p>"
+
+
+def run_names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
+    """Return the name of each trajectory, by code."""
+    first = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1])
+    named = np.asarray(groups).ravel() if groups is not None else None
+    if named is None and has_trajectory_column(X):
+        named = X["trajectory"].to_numpy()
+    names = [str(named[k]) if named is not None else "0" for k in first]
+    return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]
