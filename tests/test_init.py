@@ -72,6 +72,7 @@ def made(folder, log, *argv: str) -> pd.DataFrame:
         ("contraction", np.linspace(0, 21, 99), "muscle", "eps", "%"),
         ("valve_cmd_2", np.linspace(-90, 90, 99), "bench", "u2", "%"),
         ("current", np.linspace(-1, 1, 99), "joint", "drive", None),
+        ("input_volts", np.linspace(15, 16, 99), "joint", "voltage", "V"),
         ("current", np.linspace(-1, 1, 99), "muscle", "", None),
         ("massflow1", np.linspace(-1e-4, 1e-4, 99), "bench", "mdot1", None),
         ("temperature", np.linspace(20, 30, 99), "bench", "", None),

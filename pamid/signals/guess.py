@@ -22,6 +22,7 @@ _SIGNALS = ("time", "P", "F", "mdot", "eps", "L", "x", "q", "u", "voltage", "dri
 _NUMBERED = frozenset(("P", "F", "mdot", "u"))
 _BY_DIMENSION = {
     "time": "time", "pressure": "P", "force": "F", "mass flow": "mdot", "length": "x", "angle": "q", "torque": "drive",
+    "voltage": "voltage",
 }  # fmt: skip
 _LOWEST = 0.8
 """Share of the ambient pressure below which an absolute pressure of a pressurised system does not fall."""
