@@ -164,7 +164,7 @@ def _show(draft: Draft) -> None:
             f"{g.high:.4g}" if g.high == g.high else "",
             g.signal or "-",
             _unit(g),
-            "given" if g.why == "given" else "?" if g.question else "" if g.sure else "assumed",
+            "given" if g.why == "given" else "?" if g.question else "" if g.sure or not g.signal else "assumed",
         ]
         for g in draft.guesses
     ]
