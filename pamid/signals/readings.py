@@ -27,6 +27,7 @@ _COMMANDS = ("_ref", "_cmd", "_set")
 _FEW = 50  # rows below which neither a glitch nor a dead channel can be told
 _WIDTHS = (1, 2)  # samples of a glitch
 _OF_JUMPS, _OF_STEPS = 20.0, 10.0
+_RARE = 6  # steps and jumps that a glitch or two make: they do not count as usual in a short log
 _BACK = 0.75  # of the way there
 _MOST_GLITCHES = 0.002  # of the rows: what comes more often may belong to the signal
 
@@ -158,6 +159,7 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
     Returns
     -------
     array of bool, shape (n,)
+        False where there is no reading.
 
     Examples
     --------
@@ -184,9 +186,10 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
 
 
 def _level(arrays: list[np.ndarray]) -> float:
-    """Return what all but 1 % of the values stay below."""
+    """Return what all but 1 % of the values, and at least a few, stay below."""
     together = np.concatenate(arrays)
-    return float(np.quantile(together, 0.99)) if len(together) else 0.0
+    above = max(0.01, _RARE / max(len(together), 1))
+    return float(np.quantile(together, max(1.0 - above, 0.0), method="lower")) if len(together) else 0.0
 
 
 def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
@@ -212,6 +215,16 @@ def far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
     Returns
     -------
     array of bool, shape (n,)
+        False where there is no reading.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.readings import far_ends
+    >>> y = np.sin(np.arange(100) / 5)
+    >>> y[-1] = 9.0
+    >>> np.flatnonzero(far_ends(y, [np.arange(100)]))
+    array([99])
     """
     found = np.zeros(len(values), dtype=bool)
     good = np.isfinite(values)
