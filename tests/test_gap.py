@@ -16,9 +16,9 @@ from pamid.equations import evaluate_log
 from pamid.errors import ExcitationError, MissingColumnError, UnknownOptionError
 from pamid.gap import diagnose, state_table
 from pamid.gap.diagnosis.localise import regions
+from pamid.gap.inference.competition import Competition, degenerate
 from pamid.gap.inference.gauss_newton import Fitter
 from pamid.gap.inference.occam import occam
-from pamid.gap.inference.search import Search, degenerate
 from pamid.gap.inference.sensitivity import templates
 from pamid.gap.inference.significance import library_test
 from pamid.gap.inference.student_t import bounded, form_cost, loglik, scale, solve
@@ -336,9 +336,9 @@ def test_what_is_searched_is_reported(clean):
 
 def test_every_effect_can_be_searched_alone(evidence):
     """No effect of the library breaks the search, whatever its parameters."""
-    search = Search(evidence, Fitter(evidence), ["inertia", "heat_transfer", "pressure_lag", "end_cap"])
-    stage = search.stage(search.base.fit)
-    assert {r.added for r in stage.rivals} <= {"inertia", "heat_transfer", "pressure_lag", "end_cap"}
+    names = {"inertia", "heat_transfer", "pressure_lag", "end_cap"}
+    outcome = Competition(evidence, sorted(names)).run()
+    assert set(outcome.singles) <= names and not outcome.best.names
     for name in all_effects():
         effect = make_effect(name)
         assert np.all(np.isfinite(evidence.z({name: effect.values}))), name

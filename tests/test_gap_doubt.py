@@ -7,7 +7,6 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.gap import diagnose, engine
-from pamid.gap.diagnosis.decide import _patched
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
     tolerance={"rest_diameter": 0.005, "sonic_conductance": 0.02, "viscous_damping": 0.1, "inertia": 0.02}
@@ -25,21 +24,6 @@ def test_few_windows_far_out_are_a_gap_even_without_an_effect_for_them() -> None
     d = diagnose(log, NOMINAL, ["viscous_friction", "leakage", "force_gain"])
     assert d.verdict == "unknown"
     assert d.equations[0].equation == "valve"
-
-
-def test_a_known_form_with_scraps_beside_it_is_doubted() -> None:
-    assert _patched({"pressure_gain": 0.97, "valve_asymmetry": 0.02, "force_gain": 0.01})
-    assert not _patched({"pressure_gain": 0.8, "leakage": 0.2})
-    assert not _patched({"coulomb_friction": 0.98, "creep": 0.02})  # whose form is known roughly
-    assert not _patched({"pressure_gain": 0.6, "valve_dead_zone": 0.38, "force_gain": 0.02})
-    assert not _patched({"pressure_gain": 1.0})
-    assert not _patched({"force_gain": 0.98, "force_bias": 0.02})  # a gain that is a little bent
-    assert _patched({"force_gain": 0.98, "flow_bias": 0.02})
-
-
-def test_three_causes_of_weight_are_doubted() -> None:
-    assert _patched({"length": 0.6, "gas_temperature": 0.2, "creep": 0.2})
-    assert not _patched({"creep": 0.7, "gas_temperature": 0.3})
 
 
 def test_a_long_log_is_searched_in_part_and_fitted_whole(monkeypatch: pytest.MonkeyPatch) -> None:

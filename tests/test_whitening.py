@@ -94,13 +94,13 @@ def test_a_nominal_bench_with_lagging_sensors_is_whitened(log: pd.DataFrame) -> 
     np.testing.assert_allclose(evidence.white(evidence.raw(evidence.z0)), evidence.z0, atol=1e-9)
 
 
-def test_a_simulator_as_seen_fits_the_windows_as_they_are_best(log: pd.DataFrame) -> None:
+def test_an_unwhitened_fit_is_best_for_unwhitened_windows(log: pd.DataFrame) -> None:
     tolerance = {"rest_diameter": 0.005, "braid_angle": 0.005, "sonic_conductance": 0.02}
     off = simulate(BENCH.replace(effects=[("force_gain", {"deviation": 0.01})]), [sine(2, 15, 3000)], seed=1)
     evidence = Evidence(off, BENCH.replace(tolerance=tolerance))
     fitter = Fitter(evidence)
     base = fitter.base()
-    seen = fitter.as_seen(base)
+    seen = fitter.unwhitened(base)
     raw = [loglik(evidence.raw(f.z), evidence.parts)[0] for f in (base, seen)]
     white = [loglik(f.z, evidence.parts)[0] for f in (base, seen)]
     assert raw[1] >= raw[0] - 1e-6

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
+from ..inference.settings import DECIDED
 from ..residuals.bench import Evidence
 from .result import NextExperiment
 
 if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
     from ...bench.references import Trajectory
-    from ..inference.search import Search
     from .decide import Verdict
 
 SAMPLES = 2000
@@ -32,10 +32,10 @@ CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
 
 
 def next_experiment(
-    evidence: Evidence, search: Search, verdict: Verdict, params: BenchParameters
+    evidence: Evidence, verdict: Verdict, params: BenchParameters
 ) -> tuple[NextExperiment | None, tuple[str, ...]]:
     """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
-    two = _rivals(search, verdict)
+    two = _rivals(verdict)
     if two is None:
         return None, ()
     names, specs = two
@@ -75,20 +75,25 @@ def next_experiment(
 _COLUMNS = ("trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2", "F1", "F2", "mdot1", "mdot2")
 
 
-def _rivals(search: Search, verdict: Verdict) -> tuple[tuple[str, str], tuple[dict[str, Any], dict[str, Any]]] | None:
-    """Return the two explanations closest to each other, with their specs."""
-    if verdict.kind in ("cause", "class", "several"):
+def _rivals(verdict: Verdict) -> tuple[tuple[str, str], tuple[dict[str, Any], dict[str, Any]]] | None:
+    """Return the two explanations closest to each other, with their specs; None where one is clearly ahead."""
+    best = verdict.outcome.best
+    if verdict.named:
         found = []
-        for name, rivals in verdict.rivals.items():
-            others = [(g, r) for r, g in rivals if r.added != name]
-            mine = [(g, r) for r, g in rivals if r.added == name]
-            if others and mine:
-                found.append((mine[0][0] - others[0][0], name, mine[0][1], others[0][1]))
+        for name, ranked in verdict.outcome.alternatives.items():
+            others = [h for h in ranked if name not in h.names]
+            if others:
+                found.append((best.score - others[0].score, name, others[0]))
         if not found:
             return None
-        _, name, mine_, other = min(found, key=lambda f: f[0])
-        return (name, other.added), (verdict.fit.spec if len(verdict.fit.spec) == 1 else mine_.fit.spec, other.fit.spec)
-    if verdict.first is not None and len(verdict.first.rivals) > 1 and verdict.kind == "unknown":
-        a, b = verdict.first.rivals[:2]
-        return (a.added, b.added), (a.fit.spec, b.fit.spec)
+        apart, name, other = min(found, key=lambda f: f[0])
+        if apart > DECIDED:
+            return None
+        [added] = other.names - (best.names - {name})
+        return (name, added), (best.fit.spec, other.fit.spec)
+    if verdict.kind == "unknown":
+        two = [h for h in verdict.outcome.refitted if len(h.names) == 1][:2]
+        if len(two) == 2 and two[0].score - two[1].score < DECIDED:
+            a, b = two
+            return (next(iter(a.names)), next(iter(b.names))), (a.fit.spec, b.fit.spec)
     return None

@@ -134,7 +134,7 @@ class Fitter:
         """Fit the tolerances alone."""
         return self._exact({}, np.zeros(self.n))
 
-    def as_seen(self, fit: Fit) -> Fit:
+    def unwhitened(self, fit: Fit) -> Fit:
         """Refit the tolerances to the windows as they are, which is how far off a simulator is taken to be.
 
         In what makes the noise independent, slow errors weigh more: a fit there may leave more in one equation to have
@@ -146,20 +146,20 @@ class Fitter:
             z = evidence.raw(evidence.tangent(fit.spec, x))
             return solve(z, J, self.low, self.high, evidence.parts, self.weights, iterations=20, start=x)
 
-        x = _relaid(fit.x, solved).x
+        x = _relinearised(fit.x, solved).x
         return replace(fit, x=x, z=evidence.tangent(fit.spec, x) + evidence.J @ x)
 
     def at(self, spec: Spec) -> Fit:
         """Fit the tolerances with effects held at their values."""
         return self._exact({k: dict(v) for k, v in spec.items()}, np.zeros(self.n))
 
-    def glance(self, spec: Spec, x: np.ndarray) -> float:
+    def approximate(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood of effects at their values, the tolerances near deviations x."""
         return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.tangent(spec, x), x).loglik
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, the linear model of them laid where the fit ends."""
-        return _relaid(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
+        return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
 
     def refine(
         self,
@@ -240,7 +240,8 @@ class Fitter:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, and how far a step may go; of some parameters alone if wanted."""
         D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
-        for k, (_, p) in enumerate(slots):
+        spec, alone = _spec(slots, phi), {}
+        for k, (name, p) in enumerate(slots):
             if only is not None and k not in only:
                 continue
             v = phi[k]
@@ -248,9 +249,14 @@ class Fitter:
             h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
             if v + h > p.upper:
                 h = -h
-            moved = phi.copy()
-            moved[k] += h
-            D[:, k] = (self.evidence.tangent(_spec(slots, moved), x) - z) / h
+            moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
+            if len(spec) > 1 and _adds(name):
+                # What is added to an equation changes by itself as it does beside other effects.
+                if name not in alone:
+                    alone[name] = self.evidence.tangent({name: spec[name]}, x)
+                D[:, k] = (self.evidence.tangent({name: moved}, x) - alone[name]) / h
+            else:
+                D[:, k] = (self.evidence.tangent({**spec, name: moved}, x) - z) / h
             lower[k], upper[k] = p.lower - v, p.upper - v
             if _mixes(p):
                 lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
@@ -262,7 +268,7 @@ class Fitter:
         return D, lower, upper
 
 
-def _relaid(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
+def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
     """Return a solution whose linear model of the tolerances is laid where it ends, beginning at deviations x."""
     for _ in range(ROUNDS):
         found = solved(x)
@@ -276,6 +282,11 @@ def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
     """Return the parameters of a spec's effects, in order."""
     library = all_effects()
     return [(name, p) for name in spec for p in library[name].parameters]
+
+
+def _adds(name: str) -> bool:
+    """Tell whether an effect adds to equations and changes nothing that others read."""
+    return set(all_effects()[name].hooks()) <= {"force", "flow", "torque", "valve"}
 
 
 def _mixes(p: Parameter) -> bool:

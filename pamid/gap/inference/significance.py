@@ -9,7 +9,6 @@ import numpy as np
 
 from ..residuals.protocol import ResidualSource
 from .gauss_newton import Fit
-from .search import least_penalty
 from .sensitivity import Template
 from .student_t import NU
 
@@ -96,6 +95,11 @@ def library_test(
     place = float(np.mean(drawn)) - 0.5772 * spread
     p = -np.expm1(-np.exp(-(best[0] - place) / spread))
     return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
+
+
+def least_penalty(k: int, evidence: ResidualSource) -> float:
+    """Return what k parameters of one effect cost at first sight: Schwarz's price, once; others may bend little."""
+    return 0.5 * float(np.log(max(len(evidence.z0), 2))) + 1.5 * (k - 1)
 
 
 def _signs(evidence: ResidualSource, random_state: np.random.RandomState) -> np.ndarray:

@@ -1,0 +1,211 @@
+"""Write down what was decided: where the gap lies, its causes, how far it shrinks, what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..inference.competition import Competition
+from ..inference.gauss_newton import Fitter
+from ..inference.significance import excess
+from ..residuals.bench import Evidence
+from ..residuals.protocol import STATE, ResidualSource
+from .belief import candidates
+from .closure import Clusters, closures, main_equation
+from .decide import Verdict
+from .localise import bands, regions, shares, trajectories
+from .next_experiment import next_experiment
+from .remainder import leftover
+from .result import Cause, Closure, Diagnosis, EquationFinding
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def answer(
+    evidence: ResidualSource,
+    competition: Competition,
+    verdict: Verdict,
+    notes: list[str],
+    random_state: np.random.RandomState,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """Return the diagnosis of a log, the causes fitted to all of it.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The whole log.
+    competition : Competition
+        The hypotheses, on the whole log or a part of it.
+    verdict : Verdict
+        What was decided.
+    notes : list of str
+        What the reader must know.
+    random_state : RandomState
+        Draws behind intervals.
+    say : callable
+        Called with a short text at each step.
+    """
+    fitter, base, fit = competition.fitter, verdict.outcome.base.fit, verdict.outcome.best.fit
+    if competition.evidence is not evidence:
+        say("fit the causes to all rows")
+        fitter = Fitter(evidence)
+        base = fitter.base()
+        fit = fitter.refine(fit.spec, near=fit.x) if verdict.named else base
+    # The gap is what a refit within the tolerances leaves: what they take up is none.
+    base = fitter.unwhitened(base)
+    fit = fit if verdict.named else base
+    before = after = held_out = evidence.raw(base.z)
+    clusters = None
+    if verdict.named:
+        clusters = Clusters(fitter, fit)
+        after, held_out = evidence.raw(clusters.z), evidence.raw(clusters.held_out())
+    gap = before - after if verdict.named else before
+    power = np.square(gap) if verdict.named else np.maximum(np.square(before) - 1.0, 0.0)
+    energy = power * np.square(evidence.noise)
+    closure = closures(evidence, before, held_out, after, random_state)
+    equations = _equations(evidence, before, after, verdict)
+    main = [e.equation for e in equations if e.share > 0.1] or [e.equation for e in equations[:1]]
+    causes = _causes(evidence, verdict, clusters, closure) if clusters is not None else []
+    experiment, nominal, corrected = None, None, None
+    if isinstance(evidence, Evidence):
+        say("look for the next experiment")
+        experiment, rivals = next_experiment(evidence, verdict, evidence.params)
+        causes = [_distinguished(c, experiment, rivals) for c in causes] if rivals else causes
+        nominal = evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True)))
+        deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
+        corrected = evidence.simulator(fit.spec if verdict.named else {}, deviations)
+    gapped = verdict.kind != "none"
+    return Diagnosis(
+        verdict=verdict.kind,
+        p_value=verdict.p_value,
+        equations=equations,
+        regions=[r for e in main for r in regions(evidence, e, energy)] if gapped else [],
+        bands=[b for e in main for b in bands(evidence, e, gap)] if gapped else [],
+        trajectories=trajectories(evidence, _balanced(evidence, power)) if gapped else [],
+        candidates=candidates(competition, verdict),
+        causes=causes,
+        closure=[c for c in closure if gapped],
+        next_experiment=experiment,
+        notes=notes,
+        nominal=nominal,
+        corrected=corrected,
+        windows=_windows(evidence, before, after),
+        leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
+        deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
+        not_tested=dict(evidence.skipped),
+        cannot_show=[name for name in competition.library if not evidence.touched([name])],
+    )
+
+
+def untested(evidence: ResidualSource, library: Sequence[str], notes: list[str]) -> Diagnosis:
+    """Write down that nothing of a log could be held against its model; no number speaks for or against a gap."""
+    return Diagnosis(
+        verdict="untested",
+        p_value=float("nan"),
+        equations=[],
+        regions=[],
+        bands=[],
+        trajectories=[],
+        candidates=[],
+        causes=[],
+        closure=[],
+        next_experiment=None,
+        notes=notes,
+        nominal=evidence.params if isinstance(evidence, Evidence) else None,
+        corrected=None,
+        windows=_windows(evidence, np.zeros(0), np.zeros(0)),
+        not_tested=dict(evidence.skipped),
+        cannot_show=list(library),
+    )
+
+
+def _balanced(evidence: ResidualSource, power: np.ndarray) -> np.ndarray:
+    """Return the power with each equation's weighed by how clearly it shows there, not by its unit."""
+    out = np.zeros(len(power))
+    for part in evidence.parts:
+        mean = float(np.mean(power[part])) if len(power[part]) else 0.0
+        if mean > 0.05:
+            out[part] = power[part] / mean * np.log1p(mean)
+    return out
+
+
+def _equations(
+    evidence: ResidualSource, before: np.ndarray, after: np.ndarray, verdict: Verdict
+) -> list[EquationFinding]:
+    from ..inference.student_t import scale
+
+    sizes = [scale(before[part], 0.0) for part in evidence.parts]
+    over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
+    if verdict.named:
+        gains = [
+            len(before[part]) * np.log1p(np.mean(np.square(before[part] - after[part]))) for part in evidence.parts
+        ]
+    else:
+        # A few windows far out are a gap that a robust scale does not hear of.
+        loud = [
+            max(s, float(np.sqrt(np.mean(np.square(before[p]))))) for p, s in zip(evidence.parts, sizes, strict=True)
+        ]
+        gains = [len(before[p]) * max(np.log(s), 0.0) + 1e-3 for p, s in zip(evidence.parts, loud, strict=True)]
+    found = [
+        EquationFinding(name, float(share), e.p_value, float(np.sqrt(max(s**2 - 1.0, 0.0))))
+        for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)
+    ]
+    return sorted(found, key=lambda e: -e.share)
+
+
+def _causes(
+    evidence: ResidualSource,
+    verdict: Verdict,
+    clusters: Clusters,
+    closure: list[Closure],
+) -> list[Cause]:
+    fit, part_of = clusters.fit, verdict.part_of
+    parameters = clusters.parameters()
+    whole = evidence.z(fit.spec)
+    by_equation = {c.equation: c for c in closure}
+    found = []
+    for name in fit.spec:
+        rest = {k: v for k, v in fit.spec.items() if k != name}
+        added = evidence.raw(whole - (evidence.z(rest) if rest else evidence.z0))
+        equation = main_equation(evidence, name, added)
+        closed = by_equation[equation]
+        share = part_of[name] * closed.closed_share if len(fit.spec) > 1 else closed.closed_share
+        ci = tuple(part_of[name] * v for v in closed.ci90) if len(fit.spec) > 1 else closed.ci90
+        names = verdict.classes.get(name, (name,))
+        weights = verdict.weights.get(name, {name: 1.0})
+        confidence = (1.0 - verdict.unknown) * sum(weights.get(n, 0.0) for n in names)
+        found.append(Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name]))
+    return sorted(found, key=lambda c: -c.share)
+
+
+def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause:
+    if experiment is None or len(cause.effects) < 2 or not set(rivals) <= set(cause.effects):
+        return cause
+    kind = experiment.trajectory.get("kind", "run")
+    return replace(cause, told_apart_by=f"{kind}: {experiment.reason}")
+
+
+def _windows(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
+    import pandas as pd
+
+    names = np.empty(len(before), dtype=object)
+    for name, part in zip(evidence.equations, evidence.parts, strict=True):
+        names[part] = name
+    return pd.DataFrame(
+        {
+            "trajectory": np.array(evidence.trajectories, dtype=object)[evidence.block],
+            "time": evidence.time,
+            "equation": names,
+            "side": evidence.side + 1,
+            **{key: evidence.state[key] for key in STATE},
+            "measured": evidence.measured,
+            "before": before * evidence.noise,
+            "after": after * evidence.noise,
+            "noise": evidence.noise,
+        }
+    )

@@ -1,0 +1,100 @@
+"""How belief is shared among the effects of the library, no gap, and a cause that the library does not hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..inference.competition import Competition
+from ..inference.settings import FALSE_ALARM
+from .decide import Verdict
+from .result import Candidate
+
+_QUIET = 0.5, 0.96
+"""Confidence in no gap where evidence of one is only just missing, and where there is no sign of it."""
+
+
+def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
+    """Return the whole library with what speaks for each name, confidences adding to one.
+
+    Parameters
+    ----------
+    competition : Competition
+        The library on the log.
+    verdict : Verdict
+        What was decided.
+    """
+    outcome = verdict.outcome
+    named = list(outcome.best.fit.spec) if verdict.named else []
+    belief = _belief(verdict, named)
+    scores = {name: single.gain for name, single in outcome.singles.items()}
+    closed = {name: single.closed for name, single in outcome.singles.items()}
+    if len(named) == 1:
+        scores[named[0]] = outcome.best.score - outcome.base.score
+    rest = max(0.0, 1.0 - sum(belief.values()))
+    others = {n: s for n, s in scores.items() if n not in belief}
+    if others and rest > 0:
+        top = max(others.values())
+        odds = {n: float(np.exp(max(s - top, -50.0) / 3.0)) for n, s in others.items()}
+        belief.update({n: rest * v / sum(odds.values()) for n, v in odds.items()})
+    total = sum(belief.values()) or 1.0
+    best = max(scores.values(), default=0.0)
+    rows = []
+    for name in {**scores, **dict.fromkeys(("none", "unknown"))}:
+        sure = belief.get(name, 0.0) / total
+        reason = ""
+        if name in scores and name not in named and sure <= 0.05:
+            reason = _reason(competition, verdict, scores[name], best)
+        rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), closed.get(name, 0.0), reason))
+    untouched = [n for n in competition.library if n not in scores]
+    rows += [
+        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log allows, or nothing on it") for n in untouched
+    ]
+    # Causes come first in the order of the verdict; several of them may each be certain.
+    place = {name: k for k, name in enumerate(sorted(named, key=lambda n: -verdict.part_of.get(n, 1.0)))}
+    return sorted(rows, key=lambda c: (-c.confidence, place.get(c.effect, 99), -c.score))
+
+
+def _belief(verdict: Verdict, named: list[str]) -> dict[str, float]:
+    belief: dict[str, float] = {}
+    leads = _leads({name: verdict.part_of.get(name, 1.0) for name in named})
+    for name in named:
+        for other, w in verdict.weights[name].items():
+            if other not in named or other == name:
+                belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) * leads[name]
+    if verdict.kind == "none":
+        calm = float(np.clip(np.log10(max(verdict.p_value, 1e-9) / FALSE_ALARM), 0.0, 1.0))
+        belief["none"] = _QUIET[0] + (_QUIET[1] - _QUIET[0]) * calm
+        belief["unknown"] = 0.3 * (1.0 - belief["none"])
+        return belief
+    belief["unknown"] = verdict.unknown
+    belief["none"] = min(0.5, verdict.p_value)
+    if not named and verdict.trust is not None:
+        for name, w in _of_best(verdict).items():
+            belief[name] = w * verdict.trust.probability
+    return belief
+
+
+def _of_best(verdict: Verdict) -> dict[str, float]:
+    """Return how the belief that a name is right after all is shared among those of the best hypothesis."""
+    leads = _leads({name: verdict.part_of.get(name, 1.0) for name in verdict.outcome.best.fit.spec})
+    found: dict[str, float] = {}
+    for name, lead in leads.items():
+        for other, w in verdict.weights[name].items():
+            found[other] = found.get(other, 0.0) + lead * w
+    return found
+
+
+def _leads(shares_of: dict[str, float]) -> dict[str, float]:
+    """Return the probability that each cause is the leading one, from its share of what all explain together."""
+    weight = {name: max(share, 0.02) ** 1.5 for name, share in shares_of.items()}
+    return {name: w / sum(weight.values()) for name, w in weight.items()}
+
+
+def _reason(competition: Competition, verdict: Verdict, score: float, best: float) -> str:
+    if score < competition.evidence.least_gain:
+        return "brings no more than noise would"
+    if verdict.kind == "unknown" and score >= best:
+        return "comes closest, but leaves more than an inexact form allows"
+    if score < best:
+        return f"explains less: its log-likelihood is lower by {best - score:.0f}"
+    return "explains what another cause explains better beside the others"

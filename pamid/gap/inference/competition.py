@@ -1,0 +1,443 @@
+"""Hypotheses about a gap compete by their evidence: sets of effects from the linearised library, refitted exactly."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ...effects import Parameter, all_effects
+from ..residuals.protocol import ResidualSource
+from .discrepancy import Discrepancy
+from .gauss_newton import Fit, Fitter, joined, slots_of
+from .occam import occam
+from .sensitivity import Template, templates
+from .settings import CLOSE, FORM_SMOOTH, FORM_TIMES, MOST_CAUSES, OF_ITS_OWN, ONE_MORE, REFITS, TOLERANCE
+from .student_t import form_cost, scale, window_weights
+from .subsets import Subset, Subsets
+
+
+@dataclass
+class Hypothesis:
+    """A set of effects, refitted, with its evidence.
+
+    Parameters
+    ----------
+    fit : Fit
+        Tolerances and effects refitted.
+    score : float
+        Logarithm of its evidence: the likelihood with model discrepancy, less the price of its parameters.
+    plain : float
+        The likelihood with the forms as they are.
+    left : array, shape (n_equations,)
+        Scale of what is left, in units of noise and discrepancy; may be less than 1.
+    z : array, shape (n_windows,)
+        What is left, in the same units.
+    weights : array, shape (n_windows,)
+        What each window counts for at the fit.
+    own : list of float or None
+        How large each of several effects is beside what the others leave open; None before it is asked for.
+    """
+
+    fit: Fit
+    score: float
+    plain: float
+    left: np.ndarray
+    z: np.ndarray
+    weights: np.ndarray
+    own: list[float] | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(self.fit.spec)
+
+
+class Single(NamedTuple):
+    """An effect by itself, to first order.
+
+    Parameters
+    ----------
+    gain : float
+        Gain in log-likelihood less the effect's price.
+    closed : float
+        Share of the excess over the noise, of all equations together, that it closes.
+    """
+
+    gain: float
+    closed: float
+
+
+@dataclass
+class Outcome:
+    """What the competition came to.
+
+    Parameters
+    ----------
+    base, best : Hypothesis
+        No effect, and the set with the highest score.
+    singles : dict of str to Single
+        What each effect explains by itself.
+    alternatives : dict of str to list of Hypothesis
+        For each effect of the best set the same set with another effect in its place, itself among them, the highest
+        score first.
+    refitted : list of Hypothesis
+        All sets that were refitted, the highest score first.
+    """
+
+    base: Hypothesis
+    best: Hypothesis
+    singles: dict[str, Single]
+    alternatives: dict[str, list[Hypothesis]] = field(default_factory=dict)
+    refitted: list[Hypothesis] = field(default_factory=list)
+
+
+class Competition:
+    """The hypotheses about one log.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    library : sequence of str
+        Effects that may be named.
+    progress : callable, optional
+        Called with a text at each step.
+    """
+
+    def __init__(
+        self,
+        evidence: ResidualSource,
+        library: Sequence[str],
+        progress: Callable[[str], None] | None = None,
+    ) -> None:
+        self.evidence, self.fitter, self.library = evidence, Fitter(evidence), list(library)
+        self.discrepancy = Discrepancy(evidence)
+        self.say = progress or (lambda _: None)
+        known = all_effects()
+        self.templates: list[Template] = []
+        for name in library:
+            self.say(f"sensitivity to {name}")
+            self.templates += templates(evidence, known[name])
+        self._done: dict[frozenset[str], Hypothesis] = {}
+        self._jacobians: dict[str, np.ndarray] = {}
+        self.base = self.hypothesis(self.fitter.base())
+        self._done[frozenset()] = self.base
+
+    @property
+    def usable(self) -> list[str]:
+        """The effects that change something on this log."""
+        return list(dict.fromkeys(t.effect for t in self.templates))
+
+    # --- evidence -----------------------------------------------------------------------------------------------
+    def hypothesis(self, fit: Fit) -> Hypothesis:
+        """Return a fit with its evidence."""
+        evidence = self.evidence
+        z = evidence.tangent(fit.spec, fit.x)
+        spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
+        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening)
+        best, width = plain, None
+        value = plain.loglik
+        if fit.spec:
+            columns = self.discrepancy.columns(fit)
+            k = columns.shape[1]
+            precision = np.full(k, FORM_SMOOTH**-2)
+            for times in FORM_TIMES:
+                trial = self.discrepancy.width(fit, times) if times else None
+                both = widening if trial is None else trial if widening is None else trial * widening
+                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both)
+                total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
+                scaled = columns / np.broadcast_to(total, len(z))[:, None]
+                loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
+                if loose > value:
+                    best, width, value = s, trial, loose
+        weights = window_weights(best, evidence.parts, self.fitter.weights)
+        if width is not None:
+            weights = weights / np.square(width)
+        score = value - self._unlikely(fit) - sum(self._price(fit, weights).values())
+        left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
+        return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
+
+    @staticmethod
+    def _unlikely(fit: Fit) -> float:
+        """Return what deviations within the tolerances cost."""
+        return 0.5 * TOLERANCE * float(fit.x @ fit.x)
+
+    def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
+        """Return what each effect of a fit costs for its parameters, less what is expected of it."""
+        if not fit.spec:
+            return {}
+        D, slots = self._sensitivities(fit)
+        found = {}
+        for name, d in self.discrepancy.contributions(fit).items():
+            mine = [k for k, (n, _) in enumerate(slots) if n == name]
+            gain = 0.5 * float(weights @ np.square(d))
+            parameters = [slots[k][1] for k in mine]
+            values = [fit.spec[name][p.name] for p in parameters]
+            price = occam(D[:, mine], self.evidence.J, weights, parameters, values, gain)
+            found[name] = price - self.evidence.prior(name)
+        return found
+
+    # --- search -------------------------------------------------------------------------------------------------
+    def run(self) -> Outcome:
+        """Let sets of effects compete, from the linearised library to exact refits about the best."""
+        if not self.templates:
+            return Outcome(self.base, self.base, {})
+        about = self._about(self.base)
+        singles = self._singles(about)
+        found = about.grow(MOST_CAUSES)
+        best = self.base
+        for subset in _contenders(found, about.fit(()).score):
+            self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
+            best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
+        best = self._improved(best)
+        best = self._merged(best)
+        best = self._pruned(best)
+        if best.fit.spec:
+            best = max(best, self.hypothesis(self.fitter.refine(best.fit.spec, near=best.fit.x)), key=self._ranked)
+            self._done[best.names] = best
+        alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
+        return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
+
+    def _singles(self, about: Subsets) -> dict[str, Single]:
+        """Return what each effect explains by itself."""
+        start = about.fit(())
+        gains = about.gains(start)
+        found: dict[str, Single] = {}
+        room = _excess(self.evidence, about.unweighted(start))
+        for t in np.argsort(-gains, kind="stable"):
+            name = self.templates[t].effect
+            if name not in found:
+                left = _excess(self.evidence, about.unweighted(about.fit((int(t),)))) if gains[t] > 0 else room
+                closed = float(np.clip(1.0 - left / room, 0.0, 1.0)) if room > 0 else 0.0
+                found[name] = Single(float(gains[t]) - about.cost[name], closed)
+        return found
+
+    def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
+        """Return what sets of different size are compared by: whether each effect is one of its own, then the score."""
+        own = not any(degenerate(h.fit, name) for name in h.fit.spec)
+        own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
+        return own, h.score - self._crowded(h)
+
+    def _crowded(self, h: Hypothesis) -> float:
+        """Return what a set must explain better than a smaller one, in nats, for each effect beyond the first.
+
+        In the same equation, where the inexact form of one effect calls for another, that is a share of what they
+        explain there together.
+        """
+        if len(h.fit.spec) < 2:
+            return 0.0
+        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
+        sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
+        gain = sizes * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
+        return ONE_MORE * (len(h.fit.spec) - 1) + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ np.maximum(gain, 0.0))
+
+    def _own_shares(self, h: Hypothesis) -> list[float]:
+        if h.own is None:
+            h.own = []
+            if len(h.fit.spec) > 1:
+                D, slots = self._sensitivities(h.fit)
+                for name in h.fit.spec:
+                    others = np.array([n != name for n, _ in slots])
+                    h.own.append(self.discrepancy.own_share(h.fit, name, D[:, others]))
+        return h.own
+
+    def _sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
+        """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
+        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
+        if key not in self._jacobians:
+            slots = slots_of(fit.spec)
+            phi = np.array([fit.spec[name][p.name] for name, p in slots])
+            D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
+            self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
+        return self._jacobians[key], slots_of(fit.spec)
+
+    def _about(self, h: Hypothesis, without: frozenset[str] = frozenset()) -> Subsets:
+        """Return the subsets of the library about a hypothesis, some of its effects taken out."""
+        evidence, fit = self.evidence, h.fit
+        spec = {k: v for k, v in fit.spec.items() if k not in without}
+        z = evidence.tangent(spec, fit.x)
+        m = evidence.J.shape[1]
+        fixed, lower, upper, precision = [evidence.J], [self.fitter.low], [self.fitter.high], [np.full(m, TOLERANCE)]
+        if spec:
+            slots = slots_of(spec)
+            phi = np.array([spec[name][p.name] for name, p in slots])
+            D, low, high = self.fitter.jacobian(slots, phi, z, fit.x)
+            smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales))
+            fixed += [D, smooth]
+            bound = np.full(smooth.shape[1], 2.0 * FORM_SMOOTH)
+            lower, upper = [*lower, low, -bound], [*upper, high, bound]
+            precision += [np.zeros(D.shape[1]), np.full(smooth.shape[1], FORM_SMOOTH**-2)]
+        n = len(evidence.z0)
+        cost = {
+            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (ONE_MORE if spec else 0.0)
+            for name in self.usable
+        }
+        weights = h.weights.copy()
+        for i, part in enumerate(evidence.parts):
+            # The scale of each equation is fitted anew for every set; what is left is each window's own weight.
+            weights[part] *= h.fit.scales[i] ** 2 / max(float(self.fitter.weights[i]), 1e-12)
+        return Subsets(
+            z,
+            np.column_stack(fixed),
+            np.concatenate(lower),
+            np.concatenate(upper),
+            np.concatenate(precision),
+            self.templates,
+            cost,
+            evidence.parts,
+            weights,
+            self.fitter.weights,
+        )
+
+    def _refitted(self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = ()) -> Hypothesis:
+        """Return a set of effects refitted exactly, on top of those of a hypothesis that are kept."""
+        kept = {name: at.fit.spec[name] for name in keep}
+        offset, starts = about.fixed.shape[1], [kept]
+        for t in subset.templates:
+            template = self.templates[t]
+            m = template.columns.shape[1]
+            x, offset = subset.x[offset : offset + m], offset + m
+            readings = [{template.effect: values} for values in template.starts(x)]
+            starts = [joined(s, r) for s in starts for r in readings]
+        x0 = at.fit.x
+        if len(starts) > 1:
+            starts = sorted(starts, key=lambda s: -self.fitter.approximate(s, x0))
+        return self._refined(starts[0], at)
+
+    def _improved(self, best: Hypothesis, rounds: int = 3) -> Hypothesis:
+        """Add an effect, or put another in the place of one, as long as that has more evidence."""
+        for _ in range(rounds):
+            before = best
+            if len(best.fit.spec) < MOST_CAUSES:
+                best = self._step(best, None)
+            if len(best.fit.spec) > 1:
+                for name in list(best.fit.spec):
+                    best = self._step(best, name) if name in best.fit.spec else best
+            if best is before:
+                break
+        return best
+
+    def _step(self, at: Hypothesis, out: str | None) -> Hypothesis:
+        """Return the best of a hypothesis and those with one effect more, or with another in the place of one."""
+        without = frozenset() if out is None else frozenset({out})
+        return max([at, *self._neighbours(at, without, 2, 0.4)], key=self._ranked)
+
+    def _neighbours(self, at: Hypothesis, out: frozenset[str], most: int, margin: float = 1.0) -> list[Hypothesis]:
+        """Refit the most promising sets with one effect more, some effects taken away first.
+
+        Parameters
+        ----------
+        at : Hypothesis
+            The set to begin from.
+        out : frozenset of str
+            Effects to take away.
+        most : int
+            Most sets to refit.
+        margin : float, default=1.0
+            How far below what was taken away a set may be to first order, as a share of `CLOSE`.
+        """
+        keep = [name for name in at.fit.spec if name not in out]
+        about = self._about(at, out)
+        gains = about.gains(about.fit(()))
+        place: dict[str, int] = {}
+        for t in np.argsort(-gains, kind="stable"):
+            place.setdefault(self.templates[t].effect, int(t))
+        net = {name: float(gains[t]) - about.cost[name] for name, t in place.items()}
+        own = max((net[name] for name in out if name in net), default=0.0)
+        allowed = margin * (CLOSE[0] + CLOSE[1] * max(own, 0.0)) if out else 0.0
+        others = sorted((n for n in net if n not in at.fit.spec), key=lambda n: -net[n])
+        found = []
+        for name in [n for n in others if net[n] > own - allowed][:most]:
+            self.say(f"refit with {name}")
+            found.append(self._refitted(about, about.fit((place[name],)), at, keep))
+        return found
+
+    def _purged(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis without the effects that are none of their own: close relatives that fit as one."""
+        while len(h.fit.spec) > 1 and min(shares := self._own_shares(h)) < OF_ITS_OWN:
+            out = list(h.fit.spec)[int(np.argmin(shares))]
+            h = self._refined({k: v for k, v in h.fit.spec.items() if k != out}, h)
+        return h
+
+    def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis) -> Hypothesis:
+        """Return effects refitted from where they are."""
+        found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x))
+        if found.names not in self._done or found.score > self._done[found.names].score:
+            self._done[found.names] = found
+        return self._done[found.names]
+
+    def _merged(self, best: Hypothesis) -> Hypothesis:
+        """Look for one effect in the place of two that act in the same equation."""
+        for pair in itertools.combinations(best.fit.spec, 2):
+            if len({self.discrepancy.main_part(best.fit, name) for name in pair}) == 1:
+                trial = max([best, *self._neighbours(best, frozenset(pair), 2)], key=self._ranked)
+                if trial is not best:
+                    return self._merged(trial)
+        return best
+
+    def _pruned(self, best: Hypothesis) -> Hypothesis:
+        """Take away effects that have too little evidence beside the others."""
+        while len(best.fit.spec) > 1:
+            rests = [{k: v for k, v in best.fit.spec.items() if k != name} for name in best.fit.spec]
+            found = [best, *(self._refined(rest, best) for rest in rests)]
+            chosen = max(found, key=self._ranked)
+            if chosen is best:
+                break
+            best = chosen
+        return best
+
+    def _alternatives(self, best: Hypothesis, name: str) -> list[Hypothesis]:
+        """Return the best set with other effects in the place of one, the highest score first."""
+        self._neighbours(best, frozenset({name}), REFITS)
+        others = best.names - {name}
+        found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
+        found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
+        return sorted(found, key=lambda h: -h.score)
+
+
+def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
+
+
+def _excess(evidence: ResidualSource, z: np.ndarray) -> float:
+    """Return by how much residuals exceed their noise, over all equations."""
+    raw = np.square(evidence.raw(z))
+    return sum(max(float(np.sum(raw[part])) - (part.stop - part.start), 0.0) for part in evidence.parts)
+
+
+def _contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
+    """Return the sets to refit: those close to the best, and none that a smaller one in it is as good as."""
+    some = [s for s in found if s.templates]
+    if not some:
+        return []
+    best = some[0].score
+    chosen: list[Subset] = []
+    for s in some:
+        if s.score < best - CLOSE[0] - CLOSE[1] * max(best - nothing, 0.0) or len(chosen) == REFITS:
+            break
+        if not any(set(c.templates) < set(s.templates) for c in chosen):
+            chosen.append(s)
+    return chosen
+
+
+def degenerate(fit: Fit, name: str) -> str | None:
+    """Return the parameter at whose bound an effect of a fit has turned into another one; None if it has not."""
+    if name not in fit.spec:
+        return None
+    values, parameters = fit.spec[name], all_effects()[name].parameters
+    for p in parameters:
+        if not p.essential:
+            continue
+        value = values[p.name]
+        if p.linear:
+            others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
+            if abs(value) < 0.1 * others:
+                return p.name
+        # A lower bound far below what is typical stands for zero, the ideal form of the same effect.
+        elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
+            return p.name
+    return None

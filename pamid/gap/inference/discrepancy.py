@@ -1,0 +1,192 @@
+r"""How inexact the forms of effects are: what a right cause of a slightly wrong form leaves is expected, and no cause.
+
+Where an effect acts it may be wrong by a small share of what it adds there, differently in each window, and by a larger
+share that goes smoothly with the state:
+
+.. math:: z = z_0 + \sum_k d_k (1 + \sum_j \beta_{kj} u_j) + \eta, \qquad
+    \beta_{kj} \sim N(0, \varphi^2), \quad \operatorname{var} \eta = 1 + \sum_k (\delta_k d_k)^2 + c_k^2
+
+with d the contribution of effect k, u signals of the state between −1 and 1, and c what it may add where the library's
+form has nothing. Both are part of the likelihood of every hypothesis that holds the effect.
+
+References
+----------
+M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", Journal of the Royal Statistical Society B 63(3),
+2001. https://doi.org/10.1111/1467-9868.00294
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...effects import all_effects
+from ..residuals.protocol import ResidualSource
+from .gauss_newton import SLACK, Fit
+from .settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
+from .student_t import bounded
+
+AGES = (0.05, 0.3, 1.5)
+"""Ages of the past that forms may differ by, s: from a few windows to the length of a run."""
+_CONFINED = {"friction", "hysteresis", "load"}
+_CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
+
+
+def has_form(name: str) -> bool:
+    """Tell whether an effect has a form that may be inexact; a sensor's offset or gain or a wrong length has none."""
+    effect = all_effects()[name]
+    return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
+
+
+class Discrepancy:
+    """The model discrepancy of the fits of one log.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    """
+
+    def __init__(self, evidence: ResidualSource) -> None:
+        self.evidence = evidence
+        self._contributions: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+        self._signals: list[np.ndarray] | None = None
+
+    def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
+        """Return what each effect of a fit adds to the residuals beyond what tolerances take up, in units of noise."""
+        return {name: beyond for name, (_, beyond) in self._parts_of(fit).items()}
+
+    def _parts_of(self, fit: Fit) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
+        key, J = f"{fit.spec!r} {fit.x.tobytes()!r}", self.evidence.J
+        if key not in self._contributions:
+            whole = self.evidence.tangent(fit.spec, fit.x)
+            found = {}
+            for name in fit.spec:
+                rest = {k: v for k, v in fit.spec.items() if k != name}
+                d = whole - self.evidence.tangent(rest, fit.x)
+                found[name] = d, d - J @ np.linalg.lstsq(J, d, rcond=None)[0] if J.shape[1] else d
+            self._contributions = {**dict(list(self._contributions.items())[-7:]), key: found}
+        return self._contributions[key]
+
+    def main_part(self, fit: Fit, name: str) -> int:
+        """Return the place of the equation in which an effect of a fit is largest, in units of noise."""
+        raw = self.evidence.raw(self._parts_of(fit)[name][0])
+        return int(np.argmax([float(np.mean(np.square(raw[part]))) for part in self.evidence.parts]))
+
+    def magnitude(self, d: np.ndarray) -> float:
+        """Return the root mean square of a contribution in the equation where it is largest, unwhitened."""
+        raw = self.evidence.raw(d)
+        return max(float(np.sqrt(np.mean(np.square(raw[part])))) for part in self.evidence.parts)
+
+    def width(self, fit: Fit, times: float = 1.0) -> np.ndarray | None:
+        """Return the standard deviation of each window, in units of its noise; None where nothing is inexact.
+
+        Parameters
+        ----------
+        fit : Fit
+            A set of effects with their values.
+        times : float, default=1.0
+            How much more inexact than usual the forms are.
+        """
+        variance = np.zeros(len(self.evidence.z0))
+        for name, d in self.contributions(fit).items():
+            if not has_form(name):
+                variance += np.square(FORM_EXACT * d)
+                continue
+            # What changes a muscle's shape shows in force and volume alike; friction stays where it is.
+            elsewhere = 0.0 if all_effects()[name].family in _CONFINED else FORM_ELSEWHERE * self.magnitude(d)
+            variance += np.square(FORM_LOCAL * d) + elsewhere**2
+        return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
+
+    def own_share(self, fit: Fit, name: str, D: np.ndarray) -> float:
+        """Return how large an effect is beside what the others leave open, in the equation where that is most.
+
+        What tolerances and the parameters of the other effects could say of its contribution is taken off; the rest is
+        a share of what those of inexact form among them add to the same equation, infinite where they add nothing.
+
+        Parameters
+        ----------
+        fit : Fit
+            A set of effects with their values.
+        name : str
+            One of them.
+        D : array, shape (n_windows, n_columns)
+            Sensitivities to the parameters of the others.
+        """
+        direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
+        rough = [d for k, d in direct.items() if k != name and has_form(k)]
+        if not rough:
+            return np.inf
+        A = np.column_stack([self.evidence.J, D])
+        size = np.maximum(np.sqrt(np.sum(np.square(A), axis=0)), 1e-300)
+        A = A / size
+        # Tolerances take up no more than they have room for.
+        free = np.full(D.shape[1], np.inf)
+        lower = np.concatenate([-SLACK - fit.x, -free]) * size
+        upper = np.concatenate([SLACK - fit.x, free]) * size
+        d = direct[name]
+        alone = self.evidence.raw(d - A @ bounded(A.T @ A + 1e-9 * np.eye(len(size)), A.T @ d, lower, upper))
+        beside, whole = self.evidence.raw(np.sum(rough, axis=0)), self.evidence.raw(direct[name])
+        sizes = [
+            [float(np.sqrt(np.mean(np.square(d[p])))) for d in (alone, beside, whole)] for p in self.evidence.parts
+        ]
+        # Where an effect does not act, tolerances hardly move what it seems to add.
+        acts = 0.3 * max(whole_size for *_, whole_size in sizes)
+        return max(mine / max(theirs, 1e-3 * mine, 1e-300) for mine, theirs, size in sizes if size >= acts)
+
+    def columns(self, fit: Fit) -> np.ndarray:
+        """Return the columns of the smooth part: each effect's contribution times a signal of the state.
+
+        A memory may be a little slower or of another order, too: then the contribution is also compared with its past.
+        """
+        if self._signals is None:
+            self._signals = _signals(self.evidence.state)
+        found: list[np.ndarray] = []
+        for name, d in self.contributions(fit).items():
+            if not has_form(name):
+                continue
+            raw = self.evidence.raw(d)
+            found += [raw * signal for signal in self._signals]
+            if all_effects()[name].n_states:
+                found += pasts(raw, self.evidence)
+        return self.evidence.white(np.column_stack(found)) if found else np.zeros((len(self.evidence.z0), 0))
+
+
+def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Return signals of the state between about −1 and 1; zero where a window has none."""
+    found = []
+    for x in (state["P"], state["eps"], np.abs(state["deps"]), np.abs(state["u"])):
+        if np.all(np.isnan(x)):
+            continue
+        low, mid, high = np.nanquantile(x, (0.05, 0.5, 0.95))
+        found.append(np.nan_to_num((x - mid) / max(high - low, 1e-12)).clip(-2.0, 2.0))
+    return found
+
+
+def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
+    """Return how far what windows hold is from its exponentially weighted past, for several ages.
+
+    Parameters
+    ----------
+    x : array, shape (n_windows,)
+        A value at each window.
+    evidence : ResidualSource
+        The log; no past reaches over the border of a run or an equation.
+    """
+    from scipy.signal import lfilter
+
+    equation = np.zeros(len(x), dtype=np.int64)
+    for k, part in enumerate(evidence.parts):
+        equation[part] = k
+    sequence = (equation * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side
+    order = np.lexsort((evidence.time, sequence))
+    out = [np.zeros(len(x)) for _ in AGES]
+    for rows in np.split(order, np.flatnonzero(np.diff(sequence[order])) + 1):
+        if len(rows) < 2:
+            continue
+        step = float(np.median(np.diff(evidence.time[rows])))
+        for k, age in enumerate(AGES):
+            a = float(np.exp(-max(step, 1e-6) / age))
+            past, _ = lfilter([1.0 - a], [1.0, -a], x[rows], zi=[a * x[rows][0]])
+            out[k][rows] = x[rows] - past
+    return out

@@ -1,0 +1,139 @@
+r"""A function of the state and its recent past of no particular form: what no effect of the library explains.
+
+It is a sum of random cosines of the state, its exponentially weighted past, the path since the last reversal and the
+time, with Gaussian weights; how much of a residual it predicts for trajectories that it has not seen competes with
+what effects explain:
+
+.. math:: f(s) = \sum_j a_j \cos(\omega_j^\top s + b_j), \qquad a_j \sim N(0, \tau^2)
+
+References
+----------
+A. Rahimi, B. Recht, "Random features for large-scale kernel machines", Advances in Neural Information Processing
+Systems 20, 2007.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..residuals.protocol import ResidualSource
+from .discrepancy import pasts
+from .settings import COSINES
+
+_RIDGES = 10.0 ** np.arange(-1.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a flexible function predicts of one equation's residual on trajectories that it has not seen.
+
+    Parameters
+    ----------
+    equation : str
+        The equation.
+    predicted : array, shape (n_windows_of_equation,)
+        Its prediction of each window, from the other trajectories, in the units of the residual.
+    share : float
+        Share of the residual's mean square that it predicts, at least 0.
+    gain : float
+        Gain in log-likelihood on the trajectories held out.
+    """
+
+    equation: str
+    predicted: np.ndarray
+    share: float
+    gain: float
+
+
+class Flexible:
+    """Flexible functions on the windows of one log.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    seed : int, default=0
+        Seed of the frequencies.
+    """
+
+    def __init__(self, evidence: ResidualSource, seed: int = 0) -> None:
+        self.evidence, self.seed = evidence, seed
+        self._bases: dict[str, np.ndarray] = {}
+        self._features: np.ndarray | None = None
+
+    def basis(self, equation: str) -> np.ndarray:
+        """Return the functions at the windows of an equation, shape (n_windows, n_functions)."""
+        if equation not in self._bases:
+            part = self.evidence.parts[self.evidence.equations.index(equation)]
+            if self._features is None:
+                self._features = _features(self.evidence)
+            s = self._features[part]
+            s = s[:, np.ptp(s, axis=0) > 0.0]
+            rng = np.random.RandomState(self.seed)
+            blocks = [np.ones((len(s), 1)), s]
+            if s.shape[1]:
+                for size in (0.5, 1.5):
+                    # Each cosine reads a few signals: a function of all at once would need far more windows.
+                    omega = rng.standard_normal((s.shape[1], COSINES)) * size
+                    reads = np.argsort(rng.random_sample(omega.shape), axis=0) < min(3, s.shape[1])
+                    blocks.append(np.cos(s @ (omega * reads) + rng.uniform(0.0, 2.0 * np.pi, COSINES)))
+            self._bases[equation] = np.column_stack(blocks)
+        return self._bases[equation]
+
+    def remainder(self, equation: str, z: np.ndarray) -> Remainder:
+        """Return what a flexible function predicts of residuals, from trajectory to trajectory.
+
+        Parameters
+        ----------
+        equation : str
+            The equation.
+        z : array, shape (n_windows,)
+            Residuals of all equations, in units of their noise.
+        """
+        part = self.evidence.parts[self.evidence.equations.index(equation)]
+        B, r = self.basis(equation), z[part]
+        size = max(float(np.median(np.abs(r))) / 0.6745, 1e-12)
+        r = np.clip(r, -6.0 * size, 6.0 * size)
+        folds = _folds(self.evidence, part)
+        names = np.unique(folds)
+        H = np.array([B[folds == k].T @ B[folds == k] for k in names])
+        g = np.array([B[folds == k].T @ r[folds == k] for k in names])
+        best, least = np.zeros(len(r)), float(np.mean(np.square(r)))
+        whole_H, whole_g = H.sum(axis=0), g.sum(axis=0)
+        scale = np.sqrt(np.maximum(np.diag(whole_H) / max(len(r), 1), 1e-12))
+        for ridge in _RIDGES:
+            predicted = np.empty(len(r))
+            for k, name in enumerate(names):
+                A = (whole_H - H[k]) / np.outer(scale, scale) + ridge * np.eye(len(scale))
+                predicted[folds == name] = B[folds == name] @ (np.linalg.solve(A, (whole_g - g[k]) / scale) / scale)
+            left = float(np.mean(np.square(r - predicted)))
+            if left < least:
+                best, least = predicted, left
+        power = float(np.mean(np.square(r)))
+        share = 1.0 - least / power if power > 0 else 0.0
+        gain = -0.5 * len(r) * float(np.log(max(least, 1e-12) / max(power, 1e-12))) if share > 0 else 0.0
+        return Remainder(equation, best, max(share, 0.0), gain)
+
+
+def _folds(evidence: ResidualSource, part: slice) -> np.ndarray:
+    """Return the fold of each window: whole trajectories, or stretches of time where there are too few."""
+    block = evidence.block[part]
+    names = np.unique(block)
+    if len(names) >= 3:
+        return np.searchsorted(names, block) % 6
+    return (12 * np.arange(len(block)) // max(len(block), 1)) % 4
+
+
+def _features(evidence: ResidualSource) -> np.ndarray:
+    """Return signals between about −1 and 1 at all windows: the state, how far it is from its past, and the time."""
+    found = []
+    for x in evidence.state.values():
+        if np.any(np.isfinite(x)):
+            known = np.nan_to_num(x, nan=float(np.nanmedian(x)))
+            found += [known, *pasts(known, evidence)]
+    found.append(evidence.time.astype(float))
+    columns = [(x - np.median(x)) / max(float(np.quantile(x, 0.95) - np.quantile(x, 0.05)), 1e-12) for x in found]
+    kept = [np.clip(2.0 * c, -3.0, 3.0) for c in columns if np.ptp(c) > 0.0]
+    return np.column_stack(kept) if kept else np.zeros((len(evidence.time), 0))

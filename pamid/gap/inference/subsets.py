@@ -1,0 +1,283 @@
+r"""Which sets of effects could explain residuals: every subset scored from products of sensitivities.
+
+The library is linearised once. A set of effects is then a few columns, and what it explains follows from their inner
+products with each other, with the residual and with what has a tolerance, equation by equation:
+
+.. math:: \ell(S) = \max_{x, s} -\sum_e w_e \Big[n_e \log s_e + \frac{\|z_e + A_e x\|^2}{2 s_e^2}\Big]
+    - \tfrac{1}{2} x^\top \Lambda x, \qquad s_e \ge 1
+
+with the scale s of each equation profiled out, so that a faint effect counts as soon as a strong one is explained.
+Sets are grown breadth first: one more effect of all, the best few kept, their grid points chosen anew.
+
+References
+----------
+G. M. Furnival, R. W. Wilson, "Regressions by leaps and bounds", Technometrics 16(4), 1974.
+https://doi.org/10.1080/00401706.1974.10489231
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .discrepancy import has_form
+from .sensitivity import Template
+from .settings import BEAM, BRANCHES, OF_ITS_OWN
+from .student_t import bounded
+
+
+@dataclass(frozen=True)
+class Subset:
+    """A set of effects at grid points, fitted to first order.
+
+    Parameters
+    ----------
+    templates : tuple of int
+        Places of its templates in the library.
+    x : array, shape (n_fixed + n_columns,)
+        Coefficients of the fixed columns and of the templates' columns.
+    loglik : float
+        Approximate log-likelihood.
+    score : float
+        The same less what its effects cost.
+    scales : array, shape (n_equations,)
+        Scale of each equation's residual.
+    left : array, shape (n_equations,)
+        Sum of squares of each equation's residual.
+    """
+
+    templates: tuple[int, ...]
+    x: np.ndarray
+    loglik: float
+    score: float
+    scales: np.ndarray
+    left: np.ndarray
+
+
+class Subsets:
+    """Sets of effects about a fit.
+
+    Parameters
+    ----------
+    z : array, shape (n_windows,)
+        Residuals at the fit, in units of the noise.
+    fixed : array, shape (n_windows, n_fixed)
+        Columns that every set has: tolerances, and effects that stand already.
+    lower, upper, precision : array, shape (n_fixed,)
+        Bounds and prior precision of their coefficients.
+    library : sequence of Template
+        Effects at their grid points.
+    cost : mapping of str to float
+        What each effect costs.
+    parts : sequence of slice
+        The windows of each equation.
+    weights : array, shape (n_windows,)
+        What each window counts for.
+    share : array, shape (n_equations,)
+        What a window of each equation counts for in the likelihood.
+    """
+
+    def __init__(
+        self,
+        z: np.ndarray,
+        fixed: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        precision: np.ndarray,
+        library: Sequence[Template],
+        cost: Mapping[str, float],
+        parts: Sequence[slice],
+        weights: np.ndarray,
+        share: np.ndarray,
+    ) -> None:
+        self.library, self.cost = list(library), cost
+        self._root = np.sqrt(weights)
+        self.z, self.fixed = z * self._root, fixed * self._root[:, None]
+        self.lower, self.upper, self.precision = lower, upper, precision
+        self.parts, self.share = parts, share
+        self.count = np.array([float(np.sum(weights[p])) for p in parts])
+        sizes = [t.columns.shape[1] for t in self.library]
+        ends = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        self.places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.columns = (
+            np.column_stack([t.columns for t in self.library]) * self._root[:, None]
+            if self.library
+            else np.zeros((len(z), 0))
+        )
+        self._blocks = [
+            np.array([self.columns[p, c].T @ self.columns[p, c] for p in parts]).reshape(len(parts), n, n)
+            for c, n in zip(self.places, sizes, strict=True)
+        ]
+        self._own = np.array([self.columns[p].T @ self.z[p] for p in parts])
+        self._products: dict[int, np.ndarray] = {}
+        self._across = np.array([self.fixed[p].T @ self.columns[p] for p in parts])
+        self._inner = np.array([self.fixed[p].T @ self.fixed[p] for p in parts])
+
+    # --- one set ----------------------------------------------------------------------------------------------
+    def fit(self, templates: tuple[int, ...], rounds: int = 4) -> Subset:
+        """Fit a set of templates, the scales of the equations with them."""
+        A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in templates)])
+        lower = np.concatenate([self.lower, *(self.library[t].lower for t in templates)])
+        upper = np.concatenate([self.upper, *(self.library[t].upper for t in templates)])
+        precision = np.concatenate([self.precision, np.zeros(A.shape[1] - len(self.precision))])
+        G = np.array([A[p].T @ A[p] for p in self.parts])
+        b = np.array([A[p].T @ self.z[p] for p in self.parts])
+        zz = np.array([float(self.z[p] @ self.z[p]) for p in self.parts])
+        x, scales, left, loglik = np.zeros(A.shape[1]), self._scales(zz), zz, -np.inf
+        for _ in range(rounds):
+            c = self.share / scales**2
+            H = np.tensordot(c, G, 1) + np.diag(precision)
+            x = bounded(H, -np.tensordot(c, b, 1), lower, upper)
+            left = zz + 2.0 * b @ x + np.einsum("i,eij,j->e", x, G, x)
+            scales = self._scales(left)
+            found = -float(self.share @ (self.count * np.log(scales) + 0.5 * left / scales**2))
+            found -= 0.5 * float(precision @ (x * x))
+            if abs(found - loglik) < 0.05:
+                loglik = found
+                break
+            loglik = found
+        cost = sum(self.cost[self.library[t].effect] for t in templates)
+        return Subset(templates, x, loglik, loglik - cost, scales, left)
+
+    def unweighted(self, subset: Subset) -> np.ndarray:
+        """Return what a set leaves of the residuals, in units of the noise."""
+        A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in subset.templates)])
+        return (self.z + A @ subset.x) / np.maximum(self._root, 1e-12)
+
+    def _scales(self, left: np.ndarray) -> np.ndarray:
+        return np.sqrt(np.maximum(1.0, left / np.maximum(self.count, 1.0)))
+
+    # --- one more effect --------------------------------------------------------------------------------------
+    def gains(self, subset: Subset, only: Sequence[int] | None = None) -> np.ndarray:
+        """Return what templates would add to a set, the others' coefficients free: gains in log-likelihood.
+
+        Parameters
+        ----------
+        subset : Subset
+            The set.
+        only : sequence of int, optional
+            The templates; all by default.
+        """
+        chosen = range(len(self.library)) if only is None else only
+        c = self.share / subset.scales**2
+        columns = [k for t in subset.templates for k in range(self.places[t].start, self.places[t].stop)]
+        GST = np.tensordot(c, self._across, 1)
+        if subset.templates:
+            GST = np.concatenate([GST, *(np.tensordot(c, self._with_all(t), 1) for t in subset.templates)])
+        m = self.fixed.shape[1]
+        G = np.zeros((len(GST), len(GST)))
+        G[:m, :m] = np.tensordot(c, self._inner, 1) + np.diag(self.precision)
+        G[:, m:] = GST[:, columns]
+        G[m:, :m] = GST[:m, columns].T
+        slope = np.tensordot(c, self._own, 1) + subset.x @ GST
+        size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+        weighted = GST / size[:, None]
+        scaled = G / np.outer(size, size) + 1e-9 * np.eye(len(G))
+        projected = np.linalg.solve(scaled, weighted) if len(G) else weighted
+        out = np.zeros(len(self.library))
+        outside: list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        for k in chosen:
+            place, t = self.places[k], self.library[k]
+            own = np.tensordot(c, self._blocks[k], 1)
+            S = own - weighted[:, place].T @ projected[:, place]
+            diagonal = own.diagonal()
+            usable = S.diagonal() > 1e-6 * diagonal
+            if not usable.any():
+                continue
+            S = S[np.ix_(usable, usable)] + 1e-9 * np.diag(diagonal[usable])
+            g, low, high = slope[place][usable], t.lower[usable], t.upper[usable]
+            if len(g) == 1:
+                y = np.clip(-g / S[0, 0], low, high)
+            else:
+                y = np.linalg.solve(S, -g)
+                if np.any(y < low) or np.any(y > high):
+                    outside.append((k, S, g, low, high))
+            out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
+        # What bounds take away matters only for those that would be chosen without them.
+        for k, S, g, low, high in sorted(outside, key=lambda v: -out[v[0]])[: 4 * BRANCHES]:
+            y = bounded(S, -g, low, high)
+            out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
+        return out
+
+    def _with_all(self, t: int) -> np.ndarray:
+        """Return the products of a template's columns with all columns, equation by equation."""
+        if t not in self._products:
+            mine = self.columns[:, self.places[t]]
+            self._products[t] = np.array([mine[p].T @ self.columns[p] for p in self.parts])
+        return self._products[t]
+
+    # --- all sets ---------------------------------------------------------------------------------------------
+    def grow(self, most: int, start: tuple[int, ...] = (), barred: frozenset[str] = frozenset()) -> list[Subset]:
+        """Return sets of up to so many effects, the best score first, one for each set of names.
+
+        Parameters
+        ----------
+        most : int
+            Most effects of a set.
+        start : tuple of int
+            Templates to begin from.
+        barred : frozenset of str
+            Effects that may not be added.
+        """
+        first = self.fit(start)
+        found: dict[frozenset[str], Subset] = {self._names(start): first}
+        beam = [first]
+        while beam and len(beam[0].templates) < most:
+            children: dict[frozenset[str], Subset] = {}
+            for parent in beam:
+                for t in self._promising(parent, barred):
+                    child = self.fit((*parent.templates, t))
+                    if not self._of_its_own(child, parent, first):
+                        continue
+                    names = self._names(child.templates)
+                    if names not in children or child.score > children[names].score:
+                        children[names] = child
+            ranked = sorted(children.values(), key=lambda s: -s.score)[:BEAM]
+            # The grid matters for what is refitted, and only the first few are.
+            beam = [self._regridded(s) if k < 2 and len(s.templates) > 1 else s for k, s in enumerate(ranked)]
+            best = max((s.score for s in found.values()), default=-np.inf)
+            for s in beam:
+                found[self._names(s.templates)] = s
+            # One effect may help only beside another, which is seen a step later.
+            if not beam or (max(s.score for s in beam) <= best and len(beam[0].templates) > 1):
+                break
+        return sorted(found.values(), key=lambda s: -s.score)
+
+    def _of_its_own(self, child: Subset, parent: Subset, first: Subset) -> bool:
+        """Tell whether what a set adds to another is more than an inexact form of the other's effects could be."""
+        if not any(has_form(name) for name in self._names(parent.templates)):
+            return True
+        added, there = parent.left - child.left, first.left - parent.left
+        return bool(np.any((added > OF_ITS_OWN**2 * there) & (added > 0.3 * np.max(added))))
+
+    def _names(self, templates: tuple[int, ...]) -> frozenset[str]:
+        return frozenset(self.library[t].effect for t in templates)
+
+    def _promising(self, parent: Subset, barred: frozenset[str]) -> list[int]:
+        """Return for the most promising effects the grid point that adds most."""
+        gains, names = self.gains(parent), self._names(parent.templates) | barred
+        best: dict[str, int] = {}
+        for t in np.argsort(-gains, kind="stable"):
+            effect = self.library[t].effect
+            if effect not in names and effect not in best:
+                best[effect] = int(t)
+        ranked = sorted(best.values(), key=lambda t: self.cost[self.library[t].effect] - gains[t])
+        return ranked[:BRANCHES]
+
+    def _regridded(self, subset: Subset) -> Subset:
+        """Return a set with each effect's grid point chosen anew beside the others."""
+        for k, t in enumerate(subset.templates):
+            rest = self.fit((*subset.templates[:k], *subset.templates[k + 1 :]), rounds=2)
+            same = [i for i, other in enumerate(self.library) if other.effect == self.library[t].effect]
+            if len(same) < 2:
+                continue
+            gains = self.gains(rest, same)
+            best = max(same, key=lambda i: gains[i])
+            if best != t:
+                trial = self.fit((*subset.templates[:k], best, *subset.templates[k + 1 :]))
+                if trial.score > subset.score:
+                    subset = trial
+        return subset
