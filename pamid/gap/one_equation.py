@@ -194,6 +194,7 @@ def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
             for c in found.closure
         ],
         windows=windows,
+        remainder={**found.remainder, "rmse": found.remainder["rmse"] * size} if found.remainder else {},
     )
 
 

@@ -19,6 +19,7 @@ _EXPERIMENT_UNITS = {
     "frequency": "rad/s", "amplitude": "deg", "angle": "deg", "start": "deg", "end": "deg", "seconds": "s",
     "rise": "Pa", "at": "s", "after": "s", "phase": "rad",
 }  # fmt: skip
+_WORTH_SAYING = 0.01  # share of a gap
 _NOTHING = 0.02  # share closed that is not worth a name
 NOT_EFFECTS = ("none", "unknown")
 

@@ -18,7 +18,7 @@ from .closure import Clusters, closures, main_equation
 from .decide import Verdict
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
-from .remainder import leftover
+from .remainder import leftover, remainder
 from .result import Cause, Closure, Diagnosis, EquationFinding
 
 if TYPE_CHECKING:
@@ -96,6 +96,8 @@ def answer(
         corrected=corrected,
         windows=_windows(evidence, before, after),
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
+        remainder=remainder(evidence, before, after) if verdict.named else {},
+        signs=dict(verdict.trust.signs) if verdict.named and verdict.trust is not None else {},
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
         not_tested=dict(evidence.skipped),
         cannot_show=[name for name in competition.library if not evidence.touched([name])],

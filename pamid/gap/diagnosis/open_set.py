@@ -1,9 +1,8 @@
 r"""Whether what was named is the cause, or only looks like it: what a name must show before it is said.
 
 A cause that the library does not hold is mostly imitated by one or several effects of it, with a high likelihood. It is
-given away by what the imitation leaves: a residual above the noise and the inexactness that its forms are allowed,
-which a flexible function of the state still predicts, and by effects that mend each other. These signs are weighed by
-logistic regression,
+given away by what the imitation leaves above the noise and the inexactness that its forms are allowed, and by effects
+that undo or mend each other. These signs are weighed by logistic regression,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
@@ -23,11 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects import all_effects
-from ..inference.competition import Competition, Outcome, degenerate
-from ..inference.discrepancy import has_form
+from ..inference.competition import Competition, Outcome
 from ..inference.flexible import Flexible
-from ..inference.settings import HALF, SIGNS, TRUSTED
+from ..inference.settings import HALF, NOTICED, SIGNS, TRUSTED
 
 
 @dataclass(frozen=True)
@@ -65,63 +62,51 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
     if not competition.evidence.exact:
         # Any other model may be wrong in several small ways at once: names are said of what they close.
         closed = 1.0 - signs["left_of_gap"]
-        probability = float(1.0 / (1.0 + np.exp(-HALF * (closed - 0.5))))
-        return Trust(probability, closed > 0.5, signs)
-    score = SIGNS["constant"] + sum(SIGNS[name] * value for name, value in signs.items() if name in SIGNS)
-    probability = float(1.0 / (1.0 + np.exp(-np.clip(score, -30.0, 30.0))))
+        return Trust(float(1.0 / (1.0 + np.exp(-HALF * (closed - 0.5)))), closed > 0.5, signs)
+    score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
+    probability = float(1.0 / (1.0 + np.exp(-score)))
     return Trust(probability, probability > TRUSTED, signs)
 
 
 def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> dict[str, float]:
-    """Return the signs of a cause beyond the library.
+    """Return the signs of a cause beyond the library, each from 0 to 1.
 
     Returns
     -------
     dict of str to float
-        ``left``: logarithm of the largest scale of what is left, in noise and inexactness, at least 0.
+        ``left``: logarithm of what is left over that of what was there, both in units of noise and inexactness, in the
+        equation where most is left; a half counts as all.
+        ``cancelling``: logarithm of the power of all contributions by themselves over that of their sum: what needs
+        effects that undo each other; a factor of seven counts as all.
+        ``faint``: logarithm of one over the smallest share of a cause; a fiftieth counts as all.
         ``left_of_gap``: share of the gap's power that is left, beyond the noise.
-        ``predictable``: logarithm of one plus the power, in noise, that a flexible function still predicts.
-        ``predictable_of_cause``: the same as an amplitude, a share of what the causes add there.
-        ``causes``: effects beyond the first.
-        ``mended``: effects of exact form beyond the first, each of another sensor or parameter.
-        ``turned``: effects whose parameters ended where they turn into another effect.
-        ``faint``: logarithm of one over the smallest share of a cause.
-        ``cancelling``: logarithm of the power of all contributions by themselves over that of their sum, at least 0.
+        ``predictable``: share of what is left that a flexible function of the state predicts on other trajectories.
     """
     evidence, best, base = competition.evidence, outcome.best, outcome.base
     before, after = evidence.raw(base.fit.z), evidence.raw(best.fit.z)
-    added = competition.discrepancy.contributions(best.fit)
-    total = evidence.raw(np.sum(list(added.values()), axis=0)) if added else np.zeros(len(before))
-    each = [evidence.raw(d) for d in added.values()]
-    alone, together = sum(float(np.sum(np.square(d))) for d in each), float(np.sum(np.square(total)))
+    each = [evidence.raw(d) for d in competition.discrepancy.contributions(best.fit).values()]
+    alone = sum(float(np.sum(np.square(d))) for d in each)
+    together = float(np.sum(np.square(np.sum(each, axis=0)))) if each else 0.0
+    room = still = left = predictable = 0.0
     flexible = Flexible(evidence)
-    room = left = 0.0
-    predictable = of_cause = 0.0
-    for name, part in zip(evidence.equations, evidence.parts, strict=True):
-        n = part.stop - part.start
-        size = np.minimum(np.square(before[part]), 36.0 * np.median(np.square(before[part])) + 36.0)
-        still = np.minimum(np.square(after[part]), 36.0 * np.median(np.square(after[part])) + 36.0)
-        room += max(float(np.sum(size)) - n, 0.0)
-        left += max(float(np.sum(still)) - n, 0.0)
-        if n < 60:
-            continue
-        found = flexible.remainder(name, best.fit.z)
-        power = found.share * float(np.mean(still))
-        predictable = max(predictable, power)
-        cause = float(np.sqrt(np.mean(np.square(total[part]))))
-        if cause > 0.3:
-            of_cause = max(of_cause, float(np.sqrt(power)) / cause)
-    names = list(best.fit.spec)
-    exact = [name for name in names if not has_form(name)]
-    channels = {all_effects()[name].channel or name for name in exact}
+    for name, part, was, now in zip(evidence.equations, evidence.parts, base.left, best.left, strict=True):
+        room += _excess(before[part])
+        more = _excess(after[part])
+        if more > still and part.stop - part.start > 60:
+            predictable = flexible.remainder(name, best.fit.z).share
+        still = still + more
+        if was > NOTICED[0] and now > NOTICED[1]:
+            left = max(left, float(np.log(now) / np.log(was)))
     return {
-        "left": float(np.log(max(1.0, *(float(v) for v in best.left)))),
-        "left_of_gap": float(np.clip(left / room, 0.0, 1.0)) if room > 0 else 0.0,
-        "predictable": float(np.log1p(predictable)),
-        "predictable_of_cause": min(of_cause, 1.0),
-        "causes": float(len(names) - 1),
-        "mended": float(max(len(channels) - 1, 0)),
-        "turned": float(sum(degenerate(best.fit, name) is not None for name in names)),
-        "faint": float(-np.log(max(min(part_of.values(), default=1.0), 1e-3))),
-        "cancelling": float(np.log(max(alone / max(together, 1e-300), 1.0))) if together > 0 else 0.0,
+        "left": min(2.0 * left, 1.0),
+        "cancelling": float(np.clip(0.5 * np.log(alone / together), 0.0, 1.0)) if together > 0 else 0.0,
+        "faint": float(np.clip(-0.25 * np.log(max(min(part_of.values(), default=1.0), 1e-3)), 0.0, 1.0)),
+        "left_of_gap": float(np.clip(still / room, 0.0, 1.0)) if room > 0 else 0.0,
+        "predictable": min(predictable, 1.0),
     }
+
+
+def _excess(z: np.ndarray) -> float:
+    """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""
+    power = np.square(z)
+    return max(float(np.sum(np.minimum(power, 36.0 * (np.median(power) + 1.0)))) - len(z), 0.0)

@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..residuals.protocol import ResidualSource
+from .localise import regions
 
 _TERMS = 3
 """Terms of the closest formula."""
+TOLD = 0.01
+"""Share of a gap from which what is left is described."""
 _LEAST = 200
 """Windows below which nothing is said."""
 
@@ -55,6 +58,42 @@ def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str
     found |= _learned(state, y, evidence.block[part], excess)
     found |= _rhythm(y, evidence, part)
     found |= _formula(state, y, excess)
+    return found
+
+
+def remainder(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+    """Describe what named causes leave in the equation where they leave most.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    before, after : array, shape (n_windows,)
+        Residuals without and with the causes, in units of the noise.
+
+    Returns
+    -------
+    dict
+        ``equation``; ``share`` of the gap's power beyond the noise, over all equations, that is left; ``rmse`` beyond
+        the noise, in the equation's unit; ``regions``, queries; ``depends_on``, signals by falling influence.
+    """
+    room = [max(float(np.sum(np.square(before[p]))) - (p.stop - p.start), 0.0) for p in evidence.parts]
+    left = [max(float(np.sum(np.square(after[p]))) - (p.stop - p.start), 0.0) for p in evidence.parts]
+    at = int(np.argmax(left))
+    name, part = evidence.equations[at], evidence.parts[at]
+    beyond = np.mean(np.square(evidence.noise[part])) * left[at] / max(part.stop - part.start, 1)
+    found: dict[str, Any] = {
+        "equation": name,
+        "share": float(np.clip(sum(left) / sum(room), 0.0, 1.0)) if sum(room) > 0 else 0.0,
+        "rmse": float(np.sqrt(beyond)),
+        "unit": evidence.units[name],
+        "regions": [],
+        "depends_on": [],
+    }
+    if found["share"] > TOLD:
+        power = np.maximum(np.square(after) - 1.0, 0.0) * np.square(evidence.noise)
+        found["regions"] = [r.query for r in regions(evidence, name, power)[:3]]
+        found["depends_on"] = leftover(evidence, name, after).get("depends_on", [])
     return found
 
 

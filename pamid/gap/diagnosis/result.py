@@ -320,6 +320,11 @@ class Diagnosis:
     windows : DataFrame
         One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
         its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
+    remainder : dict
+        What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
+        ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
+    signs : dict of str to float
+        What trust in the names rests on, see `pamid.gap.diagnosis.open_set.signs_of`; empty where nothing is named.
     leftover : dict
         For an unknown cause: what the leftover depends on, and its closest symbolic form.
     not_tested : dict of str to str
@@ -355,6 +360,8 @@ class Diagnosis:
     corrected: Any
     windows: pd.DataFrame
     leftover: dict[str, Any] = field(default_factory=dict)
+    remainder: dict[str, Any] = field(default_factory=dict)
+    signs: dict[str, float] = field(default_factory=dict)
     deviations: dict[str, float] = field(default_factory=dict)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
@@ -391,6 +398,8 @@ class Diagnosis:
                 "closure": [vars(c) for c in self.closure],
                 "next_experiment": None if experiment is None else vars(experiment),
                 "leftover": self.leftover,
+                "remainder": self.remainder,
+                "signs": self.signs,
                 "not_tested": self.not_tested,
                 "cannot_show": self.cannot_show,
                 "notes": self.notes,
