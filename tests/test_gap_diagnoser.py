@@ -85,9 +85,7 @@ def test_cylinder_with_seal_friction(rubbing):
 
 
 def test_without_the_cause_in_the_library_it_is_unknown(rubbing):
-    found = diagnosed(
-        rubbing[0], COLUMNS, "F", effects=("bladder_elasticity", "force_bias", "quadratic_drag"), **CYLINDER
-    )
+    found = diagnosed(rubbing[0], COLUMNS, "F", effects=("bladder_elasticity", "force_bias"), **CYLINDER)
     assert found.verdict_ == "unknown"
     assert found.effects_ == {}
     assert found.gap_

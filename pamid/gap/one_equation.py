@@ -171,7 +171,8 @@ def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
         known = {p.name: p for p in effect.parameters}
         for name, p in cause.parameters.items():
             f = scaling.factor(effect, known[name])
-            ci = (p.ci90[0] * f, p.ci90[1] * f)
+            low, high = sorted((p.ci90[0] * f, p.ci90[1] * f))
+            ci = (low, high)
             parameters[name] = replace(p, value=p.value * f, unit=units.of(effect, known[name]), ci90=ci)
         causes.append(replace(cause, parameters=parameters))
     windows = found.windows.assign(

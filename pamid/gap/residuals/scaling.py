@@ -60,9 +60,10 @@ class Scaling:
     def factor(self, effect: type[Effect], p: Parameter) -> float:
         """Return what a parameter in typical units is multiplied by, to be in units of the log.
 
-        Newton stands for the unit of the target, pascal for that of the pressure.
+        Newton stands for the unit of the target, pascal for that of the pressure. What a sensor of the target adds to
+        its reading keeps its sign, whichever way effects act on the target.
         """
-        size = abs(self.target)
+        size = self.target if effect.channel in ("F", "mdot") and "measure" in effect.hooks() else abs(self.target)
         base = {
             "N": size,
             "s": 1.0 / self.time,
