@@ -220,7 +220,7 @@ def test_mixed_sampling_rates(log, tmp_path, capsys, plain_page):
 
 def test_a_log_without_what_any_equation_needs(log, tmp_path, capsys):
     BenchParameters.for_muscle("B").to_toml(tmp_path / "sim.toml")
-    for name, columns in {"q": ["q"], "all": [c for c in log if re.match(r"F|mdot", c)]}.items():
+    for name, columns in {"q": ["q"], "all": [c for c in log if re.match(r"F|mdot|P", c)]}.items():
         write_log(log.drop(columns=columns), tmp_path / f"{name}.parquet")
         argv = [str(tmp_path / f"{name}.parquet"), "--out", str(tmp_path / "out"), *QUICK]
         refused(argv, "lacks|needs", capsys)
