@@ -200,8 +200,9 @@ class QAdapter(AdaptedModel):
         fitted = float((w * f * y).sum()) / information if information > 0 else np.nan
         score = f * (y - fitted * f)
         scatter = float((w * score**2).sum())
-        if codes is not None:
-            # Residuals of one trajectory depend on each other: what they tell of Q together counts once.
+        if codes is not None and np.ptp(codes) > 0:
+            # Residuals of one trajectory depend on each other: what they tell of Q together counts once. Those of a
+            # single trajectory sum to nothing, so that rows count there.
             scatter = float((np.bincount(codes, weights=(w * score).sum(axis=1)) ** 2).sum())
         error = float(np.sqrt(scatter)) / information if information > 0 else np.inf
         error = max(error, 1e-9 * abs(fitted)) if np.isfinite(fitted) else np.inf
