@@ -235,6 +235,18 @@ class SimulatorFileError(PamidError, ValueError):
     page = "docs/simulator.md#the-simulator-file"
 
 
+class UntrustedCodeError(SimulatorFileError):
+    """A simulator names code (a Python function, an FMU) that may not run yet."""
+
+    page = "docs/simulators.md#trust"
+
+
+class ForeignSimulatorError(PamidError, RuntimeError):
+    """A simulator of somebody else's has crashed, hung or failed."""
+
+    page = "docs/simulators.md#fmu"
+
+
 class SimulatorNotFoundError(SimulatorFileError, FileNotFoundError):
     """No file where the simulator should be."""
 

@@ -201,7 +201,11 @@ def test_every_import_is_declared() -> None:
     declared = {re.split(r"[<>=!\[ ]", d)[0].lower() for d in PROJECT["project"]["dependencies"]}
     declared = {{"scikit-learn": "sklearn"}.get(d, d) for d in declared}
     optional = PROJECT["project"]["optional-dependencies"]
-    extras = {re.split(r"[<>=!\[ ]", d)[0].lower() for name in ("export", "distributed") for d in optional[name]}
+    extras = {
+        re.split(r"[<>=!\[ ]", d)[0].lower()
+        for n in ("export", "distributed", "mujoco", "control")
+        for d in optional[n]
+    }
     used = {m.partition(".")[0] for p in LIBRARY for m, _ in imports(p)}
     foreign = used - set(sys.stdlib_module_names) - {"pamid", "estimators"}
     brought_along = {"joblib"}  # by scikit-learn

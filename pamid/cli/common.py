@@ -90,12 +90,12 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_log(args: argparse.Namespace, nan: str | None = None) -> pd.DataFrame:
+def load_log(args: argparse.Namespace, nan: str | None = None, check_units: bool = True) -> pd.DataFrame:
     """Read the log that the arguments name."""
     from ..signals import read_log
 
     paths = args.log if isinstance(args.log, list) else [args.log]
-    return read_log(paths, args.columns, nan=nan or args.nan)
+    return read_log(paths, args.columns, nan=nan or args.nan, check_units=check_units)
 
 
 def load_pieces(args: argparse.Namespace, rows: int, nan: str | None = None) -> Iterator[pd.DataFrame]:

@@ -93,7 +93,7 @@ def verdict(d: Diagnosis) -> str:
     first = d.causes[0]
     if len(first.effects) > 1:
         return f"One cause, and this log cannot tell which: {_either(first)}"
-    return f"One cause: {effect(first.effects[0])}"
+    return f"One cause: {_names(first)[0]}"
 
 
 # --- where --------------------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def which(d: Diagnosis) -> str:
     if len(cause.effects) > 1:
         text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
         return f"{text}; {_sentence_end(cause.told_apart_by or 'this log cannot tell them apart')}"
-    return f"{_capital(effect(cause.effects[0]))}, {place} ({certain}){_sizes(cause)}."
+    return f"{_capital(_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
 
 
 def _sizes(cause: Cause) -> str:
@@ -349,7 +349,15 @@ def _plain(value: Any) -> str:
 
 # --- words --------------------------------------------------------------------------------------------------
 def _either(cause: Cause) -> str:
-    return listed([effect(name) for name in cause.effects], "or")
+    return listed(_names(cause), "or")
+
+
+def _names(cause: Cause) -> list[str]:
+    """Return the effects of a cause as words, with the ports at which they act."""
+    where = cause.where or ("",) * len(cause.effects)
+    return [
+        f"{effect(name)} at {port}" if port else effect(name) for name, port in zip(cause.effects, where, strict=True)
+    ]
 
 
 def _capital(text: str) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import ParameterError, UnknownParameterError
+from ..errors import MissingParameterError, ParameterError, UnknownParameterError
 from .ports import ModelParameter, Port, as_parameters
 
 FORMS = ("algebraic", "ode", "run")
@@ -45,7 +46,11 @@ class Simulator:
 
     form: str = "ode"
     kind: ClassVar[str] = "function"
-    """Kind of its page, see `pamid.systems`."""
+    """Kind of its page, see `read_simulator`."""
+    kinds: ClassVar[tuple[str, ...]] = ()
+    """Kinds that pages may call it."""
+    executes: ClassVar[bool] = True
+    """Whether making it from a page runs code that the page names."""
 
     def __init__(
         self,
@@ -117,6 +122,15 @@ class Simulator:
         """Values of the parameters, in order."""
         return np.array([p.value for p in self.parameters.values()], dtype=float)
 
+    @property
+    def tolerance(self) -> dict[str, float]:
+        """Tolerances of the parameters that have one, relative."""
+        return {name: p.tolerance for name, p in self.parameters.items() if p.tolerance > 0.0}
+
+    def get(self, name: str) -> float:
+        """Return the value of a parameter."""
+        return float(self.parameters[name].value)
+
     def with_(
         self,
         parameters: Mapping[str, float] | None = None,
@@ -156,6 +170,35 @@ class Simulator:
         if effects is not None:
             out.effects = tuple((name, where, dict(values)) for name, where, values in effects)
         return out
+
+    # --- its page -------------------------------------------------------------------------------------------
+    @classmethod
+    def from_page(
+        cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
+        effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
+    ) -> Self:  # fmt: skip
+        """Return the simulator that a page names: its kind, the table of that name, and what all kinds have."""
+        raise NotImplementedError
+
+    def page_table(self, folder: Path) -> dict[str, Any]:
+        """Return the entries of the table of its kind, files named as seen from a folder."""
+        raise NotImplementedError
+
+    def own_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers that the model itself has and that a page may give a tolerance."""
+        return dict(self.parameters)
+
+    @staticmethod
+    def text_of(table: Mapping[str, Any], name: str, others: Sequence[str] = ()) -> str:
+        """Return the one text that a page's table must have; raise where it has others than these."""
+        if extra := sorted(set(table) - {name, *others}):
+            raise UnknownParameterError(
+                f"The page has {', '.join(extra)}.", f"only {', '.join((name, *others))}", "Correct the name."
+            )
+        value = table.get(name)
+        if not isinstance(value, str) or not value:
+            raise MissingParameterError(f"{name} is {value!r}.", "a text", f'Write {name} = "...".')
+        return value
 
     # --- the forms ------------------------------------------------------------------------------------------
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

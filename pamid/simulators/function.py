@@ -5,16 +5,17 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..errors import ParameterError, ShapeError, SimulatorNotFoundError, UnknownOptionError
 from .base import Simulator
-from .ports import Port, Values
+from .ports import ModelParameter, Port, Values
 
 _FORMS = ("ode", "algebraic", "run")
 
@@ -59,6 +60,7 @@ class FunctionSimulator(Simulator):
     """
 
     kind: ClassVar[str] = "function"
+    kinds: ClassVar[tuple[str, ...]] = ("function", "ode")
 
     def __init__(
         self,
@@ -78,6 +80,36 @@ class FunctionSimulator(Simulator):
         if self.form not in _FORMS:
             raise UnknownOptionError(f"form is {form!r}.", f"one of {', '.join(_FORMS)}", "Correct it.")
         self._fast: dict[str, bool] = {}
+        self.output_source, self.folder = "", Path()
+
+    @classmethod
+    def from_page(
+        cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
+        effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
+    ) -> Self:  # fmt: skip
+        """Return the simulator that a page names: ``function``, and if wanted ``output`` and ``form``."""
+        source = cls.text_of(table, "function", ("output", "form"))
+        shown = cls.text_of({"output": table["output"]}, "output") if "output" in table else ""
+        out = cls(
+            load_function(source, folder),
+            ports,
+            parameters,
+            output=load_function(shown, folder) if shown else None,
+            form=table.get("form", "ode" if kind == "ode" else None),
+            effects=effects,
+            source=source,
+        )
+        out.output_source, out.folder = shown, folder
+        return out
+
+    def page_table(self, folder: Path) -> dict[str, Any]:
+        """Return the entries of the page's table."""
+        found = {"function": written_source(self.source or _source_of(self.function), self.folder, folder)}
+        if self.output_function is not None:
+            found["output"] = written_source(
+                self.output_source or _source_of(self.output_function), self.folder, folder
+            )
+        return {**found, "form": self.form}
 
     def _call(
         self, what: str, function: Callable[..., Any], arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
@@ -170,6 +202,43 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
             f"{module} has no {name!r}.", "the name of a function in it", "Correct the name after the colon."
         )
     return found
+
+
+def written_source(source: str, home: Path, folder: Path) -> str:
+    """Return where code was imported from, a file as it is called from another folder.
+
+    Parameters
+    ----------
+    source : str
+        ``"module:name"`` or ``"file.py:name"``, as seen from `home`.
+    home, folder : Path
+        The folder of the page that named it, and that of the new page.
+
+    Returns
+    -------
+    str
+        The same, as seen from `folder`.
+
+    Raises
+    ------
+    ParameterError
+        It has no name.
+    """
+    if not source:
+        raise ParameterError(
+            "The simulator was made from something without a name.", "a function of a module", "Define it in a file."
+        )
+    module, _, name = source.rpartition(":")
+    if module.endswith(".py"):
+        module = Path(os.path.relpath((home / module).resolve(), folder.resolve())).as_posix()
+    return f"{module}:{name}"
+
+
+def _source_of(function: Callable[..., Any]) -> str:
+    """Return the name by which a function can be imported; empty where there is none."""
+    module, name = getattr(function, "__module__", ""), getattr(function, "__qualname__", "")
+    importable = module and module != "__main__" and name and "<" not in name
+    return f"{module}:{name}" if importable else ""
 
 
 def _load_file(path: Path) -> Any:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -149,6 +149,44 @@ def as_parameters(given: Mapping[str, Any] | None) -> dict[str, ModelParameter]:
         else:
             found[str(name)] = ModelParameter(value)
     return found
+
+
+def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
+    """Return a model's own ports, with what is said of them otherwise, and further ones.
+
+    Parameters
+    ----------
+    own : sequence of Port
+        Ports as the model has them.
+    said : sequence of Port
+        What a user says: what is left at its default stays as the model has it.
+
+    Returns
+    -------
+    list of Port
+        The ports.
+
+    Raises
+    ------
+    ParameterError
+        A port of the model is said to be of another kind.
+    """
+    found = {p.name: p for p in own}
+    for port in said:
+        if port.name not in found:
+            found[port.name] = port
+            continue
+        if port.kind != found[port.name].kind:
+            raise ParameterError(
+                f"The port {port.name} is said to be of the kind {port.kind}.",
+                f"{found[port.name].kind}, as the model has it",
+                "Correct its kind.",
+            )
+        names = ("unit", "column", "position", "velocity", "level", "through", "start")
+        plain = Port(port.name, port.kind)
+        changes = {n: getattr(port, n) for n in names if getattr(port, n) != getattr(plain, n)}
+        found[port.name] = replace(found[port.name], **changes)
+    return list(found.values())
 
 
 class Values(np.ndarray):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
+from .._simulators import CORRECTED, add_trust_option, port_simulator_of, write_corrected
 from ..common import (
     DONE,
     UNTESTED,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from ...gap.diagnosis.result import Diagnosis
     from ...report.sections import Source
 
-FILES = ("diagnosis.json", "corrected.toml", "report.html")
+FILES = ("diagnosis.json", *CORRECTED, "report.html")
 """What --out receives."""
 
 _CANDIDATES = 6
@@ -50,12 +51,16 @@ DIR receives report.html (opens in any browser, without a network), diagnosis.js
 with the causes added, which 'pamid evaluate' and 'pamid simulate' take.
 
 SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it;
-corrected.toml is then such a page, for 'pamid evaluate' and 'pamid diagnose'.
+corrected.toml is then such a page, for 'pamid evaluate' and 'pamid diagnose'. It may be the page of a simulator of your
+own as well, a Python function, a MuJoCo model, an FMU or a python-control system (docs/simulators.md), or such a model
+itself, .xml or .fmu: effects then act at its ports, and the corrected simulator comes back as what it was.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
   pamid diagnose log.parquet --out diagnosis --effects coulomb_friction,hysteresis,leakage
   pamid diagnose bench.csv --columns mapping.toml --sim sim.toml --out diagnosis --without creep --json
+  pamid diagnose log.csv --sim motor.toml --trust --out diagnosis      a function of your own, or an FMU
+  pamid diagnose log.csv --sim arm.xml --out diagnosis                 a MuJoCo model
   pamid evaluate other.parquet --sim diagnosis/corrected.toml
 """
 
@@ -75,20 +80,23 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--without", metavar="A,B,...", action="append", default=[], help="effects to leave out; repeatable"
     )
+    add_trust_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...gap import diagnose
+    from ...gap import diagnose, diagnose_simulator
     from ...report import answers
     from ...systems import diagnose_system
 
     folder = check_folder(args.out, FILES, size=_ROOM)
-    system = system_of(args)
-    effects = _effects(args.effects, args.without, "bench" if system is None else system.library)
-    log = load_log(args)
-    params = simulator_of(args) if system is None else None
-    if params is None and system is None:
+    ported = port_simulator_of(args)
+    system = system_of(args) if ported is None else None
+    kind = "" if ported is not None else "bench" if system is None else system.library
+    effects = _effects(args.effects, args.without, kind)
+    log = load_log(args, check_units=ported is None)  # a port says itself which unit it is in
+    params = simulator_of(args) if system is None and ported is None else None
+    if params is None and system is None and ported is None:
         raise ParameterError(
             "No simulator is named, and none lies beside the log.",
             "a simulator file",
@@ -96,7 +104,9 @@ def run(args: argparse.Namespace) -> int:
         )
     started = time.perf_counter()
     with progress(args, "Diagnosing") as step:
-        if system is not None:
+        if ported is not None:
+            d = diagnose_simulator(log, ported, effects=effects, seed=args.seed, progress=step)
+        elif system is not None:
             d = diagnose_system(log, system, effects=effects, seed=args.seed, progress=step)
         else:
             assert params is not None
@@ -143,14 +153,18 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
         If they cannot be written; what was there before then stays.
     """
     from ...report import report_html
+    from ...simulators import Simulator
 
     texts = {"report.html": report_html(d, source), "diagnosis.json": d.to_json() + "\n"}
     with replacing_together(folder, FILES) as stage:
         for name, text in texts.items():
             write_whole(stage / name, text)
-        if d.corrected is not None:
+        if isinstance(d.corrected, Simulator):
+            write_corrected(d.corrected, stage, folder)
+        elif d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
-    return [folder / name for name in FILES if name in texts or d.corrected is not None]
+        written = [name for name in FILES if (stage / name).exists()]
+    return [folder / name for name in written]
 
 
 def _effects(chosen: str, without: Sequence[str], kind: str) -> str | list[str]:
@@ -159,17 +173,19 @@ def _effects(chosen: str, without: Sequence[str], kind: str) -> str | list[str]:
 
     from ...effects import all_effects
     from ...effects.registry import chosen_effects
+    from ...simulators import port_effects
 
-    known = all_effects()
+    at_ports = not kind
+    known = set(port_effects()) if at_ports else set(all_effects())
 
     def names(text: str, option: str) -> list[str]:
         found = [name.strip() for name in text.split(",") if name.strip()]
         for name in found:
-            if name not in known:
+            if name.partition("@")[0] not in known:
                 close = difflib.get_close_matches(name, known, n=3)
                 raise UnknownOptionError(
                     f"{option} names {name!r}, which is no effect.",
-                    f"one of {', '.join(known)}",
+                    f"one of {', '.join(sorted(known))}",
                     f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
                 )
         return found
@@ -177,7 +193,8 @@ def _effects(chosen: str, without: Sequence[str], kind: str) -> str | list[str]:
     left_out = {name for text in without for name in names(text, "--without")}
     if chosen.strip() == "all" and not left_out:
         return "all"
-    kept = chosen_effects("all", kind) if chosen.strip() == "all" else names(chosen, "--effects")
+    whole = sorted(known) if at_ports else chosen_effects("all", kind)
+    kept = whole if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
         raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")
@@ -210,7 +227,7 @@ def _ranking(d: Diagnosis) -> str:
     first = sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))[: max(_CANDIDATES, len(told))]
     rows = [
         [
-            c.effect,
+            f"{c.effect} at {c.where}" if c.where else c.effect,
             number(round(c.confidence, 3)),
             number(round(c.closed_share, 3)) if c.effect not in NOT_EFFECTS else "-",
             "" if c.effect in told else reason(d, c),

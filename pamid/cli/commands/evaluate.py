@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
+from .._simulators import add_trust_option, evaluation, port_simulator_of
 from ..common import (
     DONE,
     UNTESTED,
@@ -24,6 +25,7 @@ from ..common import (
 
 if TYPE_CHECKING:
     from ...equations import LogEvaluation
+    from ...simulators import Simulator
     from ...systems import System
 
 _DESCRIPTION = """\
@@ -61,6 +63,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="N",
         help="read the log in pieces of N rows, each of whole trajectories, where it is larger than memory",
     )
+    add_trust_option(parser)
     parser.add_argument("--refit", action="store_true", help="refit the parameters under [tolerance] within it first")
 
 
@@ -83,6 +86,8 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     from ...equations import evaluate_log, refit_within_tolerance
     from ...systems import System
 
+    if (ported := port_simulator_of(args)) is not None:
+        return _evaluate_ported(args, ported)
     params = page_of(args)
     if isinstance(params, System):
         return _evaluate_system(args, params)
@@ -154,6 +159,22 @@ def _evaluate_system(args: argparse.Namespace, system: System) -> int:
     _tell(result)
     for text in said:
         note(args, text)
+    return DONE
+
+
+def _evaluate_ported(args: argparse.Namespace, simulator: Simulator) -> int:
+    """Hold a log against a simulator with ports."""
+    for option, given in (("--refit", args.refit), ("--piece-rows", args.piece_rows is not None)):
+        if given:
+            raise ParameterError(
+                f"{option} is given for a simulator with ports.", "a simulator of the bench", "Leave it out."
+            )
+    found = evaluation(load_log(args, check_units=False), simulator)
+    if args.json:
+        print_json({"kind": simulator.kind, "equations": found})
+        return DONE
+    rows = [[e["equation"], *(number(e[k]) for k in ("rmse", "nrmse", "noise_floor")), e["unit"]] for e in found]
+    print(table(["equation", "rmse", "nrmse", "noise floor", "unit"], rows))
     return DONE
 
 

@@ -43,6 +43,7 @@ ASSUMED in the files; what two readings are possible of (gauge or absolute, two 
 is an error that says which option settles it. The log is read with the new mapping before anything is written.
 """
 _EXAMPLES = """\
+  pamid init run1.csv --sim arm.xml --out setup                    ports of a MuJoCo model, or of an FMU
   pamid init run1.csv                                              asks what it cannot know
   pamid init run1.csv --kind muscle --set rest_length='200 mm' --set rest_diameter='20 mm' --yes
   pamid init *.csv --kind cylinder --signal time=0:ms --signal x=4:mm --signal P=5:bar:gauge --signal F=6:N \\
@@ -62,6 +63,11 @@ def add_parser(subparsers: Any) -> None:
         metavar="KIND",
         default="",
         help="what was recorded: bench, muscle, cylinder or joint (default: guessed)",
+    )
+    parser.add_argument(
+        "--sim",
+        metavar="MODEL",
+        help="a MuJoCo model (.xml) or an FMU: write the page of its ports, with the columns that they probably are",
     )
     parser.add_argument(
         "--signal",
@@ -104,7 +110,38 @@ def run(args: argparse.Namespace) -> int:
         raise
 
 
+def _of_model(args: argparse.Namespace) -> int:
+    """Write the page of a model."""
+    from ...file_sets import check_folder, replacing_together
+    from ...files import write_whole
+    from ...signals import read_log
+    from .._simulators import MODELS, drafted
+
+    model = Path(args.sim)
+    if model.suffix.lower() not in MODELS:
+        raise ParameterError(f"--sim names {model}.", f"a model: {' or '.join(MODELS)}", "Name the model itself.")
+    folder = check_folder(args.out, ("sim.toml",))
+    if (folder / "sim.toml").exists() and not args.force:
+        raise OutputError(f"{folder / 'sim.toml'} is there already.", "a new place", "Add --force to replace it.")
+    log = read_log(args.log, nan="keep", sampling="ignore", check_units=False)
+    columns = [str(c) for c in log.columns if c not in ("trajectory", "time")]
+    text, guessed, unknown = drafted(model, columns, folder)
+    with replacing_together(folder, ("sim.toml",)) as stage:
+        write_whole(stage / "sim.toml", text)
+    page = folder / "sim.toml"
+    if args.json:
+        print_json({"files": {"sim.toml": str(page)}, "columns": guessed, "without_column": unknown})
+        return 0
+    rows = [[port, column] for port, column in guessed.items()] + [[port, "-"] for port in unknown]
+    print(table(["port", "column"], rows))
+    print(f"\nwrote {page}")
+    print("next: correct what is ASSUMED, give tolerances, then pamid diagnose LOG --sim " + str(page) + " --out DIR")
+    return 0
+
+
 def _run(args: argparse.Namespace) -> int:
+    if args.sim:
+        return _of_model(args)
     from ...systems.draft import draft_for, given_numbers, kinds
 
     folder = _checked_folder(args)

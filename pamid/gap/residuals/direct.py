@@ -163,7 +163,12 @@ class DirectEvidence(PortEvidence):
         else:
             self.pushes, self.joints = {}, []
         self.balances = self._balances()
+        self._mass: np.ndarray | None = None
         self._lay_windows()
+        self._mass = self._inertia()
+        if self._mass is not None:
+            units = {j.name: j.unit for j in self.joints}
+            self.windows = [w._replace(unit=units.get(w.equation, w.unit)) for w in self.windows]
         self._settle()
 
     # --- the equations --------------------------------------------------------------------------------------
@@ -394,11 +399,22 @@ class DirectEvidence(PortEvidence):
                 else:
                     y = y - modelled[a:e]
                 found.append(average(y, self.n, b.order + 1, first))
-        return self._as_forces(np.concatenate(found), x)
+        return self._as_forces(np.concatenate(found))
 
-    def _as_forces(self, r: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return residuals of rates as those of forces, where the simulator knows its inertia."""
-        return r
+    def _as_forces(self, r: np.ndarray) -> np.ndarray:
+        """Return residuals of rates as those of the forces that a motion needs, where the inertia is known."""
+        if self._mass is None:
+            return r
+        n = len(self._mass)
+        a = r[: n * self._mass.shape[1]].reshape(-1, n)
+        return np.concatenate([np.einsum("kij,jk->ik", self._mass, a).ravel(), r[a.size :]])
+
+    def _inertia(self) -> np.ndarray | None:
+        """Return the inertia at each window, shape (n_windows, n_joints, n_joints), where all joints have the same."""
+        moving = [k for k, b in enumerate(self.balances) if b.order]
+        if not moving or len({b.order for b in self.balances if b.order}) > 1:
+            return None
+        return self.simulator.inertia(self._x[:, self.windows[moving[0]].centre])
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> Survey:

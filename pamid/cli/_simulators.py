@@ -1,0 +1,163 @@
+"""Simulators with ports on the command line: reading them, with trust or without, and writing them corrected."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..files import write_whole
+
+if TYPE_CHECKING:
+    from ..simulators import Simulator
+
+MODELS = (".xml", ".fmu")
+"""Endings of models that --sim may name itself, with a page of the same name beside them or without."""
+CORRECTED = ("corrected.toml", "corrected.xml", "start_values.json")
+"""What a corrected simulator may consist of."""
+
+
+def add_trust_option(parser: argparse.ArgumentParser) -> None:
+    """Add the user's word that a simulator's code may run."""
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="the code that SIM names (a Python function, an FMU) may run; pamid never runs any without this",
+    )
+
+
+def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
+    """Read the simulator with ports that --sim names; None where it names another kind of page, or nothing."""
+    if not args.sim:
+        return None
+    from ..simulators import read_simulator, simulator_kinds
+    from ..systems import kind_of_file
+
+    path, trust = Path(args.sim), bool(getattr(args, "trust", False))
+    if path.suffix.lower() in MODELS:
+        page = path.with_suffix(".toml")
+        return read_simulator(page, trust=trust) if page.is_file() else bare_model(path, trust)
+    return read_simulator(path, trust=trust) if kind_of_file(path) in simulator_kinds() else None
+
+
+def bare_model(path: Path, trust: bool = False) -> Simulator:
+    """Return a model without a page: its ports stand in columns of their own names."""
+    from ..simulators import FmuSimulator, MujocoSimulator
+
+    return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
+
+
+def drafted(model: Path, columns: list[str], folder: Path) -> tuple[str, dict[str, str], list[str]]:
+    """Return the first draft of the page of a model: its ports, the columns that they probably are, its numbers.
+
+    Parameters
+    ----------
+    model : Path
+        An ``.xml`` or ``.fmu`` file; nothing of it runs.
+    columns : list of str
+        Columns of the log.
+    folder : Path
+        Where the page will lie.
+
+    Returns
+    -------
+    text : str
+        The page; guesses are marked.
+    guessed : dict of str to str
+        Column by port.
+    unknown : list of str
+        Inputs and readings for which no column was found.
+    """
+    from dataclasses import replace
+
+    from ..simulators import page_text
+
+    simulator = bare_model(model)
+    hidden = {p.through for p in simulator.ports if p.through}
+    signals = [p for p in simulator.ports if p.kind in ("input", "output", "state") and p.name not in hidden]
+    guessed: dict[str, str] = {}
+    for port in signals:
+        free = [c for c in columns if c not in guessed.values()]
+        if found := _likeliest(port.name, free):
+            guessed[port.name] = found
+    unknown = [p.name for p in signals if p.name not in guessed]
+    ports = [
+        replace(p, column=guessed.get(p.name, "") if guessed.get(p.name) != p.name else "") for p in simulator.ports
+    ]
+    simulator.ports = tuple(ports)
+    simulator.parameters = simulator.own_numbers()
+    lines = page_text(simulator, folder).splitlines()
+    for k, line in enumerate(lines):
+        name = line.partition(" =")[0]
+        if name in guessed and guessed[name] != name:
+            lines[k] += "  # ASSUMED: replace the column or confirm it"
+        elif name in unknown:
+            lines[k] += '  # add column = "..." if the log has it'
+        elif line == "[parameters]":
+            lines[k] += "  # a tolerance of 0 holds a number fixed: say how well you know each"
+    return "\n".join(lines) + "\n", guessed, unknown
+
+
+def _likeliest(port: str, columns: list[str]) -> str:
+    """Return the column whose name is nearest to a port's; empty where none is near."""
+    import difflib
+
+    plain = {_letters(c): c for c in columns}
+    wanted = _letters(port)
+    if wanted in plain:
+        return plain[wanted]
+    inside = [c for letters, c in plain.items() if len(letters) > 1 and (letters in wanted or wanted in letters)]
+    if len(inside) == 1:
+        return inside[0]
+    close = difflib.get_close_matches(wanted, plain, n=1, cutoff=0.75)
+    return plain[close[0]] if close else ""
+
+
+def _letters(name: str) -> str:
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
+    """Write a corrected simulator into a stage that becomes a folder.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator with the causes.
+    stage : Path
+        Where files are written.
+    folder : Path
+        Where they will lie: what the page refers to is named from there.
+    """
+    from ..simulators import FmuSimulator, MujocoSimulator, page_text
+
+    if isinstance(simulator, MujocoSimulator):
+        text, rest = simulator.corrected_xml()
+        write_whole(stage / "corrected.xml", text)
+        page = page_text(simulator.with_({}, rest), folder)
+        home = page.split('model = "', 1)[1].split('"', 1)[0]
+        write_whole(stage / "corrected.toml", page.replace(f'model = "{home}"', 'model = "corrected.xml"', 1))
+        return
+    if isinstance(simulator, FmuSimulator):
+        write_whole(stage / "start_values.json", json.dumps(simulator.start_values(), indent=1) + "\n")
+    write_whole(stage / "corrected.toml", page_text(simulator, folder))
+
+
+def evaluation(log: Any, simulator: Simulator) -> list[dict[str, Any]]:
+    """Return how far a simulator is off, one entry an equation."""
+    import numpy as np
+
+    from ..gap.simulated import evidence_of
+
+    evidence = evidence_of(log, simulator)
+    found = []
+    for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+        rmse = float(np.sqrt(np.mean(np.square(evidence.value[part]))))
+        noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
+        spread = float(np.std(evidence.measured[part])) or np.nan
+        found.append(
+            {"equation": equation, "rmse": rmse, "nrmse": rmse / spread, "noise_floor": noise,
+             "unit": evidence.units[equation]}
+        )  # fmt: skip
+    return found

@@ -1,0 +1,134 @@
+"""A python-control system as a simulator: state spaces and transfer functions, in continuous or discrete time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ..errors import MissingDependencyError, ParameterError
+from .base import Simulator
+from .function import load_function, written_source
+from .ports import ModelParameter, Port, merged
+
+
+class ControlSimulator(Simulator):
+    r"""A linear system, :math:`\dot x = A x + B u`, :math:`y = C x + D u`, or the same in steps.
+
+    Its ports are named as the system's signals are: ``u[0]`` becomes ``u0``.
+
+    Parameters
+    ----------
+    system : control.StateSpace or control.TransferFunction
+        The system.
+    ports : sequence of Port, optional
+        What is said of ports otherwise than by the system: columns, units, starts.
+    parameters : mapping, optional
+        None: a control system has no parameters by name.
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it.
+    source : str, default=""
+        Where it was imported from, for its page.
+
+    Raises
+    ------
+    MissingDependencyError
+        python-control is not installed.
+    ParameterError
+        The system is none of it.
+
+    Examples
+    --------
+    >>> import control
+    >>> from pamid.simulators.control_model import ControlSimulator
+    >>> motor = ControlSimulator(control.tf([2.0], [0.1, 1.0], inputs="voltage", outputs="speed"))
+    >>> motor.inputs, motor.outputs, motor.form
+    (('voltage',), ('speed',), 'ode')
+    """
+
+    kind: ClassVar[str] = "control"
+    kinds: ClassVar[tuple[str, ...]] = ("control",)
+
+    def __init__(
+        self,
+        system: Any,
+        ports: Sequence[Port] = (),
+        parameters: Mapping[str, Any] | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
+        source: str = "",
+    ) -> None:
+        if parameters:
+            raise ParameterError(
+                f"A control system has no parameters by name; there are {', '.join(parameters)}.",
+                "none; [[effects]] change gains and lags",
+                "Write a function of rates where parameters have tolerances.",
+            )
+        found = _state_space(system)
+        self.A, self.B, self.C, self.D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))
+        self.step = float(found.dt) if found.dt else 0.0
+        self.form = "run" if self.step else "ode"
+        self.source, self.folder = source, Path()
+        named = [
+            *(Port(_plain(n), "input") for n in found.input_labels),
+            *(Port(_plain(n), "state") for n in found.state_labels),
+            *(Port(_plain(n), "output") for n in found.output_labels),
+        ]
+        super().__init__(merged(named, ports), {}, effects)
+
+    @classmethod
+    def from_page(
+        cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
+        effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
+    ) -> Self:  # fmt: skip
+        """Return the simulator that a page names; its table has ``system``, as ``module:object``."""
+        source = cls.text_of(table, "system")
+        system = load_function(source, folder)
+        if callable(system) and not hasattr(system, "input_labels"):
+            system = system()
+        out = cls(system, ports, parameters, effects, source)
+        out.folder = folder
+        return out
+
+    def page_table(self, folder: Path) -> dict[str, Any]:
+        """Return the entries of the page's table."""
+        return {"system": written_source(self.source, self.folder, folder)}
+
+    def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return A x + B u."""
+        return self.A @ x + self.B @ u
+
+    def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return C x + D u."""
+        return self.C @ x + self.D @ u
+
+    def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs of a system in steps, held between them."""
+        from scipy.signal import dlsim
+
+        given = self.step if self.step != 1.0 or len(t) < 2 else float(t[1] - t[0])
+        grid = np.arange(0.0, t[-1] - t[0] + 0.5 * given, given)
+        drive = np.stack([np.interp(grid, t - t[0], row) for row in u], axis=1)
+        _, y, _ = dlsim((self.A, self.B, self.C, self.D, given), drive, x0=x0)
+        at = np.minimum(((t - t[0]) / given + 1e-9).astype(int), len(y) - 1)
+        return y[at].T
+
+
+def _state_space(system: Any) -> Any:
+    try:
+        import control
+    except ImportError:
+        raise MissingDependencyError(
+            "python-control is not installed.", "the package control", "Install it: pip install 'pamid[control]'."
+        ) from None
+    if not isinstance(system, (control.StateSpace, control.TransferFunction)):
+        raise ParameterError(
+            f"The system is a {type(system).__name__}.", "a StateSpace or TransferFunction", "Convert it first."
+        )
+    return control.ss(system)
+
+
+def _plain(label: str) -> str:
+    return re.sub(r"\W+", "", label)

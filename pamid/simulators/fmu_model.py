@@ -1,0 +1,254 @@
+"""An FMU as a simulator: FMI 2 and 3, run in a process of its own with limits of time and memory."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import re
+import select
+import subprocess
+import sys
+import time
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ..errors import (
+    ForeignSimulatorError,
+    MissingDependencyError,
+    ParameterError,
+    SimulatorNotFoundError,
+    SimulatorSyntaxError,
+    UntrustedCodeError,
+)
+from .base import Simulator
+from .fmu_worker import receive, send
+from .page import named_from
+from .ports import ModelParameter, Port, merged
+
+SECONDS, BYTES = 60.0, 4 * 2**30
+"""Time and memory that a run of an FMU may take, where nobody says otherwise."""
+_LOADING = 30.0  # s more for the first answer of a process, which loads Python and fmpy
+_NUMERIC = ("Real", "Float64", "Float32")
+
+
+class FmuSimulator(Simulator):
+    """A functional mock-up unit, for co-simulation or model exchange.
+
+    Its inputs and outputs are ports, under names without dots and brackets. A state port names a variable whose start
+    value is fitted to each run. An FMU is native code: it runs only where it is trusted, in a process of its own.
+
+    Parameters
+    ----------
+    fmu : path-like
+        The ``.fmu`` file.
+    ports : sequence of Port, optional
+        What is said of ports otherwise than by the FMU, and states.
+    parameters : mapping, optional
+        Its parameters that have a tolerance or another value.
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it.
+    trust : bool, default=False
+        Whether it may run. Its description is read without.
+    seconds : float, default=60
+        Time that one run may take, s.
+
+    Raises
+    ------
+    MissingDependencyError
+        fmpy is not installed.
+    SimulatorSyntaxError
+        The file is no FMU.
+    ParameterError
+        It has no variable of a name.
+
+    Examples
+    --------
+    >>> from pamid.simulators import FmuSimulator
+    >>> FmuSimulator("gone.fmu")
+    Traceback (most recent call last):
+    pamid.errors.SimulatorNotFoundError: gone.fmu is not there. Expected an FMU. Check the path.
+    """
+
+    kind: ClassVar[str] = "fmu"
+    kinds: ClassVar[tuple[str, ...]] = ("fmu",)
+    form = "run"
+
+    def __init__(
+        self,
+        fmu: str | Path,
+        ports: Sequence[Port] = (),
+        parameters: Mapping[str, Any] | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
+        *,
+        trust: bool = False,
+        seconds: float = SECONDS,
+    ) -> None:
+        self.path, self.trust, self.seconds = Path(fmu), trust, float(seconds)
+        if not self.path.is_file():
+            raise SimulatorNotFoundError(f"{self.path} is not there.", "an FMU", "Check the path.")
+        self._worker = _Worker(self.path, self.seconds)
+        self.described = self._worker.asked({"do": "describe"}, {})[0]["ok"]
+        self._names = {_plain(v["name"]): v["name"] for v in self.described["variables"]}
+        own = [
+            Port(_plain(v["name"]), v["causality"], v["unit"])
+            for v in self.described["variables"]
+            if v["causality"] in ("input", "output") and v["type"] in _NUMERIC
+        ]
+        super().__init__(merged(own, ports), parameters, effects)
+        if unknown := [n for n in (*self.parameters, *self.states) if n not in self._names]:
+            known = [_plain(v["name"]) for v in self.described["variables"] if v["causality"] == "parameter"]
+            raise ParameterError(
+                f"{self.path.name} has no variable {', '.join(unknown)}.",
+                f"one of {', '.join(known[:30]) or 'none'}",
+                "Correct the name.",
+            )
+
+    @classmethod
+    def from_page(
+        cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
+        effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
+    ) -> Self:  # fmt: skip
+        """Return the simulator that a trusted page names; its table has ``fmu``, and if wanted ``seconds``."""
+        seconds = table.get("seconds", SECONDS)
+        if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not seconds > 0:
+            raise ParameterError(f"seconds is {seconds!r}.", "a positive number", "Correct it.")
+        plain = {k: v for k, v in table.items() if k != "seconds"}
+        path = folder / cls.text_of(plain, "fmu")
+        return cls(path, ports, parameters, effects, trust=True, seconds=float(seconds))
+
+    def page_table(self, folder: Path) -> dict[str, Any]:
+        """Return the entries of the page's table."""
+        return {"fmu": named_from(self.path, folder), "seconds": self.seconds}
+
+    def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs of a whole run."""
+        if not self.trust:
+            raise UntrustedCodeError(
+                f"{self.path} is native code.", "your word that it may run", "Say trust=True, or add --trust."
+            )
+        start = dict(zip((*self.parameters, *self.states), (*map(float, p), *map(float, x0)), strict=True))
+        said = {
+            "do": "run",
+            "kind": self.described["kinds"][0],
+            "start": {self._names[k]: v for k, v in start.items()},
+            "inputs": [self._names[n] for n in self.inputs],
+            "outputs": [self._names[n] for n in self.outputs],
+        }
+        return self._worker.asked(said, {"t": t, "u": u})[1]["y"]
+
+    def own_numbers(self) -> dict[str, ModelParameter]:
+        """Return the parameters of the FMU with the values that its description gives them."""
+        found = {}
+        for v in self.described["variables"]:
+            if v["causality"] == "parameter" and v["type"] in _NUMERIC:
+                with contextlib.suppress(ValueError, ParameterError):
+                    found[_plain(v["name"])] = ModelParameter(float(v["start"]), unit=v["unit"])
+        return found
+
+    def start_values(self) -> dict[str, float]:
+        """Return the values of the parameters under the FMU's own names, for any importer."""
+        return {self._names[k]: float(v.value) for k, v in self.parameters.items()}
+
+    def __copy__(self) -> Self:
+        out = object.__new__(type(self))
+        out.__dict__.update(self.__dict__)
+        return out
+
+    def __deepcopy__(self, memo: Any) -> Self:
+        return copy.copy(self)
+
+
+class _Worker:
+    """The other process; it is started when first asked, and anew after it has died."""
+
+    def __init__(self, path: Path, seconds: float) -> None:
+        self.path, self.seconds = path, seconds
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._process.poll() is not None:
+            command = [sys.executable, "-m", "pamid.simulators.fmu_worker", str(self.path.resolve()), str(BYTES)]
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+            )
+            weakref.finalize(self, _end, self._process)
+        return self._process
+
+    def asked(
+        self, said: dict[str, Any], arrays: dict[str, np.ndarray]
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Return the answer to a request; raise where there is none in time."""
+        process = self._started()
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            send(process.stdin, said, arrays)
+            answer = self._awaited(process)
+        except OSError:  # it has died
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=5)
+            code = process.poll()
+            self._given_up()
+            raise ForeignSimulatorError(
+                f"{self.path.name} ended its process with code {code}.", "a run that ends well", "Mend the FMU."
+            ) from None
+        if answer is None:
+            self._given_up()
+            raise ForeignSimulatorError(
+                f"{self.path.name} did not answer within {self.seconds:g} s.",
+                "a run that ends",
+                "Give it more time (seconds in [fmu]), or mend it.",
+            )
+        if "error" in answer[0]:
+            text = str(answer[0]["error"])
+            if "No module named 'fmpy'" in text:
+                raise MissingDependencyError(
+                    "fmpy is not installed.", "the package fmpy", "pip install 'pamid[export]'."
+                )
+            if said["do"] == "describe":
+                raise SimulatorSyntaxError(f"{self.path} is no FMU: {text}.", "an FMU of FMI 2 or 3", "Check the file.")
+            raise ForeignSimulatorError(f"{self.path.name} failed: {text}.", "a run that ends well", "Mend the FMU.")
+        return answer
+
+    def _given_up(self) -> None:
+        if self._process is not None:
+            _end(self._process)
+        self._process = None
+
+    def _awaited(self, process: subprocess.Popen[bytes]) -> Any:
+        """Return the answer, or None where none begins within the time; raise where the process has died."""
+        assert process.stdout is not None
+        until = time.monotonic() + max(self.seconds, 1.0) + (_LOADING if self._fresh(process) else 0.0)
+        while time.monotonic() < until:
+            ready, _, _ = select.select([process.stdout], [], [], 0.2)
+            if ready:
+                if (answer := receive(process.stdout)) is None:
+                    raise BrokenPipeError
+                return answer
+            if process.poll() is not None:
+                raise BrokenPipeError
+        return None
+
+    def _fresh(self, process: subprocess.Popen[bytes]) -> bool:
+        """Tell whether a process has just been started: Python and fmpy take a while to load."""
+        first = getattr(process, "_pamid_asked", False) is False
+        process._pamid_asked = True  # type: ignore[attr-defined]
+        return first
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with contextlib.suppress(OSError):
+        process.kill()
+        process.wait(timeout=5)
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with contextlib.suppress(OSError):
+                stream.close()
+
+
+def _plain(name: str) -> str:
+    plain = re.sub(r"\W+", "_", name).strip("_")
+    return plain if re.match(r"[A-Za-z_]", plain) else f"v_{plain}"

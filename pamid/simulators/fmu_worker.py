@@ -1,0 +1,121 @@
+"""The process in which an FMU lives: it reads requests from its input and answers on its output, and may die alone."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+MOST_UNPACKED = 500_000_000
+"""Bytes that an FMU may unfold to."""
+
+
+def send(stream: IO[bytes], said: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
+    """Write a message: numbers and texts as JSON, arrays as npz without pickle."""
+    packed = io.BytesIO()
+    named: dict[str, Any] = dict(arrays or {})
+    np.savez(packed, **named)
+    head, body = json.dumps(said).encode(), packed.getvalue()
+    stream.write(struct.pack("<QQ", len(head), len(body)) + head + body)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> tuple[dict[str, Any], dict[str, np.ndarray]] | None:
+    """Read a message; None where the other side has closed."""
+    lengths = stream.read(16)
+    if len(lengths) < 16:
+        return None
+    n, m = struct.unpack("<QQ", lengths)
+    head, body = stream.read(n), stream.read(m)
+    if len(head) < n or len(body) < m:
+        return None
+    with np.load(io.BytesIO(body), allow_pickle=False) as found:
+        return json.loads(head), {k: found[k] for k in found.files}
+
+
+def described(path: str) -> dict[str, Any]:
+    """Return what ``modelDescription.xml`` says of the variables; nothing of the FMU runs."""
+    import fmpy
+
+    with zipfile.ZipFile(path) as archive:
+        if (size := sum(i.file_size for i in archive.infolist())) > MOST_UNPACKED:
+            raise ValueError(f"it unfolds to {size:,} bytes; at most {MOST_UNPACKED:,} are read")
+    d = fmpy.read_model_description(path, validate=False)
+    variables = [
+        {
+            "name": v.name,
+            "causality": v.causality or "local",
+            "variability": v.variability or "",
+            "unit": v.unit or (v.declaredType.unit if v.declaredType is not None else "") or "-",
+            "start": str(v.start or ""),
+            "type": v.type,
+        }
+        for v in d.modelVariables
+    ]
+    kinds = [k for k, given in (("CoSimulation", d.coSimulation), ("ModelExchange", d.modelExchange)) if given]
+    return {"name": d.modelName, "version": d.fmiVersion, "kinds": kinds, "variables": variables}
+
+
+def _run(folder: str, kind: str, said: dict[str, Any], given: dict[str, np.ndarray]) -> np.ndarray:
+    import fmpy
+
+    t = given["t"]
+    names = said["inputs"]
+    table = np.zeros(len(t), dtype=[("time", float), *((n, float) for n in names)])
+    table["time"] = t - t[0]
+    for name, row in zip(names, given["u"], strict=True):
+        table[name] = row
+    dt = float(np.median(np.diff(t)))
+    found = fmpy.simulate_fmu(
+        folder,
+        validate=False,
+        start_time=0.0,
+        stop_time=float(t[-1] - t[0]),
+        output_interval=dt,
+        step_size=dt if kind == "CoSimulation" else None,
+        fmi_type=kind,
+        start_values=said["start"],
+        input=table if names else None,
+        output=said["outputs"],
+    )
+    return np.stack([np.interp(t - t[0], found["time"], found[n].astype(float)) for n in said["outputs"]])
+
+
+def main() -> None:
+    """Serve one FMU, named by the first argument, within a number of bytes of memory, the second."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what the FMU prints is no answer
+    path, memory = sys.argv[1], int(sys.argv[2])
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    except (ImportError, ValueError, OSError):
+        pass
+    with tempfile.TemporaryDirectory() as folder:
+        ready = ""
+        while (asked := receive(sys.stdin.buffer)) is not None:
+            said, given = asked
+            try:
+                if said["do"] == "describe":
+                    send(answers, {"ok": described(path)})
+                    continue
+                if not ready:
+                    import fmpy
+
+                    ready = str(fmpy.extract(path, unzipdir=str(Path(folder) / "fmu")))
+                send(answers, {"ok": True}, {"y": _run(ready, said["kind"], said, given)})
+            except Exception as error:
+                send(answers, {"error": f"{type(error).__name__}: {error}"[:500]})
+
+
+if __name__ == "__main__":
+    main()

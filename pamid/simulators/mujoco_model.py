@@ -1,0 +1,272 @@
+"""A MuJoCo model as a simulator: joints, actuators and sensors are ports, residuals are torques of inverse dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ..errors import MissingDependencyError, ParameterError, SimulatorNotFoundError, SimulatorSyntaxError
+from .base import Simulator
+from .page import named_from
+from .ports import ModelParameter, Port, merged
+
+_NUMBERS = {
+    "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
+    "actuator_gear": "actuator",
+}  # fmt: skip
+MOST_BYTES = 50_000_000
+
+
+class MujocoSimulator(Simulator):
+    """A MuJoCo model (MJCF) whose joints are hinges and slides.
+
+    For a joint ``arm`` there are the states ``arm_q`` and ``arm_dq``, an input ``arm_tau`` (a torque that acts there
+    beside the actuators, none by itself) and the joint ``arm``; each actuator is an input, each scalar sensor an
+    output.
+
+    Parameters
+    ----------
+    model : path-like
+        An ``.xml`` file.
+    ports : sequence of Port, optional
+        What is said of ports otherwise than by the model: their columns, units, starts.
+    parameters : mapping, optional
+        Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
+        ``dof_frictionloss.NAME`` or ``actuator_gear.NAME``; a number alone scales nothing: it is the value itself.
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it.
+
+    Raises
+    ------
+    MissingDependencyError
+        MuJoCo is not installed.
+    SimulatorSyntaxError
+        The file is no MJCF, or has joints or actuators of other kinds.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.simulators.mujoco_model import MujocoSimulator
+    >>> xml = '<mujoco><worldbody><body><joint name="arm"/><geom size="0.1" pos="0.3 0 0"/></body></worldbody></mujoco>'
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = (pathlib.Path(folder) / "arm.xml").write_text(xml)
+    ...     MujocoSimulator(pathlib.Path(folder) / "arm.xml").states
+    ('arm_q', 'arm_dq')
+    """
+
+    kind: ClassVar[str] = "mujoco"
+    kinds: ClassVar[tuple[str, ...]] = ("mujoco",)
+    executes: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        model: str | Path,
+        ports: Sequence[Port] = (),
+        parameters: Mapping[str, Any] | None = None,
+        effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
+    ) -> None:
+        self.path = Path(model)
+        self._m = _loaded(self.path)
+        self._d = _mujoco().MjData(self._m)
+        self._joints = _names(self._m, "joint")
+        self._inputs = [*_names(self._m, "actuator"), *(f"{j}_tau" for j in self._joints)]
+        super().__init__(merged(self._own_ports(), ports), parameters, effects)
+        self._slots = [self._slot(name) for name in self.parameters]
+        self._nominal = [np.array(array[at]) for array, at in self._slots]
+
+    def _own_ports(self) -> list[Port]:
+        m, mj = self._m, _mujoco()
+        found = [Port(name, "input") for name in _names(m, "actuator")]
+        for k, name in enumerate(self._joints):
+            turns = int(m.jnt_type[k]) == int(mj.mjtJoint.mjJNT_HINGE)
+            angle, torque = ("rad", "N m") if turns else ("m", "N")
+            found += [
+                Port(f"{name}_q", "state", angle, start=float(m.qpos0[k])),
+                Port(f"{name}_dq", "state", f"{angle}/s"),
+                Port(f"{name}_tau", "input", torque),
+                Port(name, "joint", torque, position=f"{name}_q", velocity=f"{name}_dq", through=f"{name}_tau"),
+            ]
+        taken = {p.name for p in found}
+        names = [n for k, n in enumerate(_names(m, "sensor")) if m.sensor_dim[k] == 1]
+        return found + [Port(f"{n}_sensor" if n in taken else n, "output") for n in names]
+
+    def _slot(self, name: str) -> tuple[Any, Any]:
+        """Return the array of the model that holds a parameter, and where."""
+        kind, _, thing = name.partition(".")
+        if kind not in _NUMBERS or thing not in _names(self._m, _NUMBERS[kind]):
+            known = [f"{k}.{n}" for k, what in _NUMBERS.items() for n in _names(self._m, what)]
+            raise ParameterError(f"The model has no {name!r}.", f"one of {', '.join(known[:30])}", "Correct the name.")
+        at: Any = _names(self._m, _NUMBERS[kind]).index(thing)
+        return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
+
+    @classmethod
+    def from_page(
+        cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
+        effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
+    ) -> Self:  # fmt: skip
+        """Return the simulator that a page names; its table has ``model``, the ``.xml`` file."""
+        return cls(folder / cls.text_of(table, "model"), ports, parameters, effects)
+
+    def page_table(self, folder: Path) -> dict[str, Any]:
+        """Return the entries of the page's table."""
+        return {"model": named_from(self.path, folder)}
+
+    def own_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers of the model that are not zero."""
+        found = {}
+        for kind, what in _NUMBERS.items():
+            for name in _names(self._m, what):
+                array, at = self._slot(f"{kind}.{name}")
+                if float(array[at]) != 0.0:
+                    found[f"{kind}.{name}"] = ModelParameter(float(array[at]))
+        return found
+
+    def _set(self, numbers: np.ndarray) -> None:
+        mj = _mujoco()
+        changed = False
+        for (array, at), nominal, value, name in zip(self._slots, self._nominal, numbers, self.parameters, strict=True):
+            if float(array[at]) == value:
+                continue
+            changed = True
+            if name.startswith("body_mass") and nominal > 0.0:  # a heavier body of the same shape
+                self._m.body_inertia[at] *= value / float(array[at])
+            array[at] = value
+        if changed:
+            mj.mj_setConst(self._m, self._d)
+
+    def _at(self, x: np.ndarray, u: np.ndarray) -> None:
+        d, nu = self._d, self._m.nu
+        d.qpos[:], d.qvel[:] = x[0::2], x[1::2]
+        d.ctrl[:], d.qfrc_applied[:] = u[:nu], u[nu:]
+        _mujoco().mj_forward(self._m, d)
+
+    def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any) -> np.ndarray:
+        out = np.empty((rows, x.shape[1]))
+        for k in range(x.shape[1]):
+            if not (np.isfinite(x[:, k]).all() and np.isfinite(u[:, k]).all()):
+                out[:, k] = np.nan
+                continue
+            self._set(p[:, k])
+            self._at(x[:, k], u[:, k])
+            out[:, k] = read()
+        return out
+
+    def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return velocities and accelerations, shape (n_states, n)."""
+        out = np.empty_like(x)
+        out[0::2] = x[1::2]
+        out[1::2] = self._each(x, u, p, self._m.nv, lambda: self._d.qacc)
+        return out
+
+    def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the readings of the scalar sensors, shape (n_outputs, n)."""
+        at = self._m.sensor_adr[self._m.sensor_dim == 1]
+        return self._each(x, u, p, len(at), lambda: self._d.sensordata[at])
+
+    def inertia(self, x: np.ndarray) -> np.ndarray:
+        """Return the inertia matrix of the joints, shape (n, n_joints, n_joints)."""
+        mj, out = _mujoco(), np.zeros((x.shape[1], self._m.nv, self._m.nv))
+        self._set(self.numbers)
+        for k in range(x.shape[1]):
+            self._at(x[:, k], np.zeros(len(self._inputs)))
+            mj.mj_fullM(self._m, self._d, out[k])
+        return out
+
+    def corrected_xml(self) -> tuple[str, list[tuple[str, str, dict[str, float]]]]:
+        """Return the model with those of its effects and numbers that MJCF has elements for, and the other effects.
+
+        Viscous friction becomes ``damping``, dry friction ``frictionloss``, a gain of an actuator its gear; parameters
+        are written as they stand.
+
+        Returns
+        -------
+        text : str
+            MJCF.
+        rest : list of (str, str, dict)
+            Effects that MJCF has no element for.
+        """
+        spec = _mujoco().MjSpec.from_file(str(self.path))
+        for name, parameter in self.parameters.items():
+            kind, _, thing = name.partition(".")
+            item = getattr(spec, _NUMBERS[kind])(thing)
+            word = kind.partition("_")[2]
+            if kind == "body_mass":
+                ratio = parameter.value / float(self._m_original(name))
+                for geom in item.geoms:
+                    if not np.isnan(geom.mass):
+                        geom.mass *= ratio
+                    else:
+                        geom.density *= ratio
+            else:
+                _put(item, word, parameter.value)
+        rest = []
+        for name, where, values in self.effects:
+            if name == "viscous_friction" and where in self._joints:
+                _add(spec.joint(where), "damping", values["coefficient"])
+            elif name == "coulomb_friction" and where in self._joints:
+                _add(spec.joint(where), "frictionloss", values["amplitude"])
+            elif name == "actuator_gain" and where in self.inputs:
+                gear = np.array(spec.actuator(where).gear)
+                spec.actuator(where).gear = gear * (1.0 + values["deviation"])
+            else:
+                rest.append((name, where, dict(values)))
+        return spec.to_xml(), rest
+
+    def _m_original(self, name: str) -> float:
+        return float(self._nominal[list(self.parameters).index(name)])
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingDependencyError(
+            "MuJoCo is not installed.", "the package mujoco", "Install it: pip install 'pamid[mujoco]'."
+        ) from None
+    return mujoco
+
+
+def _loaded(path: Path) -> Any:
+    mj = _mujoco()
+    if not path.is_file():
+        raise SimulatorNotFoundError(f"{path} is not there.", "an MJCF file", "Check the path.")
+    if path.stat().st_size > MOST_BYTES:
+        raise SimulatorSyntaxError(f"{path} holds {path.stat().st_size:,} bytes.", "an MJCF file", "Check the path.")
+    try:
+        m = mj.MjModel.from_xml_path(str(path))
+    except Exception as error:
+        raise SimulatorSyntaxError(f"{path} is no MJCF: {error}.", "a model that MuJoCo loads", "Correct it.") from None
+    straight = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
+    if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:
+        raise SimulatorSyntaxError(
+            f"{path} has {m.njnt} joints, not all of them hinges or slides, or actuators with states of their own.",
+            "at least one joint; hinges, slides and plain actuators alone",
+            "Leave out free and ball joints and actuator dynamics; the effect actuator_lag stands for the latter.",
+        )
+    return m
+
+
+def _names(m: Any, what: str) -> list[str]:
+    mj = _mujoco()
+    kind, count = {
+        "joint": (mj.mjtObj.mjOBJ_JOINT, m.njnt), "actuator": (mj.mjtObj.mjOBJ_ACTUATOR, m.nu),
+        "sensor": (mj.mjtObj.mjOBJ_SENSOR, m.nsensor), "body": (mj.mjtObj.mjOBJ_BODY, m.nbody),
+    }[what]  # fmt: skip
+    return [mj.mj_id2name(m, kind, k) or f"{what}{k}" for k in range(count)]
+
+
+def _put(item: Any, word: str, value: float) -> None:
+    now = np.array(getattr(item, word), dtype=float)
+    if now.ndim and now.size > 1:
+        now[0] = value
+        setattr(item, word, now)
+    else:
+        setattr(item, word, value)
+
+
+def _add(item: Any, word: str, value: float) -> None:
+    now = np.atleast_1d(np.array(getattr(item, word), dtype=float))
+    _put(item, word, float(now[0]) + value)

@@ -1,0 +1,245 @@
+"""The page of a simulator: a TOML file with its kind, its ports, its numbers and the effects that are part of it."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..errors import (
+    MissingParameterError,
+    OversizedSimulatorError,
+    ParameterError,
+    SimulatorFileError,
+    SimulatorNotFoundError,
+    SimulatorSyntaxError,
+    UnknownOptionError,
+    UnknownParameterError,
+    UntrustedCodeError,
+)
+from ..toml_files import TomlErrors, read_toml
+from .base import Simulator
+from .ports import ModelParameter, Port
+
+_ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
+_TABLES = ("ports", "parameters", "effects")
+_PORT = {f.name: f.type for f in fields(Port)}
+
+
+@cache
+def simulator_kinds() -> dict[str, type[Simulator]]:
+    """Return the kinds of simulators that a page may name, with their classes.
+
+    Examples
+    --------
+    >>> from pamid.simulators import simulator_kinds
+    >>> "ode" in simulator_kinds()
+    True
+    """
+    from .. import simulators as package
+
+    found: dict[str, type[Simulator]] = {}
+    for module in pkgutil.iter_modules(package.__path__):
+        for thing in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
+            if isinstance(thing, type) and issubclass(thing, Simulator) and thing is not Simulator:
+                found |= dict.fromkeys(thing.kinds, thing)
+    return dict(sorted(found.items()))
+
+
+def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
+    """Read the page of a simulator. Nothing runs code from a file without trust.
+
+    Parameters
+    ----------
+    path : path-like
+        TOML file with ``kind``, a table of that name, ``[ports]``, and if wanted ``[parameters]``, ``[[effects]]``.
+    trust : bool, default=False
+        Whether the code that the page names (a Python function, an FMU) may run.
+
+    Returns
+    -------
+    Simulator
+        What it says.
+
+    Raises
+    ------
+    UntrustedCodeError
+        It names code, and there is no trust.
+    SimulatorFileError, ParameterError
+        The page is missing, no TOML, or says something that cannot be.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.simulators import read_simulator
+    >>> page = '''
+    ... kind = "function"
+    ... [function]
+    ... function = "piston.py:force"
+    ... [ports]
+    ... P = { kind = "input", unit = "Pa" }
+    ... F = { kind = "output", unit = "N" }
+    ... [parameters]
+    ... area = { value = 5e-4, tolerance = 0.02, unit = "m^2" }
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     code = "def force(u, p): return u.P * p.area"
+    ...     _ = (pathlib.Path(folder) / "piston.py").write_text(code)
+    ...     _ = (pathlib.Path(folder) / "sim.toml").write_text(page)
+    ...     read_simulator(pathlib.Path(folder) / "sim.toml", trust=True).outputs
+    ('F',)
+    """
+    path = Path(path)
+    raw = read_toml(path, "a simulator file", _ERRORS)
+    kind, known = raw.get("kind"), simulator_kinds()
+    if kind not in known:
+        raise UnknownOptionError(f"{path} is of the kind {kind!r}.", f"one of {', '.join(known)}", "Correct kind.")
+    if extra := sorted(set(raw) - {"kind", kind, *_TABLES}):
+        raise UnknownParameterError(
+            f"{path} has {', '.join(map(repr, extra))}.", f"kind, [{kind}], [ports], [parameters], [[effects]]",
+            "Remove or correct the name.",
+        )  # fmt: skip
+    try:
+        table = _table(raw, kind)
+        ports = [_port(name, given) for name, given in _table(raw, "ports").items()]
+        numbers = {name: _number(name, given) for name, given in _table(raw, "parameters").items()}
+        effects = _effects(raw.get("effects", []))
+        if known[kind].executes and not trust:
+            raise UntrustedCodeError(
+                f"{path} names code to run: {', '.join(str(v) for v in table.values() if isinstance(v, str))}.",
+                "your word that it may run",
+                "Read that code, then add --trust (in Python: trust=True).",
+            )
+        return known[kind].from_page(kind, table, ports, numbers, effects, path.parent)
+    except (SimulatorFileError, ParameterError) as error:
+        raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
+
+
+def _table(raw: Mapping[str, Any], name: str) -> dict[str, Any]:
+    table = raw.get(name, {})
+    if not isinstance(table, dict):
+        raise SimulatorSyntaxError(f"{name} is {table!r}.", "a table", f"Write [{name}].")
+    return table
+
+
+def _port(name: str, given: Any) -> Port:
+    if not isinstance(given, dict) or "kind" not in given:
+        raise SimulatorSyntaxError(
+            f"The port {name} is {given!r}.", 'a table such as { kind = "input", unit = "V" }', "Write its kind."
+        )
+    if extra := sorted(set(given) - set(_PORT)):
+        raise UnknownParameterError(
+            f"The port {name} has {', '.join(extra)}.", f"only {', '.join(list(_PORT)[1:])}", "Correct the name."
+        )
+    texts = {k: v for k, v in given.items() if k != "start" and not isinstance(v, str)}
+    if texts:
+        raise SimulatorSyntaxError(f"{next(iter(texts))} of the port {name} is no text.", "a text", "Quote it.")
+    return Port(name, **given)
+
+
+def _number(name: str, given: Any) -> ModelParameter:
+    if isinstance(given, dict):
+        if extra := sorted(set(given) - {"value", "tolerance", "unit"}):
+            raise UnknownParameterError(
+                f"The parameter {name} has {', '.join(extra)}.", "value, tolerance, unit", "Correct the name."
+            )
+        if "value" not in given:
+            raise MissingParameterError(f"The parameter {name} has no value.", "a number", "Add value = ...")
+        return ModelParameter(**given)
+    return ModelParameter(given)
+
+
+def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
+    from .catalogue import port_effects
+
+    if not isinstance(given, list) or not all(isinstance(e, dict) for e in given):
+        raise SimulatorSyntaxError("effects is no list of tables.", "[[effects]]", "Write one [[effects]] each.")
+    found = []
+    for e in given:
+        values = {k: v for k, v in e.items() if k not in ("effect", "at")}
+        name, where, known = e.get("effect"), e.get("at"), port_effects()
+        if name not in known:
+            raise UnknownOptionError(f"[[effects]] has {name!r}.", f"one of {', '.join(known)}", "Correct effect.")
+        parameters = [p.name for p in known[name][1].parameters]
+        if extra := sorted(set(values) - set(parameters)):
+            raise UnknownParameterError(
+                f"The effect {name} has no {', '.join(extra)}.", f"only {', '.join(parameters)}", "Correct it."
+            )
+        if not isinstance(where, str):
+            raise MissingParameterError(f"The effect {name} has no port.", 'at = "PORT"', "Say where it acts.")
+        if wrong := [k for k, v in values.items() if isinstance(v, bool) or not isinstance(v, (int, float))]:
+            raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is no number.", "a number", "Correct it.")
+        found.append((name, where, {k: float(v) for k, v in values.items()}))
+    return found
+
+
+def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
+    """Return the page of a simulator, which `read_simulator` reads.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    folder : path-like, default="."
+        Where the page will lie: files are named from there.
+
+    Returns
+    -------
+    str
+        TOML.
+
+    Raises
+    ------
+    ParameterError
+        It was made in Python from something that has no name, such as a lambda.
+
+    Examples
+    --------
+    >>> import math
+    >>> from pamid.simulators import FunctionSimulator, Port, page_text
+    >>> ports = [Port("u", "input", "V"), Port("y", "output", "N")]
+    >>> print(page_text(FunctionSimulator(math.hypot, ports, form="algebraic")).splitlines()[-1])
+    y = { kind = "output", unit = "N" }
+    """
+    table = simulator.page_table(Path(folder))
+    lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{simulator.kind}"', ""]
+    lines += [f"[{simulator.kind}]", *(f"{k} = {_toml(v)}" for k, v in table.items())]
+    lines += ["", "[ports]"]
+    for port in simulator.ports:
+        said = {"kind": port.kind} | {
+            f.name: getattr(port, f.name)
+            for f in fields(Port)
+            if f.name not in ("name", "kind") and getattr(port, f.name) != f.default
+        }
+        lines.append(f"{port.name} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
+    if simulator.parameters:
+        lines += ["", "[parameters]"]
+        for name, p in simulator.parameters.items():
+            said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
+            lines.append(f"{_key(name)} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
+    for name, where, values in simulator.effects:
+        lines += ["", "[[effects]]", f'effect = "{name}"', f'at = "{where}"']
+        lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if name.replace("_", "a").isalnum() and name.isascii() else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value)
+
+
+def named_from(path: Path, folder: Path) -> str:
+    """Return the name of a file as a page in a folder calls it."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
