@@ -294,7 +294,7 @@ def test_a_long_command_that_is_killed_leaves_the_old_files_or_the_new(name, ben
     killed(name, signal.SIGKILL, bench, results, tmp_path, last=4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_hundred_kills_at_every_step_lose_nothing(bench, computed, results, tmp_path):
     kills = 0
     for name in (*SHORT, *LONG):
