@@ -8,6 +8,7 @@ import json
 import math
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -286,17 +287,50 @@ def _no_step(text: str = "") -> None:
     """Show nothing."""
 
 
+_EVERY = 5.0  # s between two lines of progress
+
+
+class _Lines:
+    """Progress where no bar can be drawn: a line now and then, with the time left where the number of steps is known.
+
+    Parameters
+    ----------
+    args : Namespace
+        The command's options.
+    what : str
+        What is done.
+    total : int or None
+        Number of steps.
+    """
+
+    def __init__(self, args: argparse.Namespace, what: str, total: int | None) -> None:
+        self.args, self.what, self.total, self.done = args, what, total, 0
+        self.began = self.told = time.monotonic()
+
+    def __call__(self, text: str = "") -> None:
+        self.done += 1
+        now = time.monotonic()
+        if now - self.told < _EVERY:
+            return
+        self.told, spent = now, now - self.began
+        left = f", about {spent / self.done * (self.total - self.done):.0f} s left" if self.total else ""
+        note(self.args, f"{self.what} {text}".rstrip() + f" ({spent:.0f} s{left})")
+
+
 @contextlib.contextmanager
 def progress(args: argparse.Namespace, what: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
-    """Show a bar on standard error while the body runs, if a person is watching.
+    """Show on standard error how far the body is: a bar on a terminal, elsewhere a line every few seconds.
 
     Yields
     ------
     callable
         Call it with a short text after each step.
     """
-    if args.quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+    if args.quiet:
         yield _no_step
+        return
+    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+        yield _Lines(args, what, total)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

@@ -76,7 +76,12 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     beyond = min(beyond, outliers(evidence, base.fit.z))
     test = library_test(evidence, base.fit, competition.templates, random_state)
     gain = best.score - base.score
-    chance = min(test.p_value, float(np.exp(-gain - 1.0))) if gain > evidence.decisive else test.p_value
+    chance = test.p_value
+    if gain > evidence.decisive:  # such evidence needs no draws where noise is independent
+        chance = min(chance, float(np.exp(-gain - 1.0)))
+    elif gain <= evidence.least_gain:
+        # Where no hypothesis holds up in an exact fit, draws of the linear ones are no evidence beyond that.
+        chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
     if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
         verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
