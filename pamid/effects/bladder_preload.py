@@ -38,7 +38,7 @@ class BladderPreload(Effect):
     kinds = ("muscle",)
     source = "10.1115/1.482478"
     parameters = (
-        Parameter("rest", "N", 0.0, 1e4, 30.0, "force at rest length", linear=True, essential=True),
+        Parameter("rest", "N", 0.0, 1e4, 30.0, "force at rest length", linear=True),
         Parameter("growth", "N", 0.0, 1e6, 500.0, "further force per contraction", linear=True, position=-1),
         Parameter("curvature", "N", -1e7, 1e7, 0.0, "the same per squared contraction", linear=True, position=-2),
     )

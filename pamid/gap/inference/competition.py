@@ -226,14 +226,15 @@ class Competition:
         """Return what a set must explain better than a smaller one, in nats, for each effect beyond the first.
 
         In the same equation, where the inexact form of one effect calls for another, that is a share of what they
-        explain there together.
+        explain there together; but any model other than a bench's may be wrong in several ways at once.
         """
-        if len(h.fit.spec) < 2:
-            return 0.0
+        more = ONE_MORE * max(len(h.fit.spec) - 1, 0)
+        if len(h.fit.spec) < 2 or not self.evidence.exact:
+            return more
         count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
         sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
         gain = sizes * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
-        return ONE_MORE * (len(h.fit.spec) - 1) + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ np.maximum(gain, 0.0))
+        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ np.maximum(gain, 0.0))
 
     def _own_shares(self, h: Hypothesis) -> list[float]:
         if h.own is None:
@@ -242,7 +243,7 @@ class Competition:
                 D, slots = self._sensitivities(h.fit)
                 for name in h.fit.spec:
                     others = np.array([n != name for n, _ in slots])
-                    h.own.append(self.discrepancy.own_share(h.fit, name, D[:, others]))
+                    h.own.append(self.discrepancy.own_share(h.fit, name, D[:, others], self.base.fit.z))
         return h.own
 
     def _sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:

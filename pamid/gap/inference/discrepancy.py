@@ -98,11 +98,12 @@ class Discrepancy:
             variance += np.square(FORM_LOCAL * d) + elsewhere**2
         return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
 
-    def own_share(self, fit: Fit, name: str, D: np.ndarray) -> float:
+    def own_share(self, fit: Fit, name: str, D: np.ndarray, gap: np.ndarray) -> float:
         """Return how large an effect is beside what the others leave open, in the equation where that is most.
 
         What tolerances and the parameters of the other effects could say of its contribution is taken off; the rest is
-        a share of what those of inexact form among them add to the same equation, infinite where they add nothing.
+        a share of what those of inexact form among them add to the same equation, or of the gap where they undo each
+        other, infinite where they add nothing.
 
         Parameters
         ----------
@@ -112,6 +113,8 @@ class Discrepancy:
             One of them.
         D : array, shape (n_windows, n_columns)
             Sensitivities to the parameters of the others.
+        gap : array, shape (n_windows,)
+            Residuals without any effect.
         """
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
         rough = [d for k, d in direct.items() if k != name and has_form(k)]
