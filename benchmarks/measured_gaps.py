@@ -22,9 +22,7 @@ from pamid.signals import read_log
 
 MAPPINGS = Path(__file__).parent.parent / "docs" / "mappings"
 AREA = np.pi / 4 * 0.025**2
-FRICTION = ("coulomb_friction", "load_dependent_friction", "stribeck_friction", "viscous_friction", "quadratic_drag",
-            "hysteresis", "creep", "bladder_elasticity", "gravity", "force_bias", "force_gain", "force_lag",
-            "pressure_bias", "pressure_gain")  # fmt: skip
+EVERYTHING = "all"  # the whole library
 
 
 def log_of(files: list[Path], mapping: str) -> pd.DataFrame:
@@ -78,7 +76,9 @@ def cylinder(folder: Path, plots: Path | None) -> None:
             print(f"  {name:12s} {way:8s} {bar:5.2f} bar  {mean:8.2f} +- {spread:6.2f}  {n:6d} rows")
     thin = log.iloc[::6].reset_index(drop=True)
     nominal = lambda X: AREA * X["p"].to_numpy()  # noqa: E731
-    found = GapDiagnoser(nominal, FRICTION, signals={"time": "time", "position": "x", "pressure": "p"}, random_state=0)
+    found = GapDiagnoser(
+        nominal, EVERYTHING, signals={"time": "time", "position": "x", "pressure": "p"}, random_state=0
+    )
     found.fit(thin[["time", "x", "p"]], thin["F"], groups=thin["trajectory"])
     tell("Cylinder, all pressures, nominal F = P A", found)
     if plots:
@@ -136,7 +136,7 @@ def servo(folder: Path, plots: Path | None) -> None:
     table = table[kept].iloc[::2]
     roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load"}
     for what, title in (("bare", "inertia and gravity"), ("gap", "inertia, gravity, Coulomb and viscous friction")):
-        found = GapDiagnoser(None, FRICTION, equation="torque", sense=-1, signals=roles, random_state=0)
+        found = GapDiagnoser(None, EVERYTHING, equation="torque", sense=-1, signals=roles, random_state=0)
         found.fit(table[["time", "q", "dq", "load"]], table[what], groups=table["run"])
         tell(f"Servo, beyond {title} (drive in V; 'pressure' is the load by gravity)", found)
     if plots:
@@ -160,7 +160,7 @@ def festo(folder: Path, plots: Path | None) -> None:
     def nominal(T: pd.DataFrame) -> np.ndarray:
         return model.predict(T[["eps", "deps", "P", "dP"]])
 
-    found = GapDiagnoser(nominal, FRICTION, random_state=0).fit(X, log["F"], groups=log["trajectory"])
+    found = GapDiagnoser(nominal, EVERYTHING, random_state=0).fit(X, log["F"], groups=log["trajectory"])
     tell("Festo muscle of 10 mm and 30 cm, nominal: geometry", found)
     gap, lines = log["F"] - nominal(X), []
     for eps, part in gap.groupby(log["eps"].round(3)):
