@@ -354,7 +354,7 @@ OPTIONS = [
     (
         "no simulator and no contraction",
         E.MissingColumnError,
-        ("eps", "--sim"),
+        ("rest_length", "--sim"),
         ["fit", "{csv}", "--estimator", "GeometricForce", "--out", "{folder}/m.pamid"],
         table_of("force", sim=False),
     ),

@@ -180,7 +180,7 @@ def score_candidates(
         Folds of whole runs.
     unit : str
         Unit of the target.
-    n_draws, random_state, progress, n_jobs
+    n_draws, random_state, progress, n_jobs : optional
         As for `compare`.
 
     Returns

@@ -13,7 +13,7 @@ from .plant import Plant
 class TorqueLoss(Effect):
     r"""Share of the transmitted force that is lost, another one where the load drives the motor.
 
-    .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \begin{cases} \eta_d & F z > 0 \\ \eta_b & \text{else}\end{cases}
+    .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \eta_d \text{ where } F z > 0, \text{ else } \eta_b
 
     with the transmitted force F and Dahl's bristle z as in `CoulombFriction`.
 

@@ -337,9 +337,9 @@ def evaluate_log(
     >>> log = log.assign(mdot1=0.0, mdot2=0.0)
     >>> result = evaluate_log(log, BenchParameters.for_muscle("B"))
     >>> list(result), result["flow"].rmse
-    (['flow'], 0.0)
+    (['flow', 'joint_modelled'], 0.0)
     >>> result.skipped["joint"]
-    'joint needs q, F1, F2; the log lacks F1, F2'
+    'joint needs q, F1, F2; the log lacks F1, F2; it is tested together with force instead'
     """
     import pandas as pd
 

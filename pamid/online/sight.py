@@ -18,7 +18,7 @@ LEAST = 20
 
 
 class Sight:
-    """Judge the last second of a stream: are there signals, are they in SI, do they move?
+    """Judge the last second of a stream: whether there are signals, in SI, that move.
 
     Parameters
     ----------

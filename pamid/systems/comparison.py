@@ -46,10 +46,12 @@ def compare_system(
         The system.
     estimators : "all" or sequence of str, default="all"
         Labels, or patterns of labels.
-    cv, split, fit_rows, score_rows, random_state, progress
+    cv, split : optional
         As for `pamid.compare.compare`.
     rows : callable, optional
         Takes the table of signals with the target, returns which rows count.
+    fit_rows, score_rows, random_state, progress : optional
+        As for `pamid.compare.compare`.
 
     Returns
     -------

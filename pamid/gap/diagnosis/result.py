@@ -320,13 +320,13 @@ class Diagnosis:
     windows : DataFrame
         One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
         its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
+    leftover : dict
+        For an unknown cause: what the leftover depends on, and its closest symbolic form.
     remainder : dict
         What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
     signs : dict of str to float
         What trust in the names rests on, see `pamid.gap.diagnosis.open_set.signs_of`; empty where nothing is named.
-    leftover : dict
-        For an unknown cause: what the leftover depends on, and its closest symbolic form.
     not_tested : dict of str to str
         Equations that were left out, and why.
     cannot_show : list of str
