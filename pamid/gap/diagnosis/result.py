@@ -327,12 +327,12 @@ class Diagnosis:
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
     signs : dict of str to float
         What trust in the names rests on, see `pamid.gap.diagnosis.open_set.signs_of`; empty where nothing is named.
+    deviations : dict of str to float
+        How far the parameters with a tolerance were refitted together with the causes, in tolerances.
     not_tested : dict of str to str
         Equations that were left out, and why.
     cannot_show : list of str
         Effects of the library that change no equation that was tested: nothing is said about them.
-    deviations : dict of str to float
-        How far the parameters with a tolerance were refitted together with the causes, in tolerances.
 
     Examples
     --------
