@@ -67,13 +67,13 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
     dict
         What is written for the case.
     """
-    from pamid.effects import all_effects
+    from pamid.effects.registry import chosen_effects
 
     from . import judge
 
     params = judge.simulator(case.sim_toml)
     true = judge.truth(case.key)
-    names = [n for n in all_effects() if n not in case.spec.left_out]
+    names = [n for n in chosen_effects("all", "bench") if n not in case.spec.left_out]
     out: dict[str, Any] = {"name": case.spec.name, "key": case.key, "answers": {}}
     if diagnose is not None:
         began = time.perf_counter()

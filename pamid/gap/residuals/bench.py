@@ -140,7 +140,8 @@ class Evidence:
     @staticmethod
     def prior(name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on a bench."""
-        return float(all_effects()[name].prior)
+        effect = all_effects()[name]
+        return float(effect.prior if "bench" in effect.kinds else min(effect.prior, ELSEWHERE))
 
     @staticmethod
     def _piece(i: int, run: Run, residual: Residual) -> tuple[np.ndarray, ...]:
