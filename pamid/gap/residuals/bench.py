@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
 
 
+ELSEWHERE = -10.0
+"""Logarithm of the odds of an effect of other systems, where it is asked for on a bench."""
+
+
 class Evidence:
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
