@@ -354,8 +354,11 @@ OPTIONS = [
     (
         "no simulator and no contraction",
         E.MissingColumnError,
-        ("rest_length", "--sim"),
-        ["fit", "{csv}", "--estimator", "GeometricForce", "--out", "{folder}/m.pamid"],
+        ("eps", "--sim"),
+        [
+            *["fit", "{csv}", "--estimator", "GeometricForce", "--out", "{folder}/m.pamid"],
+            *["--set", "rest_length=0.2", "--set", "rest_diameter=0.01"],
+        ],
         table_of("force", sim=False),
     ),
     (
