@@ -66,10 +66,6 @@ class Evidence:
         The windows of equations without derivatives, in which no single window may be far out.
     """
 
-    form_left = 0.04
-    """Share of an equation's scale that a cause of known form may leave."""
-    audible = 0.05
-    """A further cause that is fainter in an equation than this share of one before may be an error of its form."""
     exact = True
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
     least_gain = 4.0
@@ -197,13 +193,6 @@ class Evidence:
         """Return the simulator with effects added and parameters changed by multiples of their tolerances."""
         params = self.deviated(deviations or {})
         return params.replace(effects=(*params.effects, *((name, dict(v)) for name, v in spec.items())))
-
-    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        """Return what causes may leave for their form, in noise, of residuals of a scale; more where they are rough.
-
-        What is mild is excused a larger share: a loud cause leaves enough to tell its form by.
-        """
-        return np.where(rough, 0.25 * np.sqrt(scales), self.form_left * scales)
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""

@@ -74,15 +74,12 @@ class PortEvidence(ABC):
         Every effect at every port.
     """
 
-    form_left = 0.12
-    """Share of the gap that a cause may leave: a real friction is never quite the library's."""
     exact = False
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 6.0
     decisive = np.inf
-    audible = 0.1
     undoes = False
     """Whether faults of sensors are undone in what they read, rather than put on what is predicted."""
     how = ""
@@ -312,10 +309,6 @@ class PortEvidence(ABC):
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
         return float(all_effects()[name].prior)
-
-    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        """Return what causes may leave for their form, in noise, of residuals of a scale."""
-        return self.form_left * scales
 
     @property
     def state(self) -> dict[str, np.ndarray]:

@@ -71,8 +71,6 @@ class ResidualSource(Protocol):
     trajectories: list[str]
     sharp: list[slice]
     stretch: float
-    form_left: float
-    audible: float
     exact: bool
     least_gain: float
     decisive: float
@@ -114,10 +112,6 @@ class ResidualSource(Protocol):
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
-        ...
-
-    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        """Return what causes may leave for their form, in noise, of residuals of a scale."""
         ...
 
     def column(self, name: str, side: int = 0) -> str:

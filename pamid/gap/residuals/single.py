@@ -78,8 +78,6 @@ class SignalEvidence:
         Rows that are left out, such as those of a clipped sensor.
     """
 
-    form_left = 0.12
-    """Share of the gap that a cause may leave: a real friction is never quite the library's."""
     exact = False
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
@@ -89,8 +87,6 @@ class SignalEvidence:
     is not known."""
     decisive = np.inf
     """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
-    audible = 0.1
-    """A further cause that is fainter than this share of the loudest one may be an error of its form."""
 
     def __init__(
         self,
@@ -281,10 +277,6 @@ class SignalEvidence:
                 self._means.clear()
             self._means[key] = self._mean(self.added(spec))
         return self._means[key]
-
-    def excused(self, scales: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        """Return what causes may leave for their form, in noise, of residuals of a scale."""
-        return self.form_left * scales
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equation if any of the effects can be evaluated with the signals at hand and changes it."""
