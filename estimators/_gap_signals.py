@@ -56,3 +56,8 @@ def run_names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
         named = X["trajectory"].to_numpy()
     names = [str(named[k]) if named is not None else "0" for k in first]
     return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]
+
+
+def values_of(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
+    """Return the causes, each by its first effect, with the values of their parameters."""
+    return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
 
 from ._base import SignalEstimator, Signals
-from ._gap_signals import read_by, run_names, spoken
+from ._gap_signals import read_by, run_names, spoken, values_of
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
@@ -133,7 +133,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     ('cause', ('viscous_friction',))
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
+    __metadata_request__fit: ClassVar = {"groups": True, "where": True}
     __metadata_request__predict: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
@@ -164,7 +164,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.one_trajectory = one_trajectory
         self.random_state = random_state
 
-    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+    def fit(self, X: Any, y: Any, groups: Any = None, where: Any = None) -> Self:
         """Diagnose.
 
         Parameters
@@ -175,6 +175,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             Measured target.
         groups : array_like, shape (n_samples,), optional
             Trajectory of each row; without it a column ``trajectory`` serves.
+        where : array_like of bool, shape (n_samples,), optional
+            Rows that count, such as those of a muscle under tension; windows with any other are left out.
 
         Returns
         -------
@@ -212,6 +214,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             share = 100.0 * float(np.mean(stuck))
             what = f"y repeats one value in {share:.1f} % of the rows while others move: a clipped or stuck sensor."
             more.append(f"{what} Those rows are left out.")
+        without = stuck if where is None else stuck | ~column_or_1d(where).astype(bool)
+        if without.all():
+            raise ExcitationError("No row counts.", "rows that meet the condition", "Correct where=.")
         gathered = gather(
             signals,
             y,
@@ -225,7 +230,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             sense=self.sense,
             labels=self._labels(),
             names=run_names(X, groups, codes),
-            without=stuck,
+            without=without,
         )
         evidence, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
         notes.append(
@@ -278,8 +283,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
         self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
         self.next_experiment_ = found.next_experiment
-        self.effects_ = _values(found.causes)
-        self._inward_ = _values(inward.causes)
+        self.effects_ = values_of(found.causes)
+        self._inward_ = values_of(inward.causes)
 
     @property
     def diagnosis_(self) -> Any:
@@ -490,7 +495,3 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         roles = {"position": 0, "velocity": 0}
         library = ("viscous_friction", "bladder_elasticity", "force_bias")
         return [GapDiagnoser(effects=library, signals=roles, one_trajectory=True, random_state=0)]
-
-
-def _values(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
-    return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}

@@ -10,6 +10,7 @@ import pytest
 
 from pamid.bench import BenchParameters, isometric, simulate, sine, unfold
 from pamid.cli import main
+from pamid.cli.rows import readings_where
 from pamid.errors import (
     ImplausibleParameterError,
     MissingColumnError,
@@ -167,6 +168,32 @@ def test_the_command_takes_the_page_of_a_system(stroke, tmp_path, capsys):
     assert report["causes"][0]["effects"] == ["coulomb_friction"]
     assert set(report["files"]) == {"corrected.toml", "diagnosis.json", "report.html"}
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["corrected.toml", "diagnosis.json", "report.html"]
+
+
+def test_a_condition_leaves_rows_out(stroke, tmp_path, capsys):
+    spring = 3e3 * np.maximum(stroke["x"] - 0.028, 0.0)  # what the end of the stroke adds is not asked about
+    write_log(stroke.assign(F=stroke["F"] + spring), tmp_path / "log.parquet")
+    Cylinder(bore=0.025).to_toml(tmp_path / "sim.toml")
+    words = ["diagnose", str(tmp_path / "log.parquet"), "--sim", str(tmp_path / "sim.toml"), "--quiet", "--json"]
+    words += ["--effects", "coulomb_friction,viscous_friction", "--out", str(tmp_path / "found")]
+    assert main([*words, "--where", "x < 0.028"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [c["effects"] for c in found["causes"]] == [["coulomb_friction"]]
+    assert found["closure"][0]["rmse_after"] < 1.0
+    assert any("Only the rows that meet the condition count: 6" in text for text in found["notes"])
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["closure"][0]["rmse_after"] > 3.0
+    assert main([*words, "--where", "x > 1"]) == 2
+    assert "No row counts" in capsys.readouterr().err
+
+
+def test_readings_of_rows_that_miss_a_condition(stroke):
+    kept = readings_where(stroke, ["x < 0.028"], ["F", "mdot"])
+    assert (kept["F"].isna() == (stroke["x"] >= 0.028)).all()
+    assert kept["x"].notna().all()
+    assert readings_where(stroke, [], ["F"]) is stroke
+    with pytest.raises(MissingColumnError, match="none of mdot"):
+        readings_where(stroke, ["x < 0.028"], ["mdot"])
 
 
 def test_numbers_beside_the_entries_of_a_json_log_become_signals(tmp_path):

@@ -57,3 +57,24 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
         meets = np.asarray(_SIGNS[found["sign"]](table[found["column"]].to_numpy(dtype=float), limit))
         rows = meets if rows is None else rows & meets
     return rows
+
+
+def readings_where(log: pd.DataFrame, conditions: Sequence[str], readings: Sequence[str]) -> pd.DataFrame:
+    """Return a log without the readings of the rows that miss a condition; without conditions the log itself.
+
+    Raises
+    ------
+    ParameterError, MissingColumnError
+        A condition cannot be read, names a column that is not there, or the log has none of the readings.
+    """
+    rows = rows_where(log, conditions)
+    if rows is None:
+        return log
+    there = [name for name in readings if name in log.columns]
+    if not there:
+        raise MissingColumnError(
+            f"--where is given, and the log has none of {', '.join(readings)}.",
+            "a reading that conditions are about",
+            "Leave --where out.",
+        )
+    return log.assign(**{name: log[name].where(rows) for name in there})

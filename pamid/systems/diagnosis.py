@@ -22,6 +22,7 @@ def diagnose_system(
     system: System,
     effects: str | Sequence[str] = "all",
     *,
+    rows: np.ndarray | None = None,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -35,6 +36,8 @@ def diagnose_system(
         The system, such as ``Cylinder(bore=0.025)``.
     effects : "all" or sequence of str, default="all"
         Effects that may be causes; "all" are those that the system allows.
+    rows : array of bool, shape (n_samples,), optional
+        Rows of the log that count; windows with any other are left out, and what effects remember runs through them.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
     progress : callable, optional
@@ -73,11 +76,15 @@ def diagnose_system(
     say = progress or (lambda _: None)
     say("read the log")
     signals = [i.name for i in system.inputs if i.name in log.columns]
-    clean = log.dropna(subset=["time", *signals]).reset_index(drop=True)
+    whole = log[["time", *signals]].notna().all(axis=1).to_numpy()
+    clean = log[whole].reset_index(drop=True)
     problem = system.problem(clean)
     notes = [*doubts(clean, system), *problem.notes]
     if len(clean) < len(log):
         notes.append(f"{100 * (1 - len(clean) / len(log)):.1f} % of the rows have a missing value and are left out.")
+    counted = None if rows is None else np.asarray(rows, dtype=bool)[whole]
+    if counted is not None:
+        notes.append(f"Only the rows that meet the condition count: {100 * counted.mean():.0f} % of them.")
     one = len(np.unique(problem.groups)) == 1
     diagnoser = GapDiagnoser(
         problem.nominal,
@@ -91,7 +98,7 @@ def diagnose_system(
         random_state=seed,
     )
     say("hold it against the library")
-    diagnoser.fit(problem.X, problem.y, groups=problem.groups)
+    diagnoser.fit(problem.X, problem.y, groups=problem.groups, where=counted)
     found = diagnoser.diagnosis_
     own = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate"}
     names = {name: problem.roles.get(role, role) for name, role in own.items()}

@@ -28,6 +28,7 @@ from ..common import (
     system_of,
     table,
 )
+from ..rows import add_where, readings_where, rows_where
 
 if TYPE_CHECKING:
     from ...gap.diagnosis.result import Diagnosis
@@ -38,6 +39,7 @@ FILES = ("diagnosis.json", *CORRECTED, "report.html")
 
 _CANDIDATES = 6
 _ROOM = 1 << 20
+_JUDGED = ("F", "F1", "F2", "mdot", "mdot1", "mdot2")
 _DESCRIPTION = """\
 Diagnose the gap between a simulator and a log: where it lies (equation, region of the state, frequencies, runs), which
 effect that the simulator lacks is the cause, and how far the gap shrinks once it is added, on runs that the fit has not
@@ -54,6 +56,9 @@ SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pam
 corrected.toml is then such a page, for 'pamid evaluate' and 'pamid diagnose'. It may be the page of a simulator of your
 own as well, a Python function, a MuJoCo model, an FMU or a python-control system (docs/simulators.md), or such a model
 itself, .xml or .fmu: effects then act at its ports, and the corrected simulator comes back as what it was.
+
+With --where only windows of 20 ms count whose rows all meet the condition; what effects remember still runs through the
+others. On a bench it is the readings of force and flow that count, since a condition says nothing of joint and valve.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
@@ -61,6 +66,7 @@ _EXAMPLES = """\
   pamid diagnose bench.csv --columns mapping.toml --sim sim.toml --out diagnosis --without creep --json
   pamid diagnose log.csv --sim motor.toml --trust --out diagnosis      a function of your own, or an FMU
   pamid diagnose log.csv --sim arm.xml --out diagnosis                 a MuJoCo model
+  pamid diagnose muscle.mat --columns columns.toml --sim sim.toml --where 'F > 5' --out diagnosis
   pamid evaluate other.parquet --sim diagnosis/corrected.toml
 """
 
@@ -80,6 +86,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--without", metavar="A,B,...", action="append", default=[], help="effects to leave out; repeatable"
     )
+    add_where(parser)
     add_trust_option(parser)
 
 
@@ -105,12 +112,16 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     with progress(args, "Diagnosing") as step:
         if ported is not None:
-            d = diagnose_simulator(log, ported, effects=effects, seed=args.seed, progress=step)
+            measured = [p.source for p in ported.ports if p.kind != "input"]
+            kept = readings_where(log, args.where, measured)
+            d = diagnose_simulator(kept, ported, effects=effects, seed=args.seed, progress=step)
         elif system is not None:
-            d = diagnose_system(log, system, effects=effects, seed=args.seed, progress=step)
+            rows = rows_where(log, args.where)
+            d = diagnose_system(log, system, effects=effects, rows=rows, seed=args.seed, progress=step)
         else:
             assert params is not None
-            d = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
+            kept = readings_where(log, args.where, _JUDGED)
+            d = diagnose(kept, params, effects=effects, seed=args.seed, progress=step)
         step("report")
         files = write(d, folder, _source(args, log))
     if args.json:
