@@ -77,7 +77,9 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | Non
     drift = supplied[:-1] * (growth - 1.0) / 2
     held = windows.mean(supplied[:-1] + drift - gain) / scale
     ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
-    return np.asarray(held + (_share(held, ramp) if share is None else share) * ramp)
+    if share is not None:
+        return np.asarray(held + share * ramp)
+    return np.concatenate([held[part] + _share(held[part], ramp[part]) * ramp[part] for part in windows.parts])
 
 
 def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.ndarray]]:

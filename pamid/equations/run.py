@@ -88,6 +88,11 @@ class Run:
         faulty = {fault.channel for fault in faults} & set(stretch.readings)
         self.responses = {name: self._restored(name, faults) for name in faulty}
 
+    @property
+    def starts(self) -> np.ndarray:
+        """First row of each stretch that it holds: one, at its beginning."""
+        return np.zeros(1, dtype=int)
+
     def under(self, model: Model) -> Run:
         """Return the same stretch of the log held against another simulator."""
         return Run(self.stretch, model)
@@ -111,11 +116,11 @@ class Run:
     def _restored(self, name: str, faults: list[Effect]) -> np.ndarray:
         """Undo the faults of a channel's sensor; return the weights of readings in a restored value."""
         series, response = self.stretch.readings[name], np.ones(1)
-        start = np.zeros(1, dtype=int)
         for effect in faults:
             if effect.channel == name:
-                series = np.asarray(effect.restore(series, self.dt, start), dtype=float)
-                response = np.convolve(response, _response(effect, self.dt))
+                series = np.asarray(effect.restore(series, self.dt, self.starts), dtype=float)
+                if self.model.noise:
+                    response = np.convolve(response, _response(effect, self.dt))
         if name == "q":
             self.q = series[:, 0]
         else:
@@ -227,20 +232,24 @@ class Run:
         """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; a column a muscle."""
         key = (channel, deriv)
         if key not in self.smoothed:
-            x = self.q[:, None] if channel == "q" else self.channels[channel]
-            width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
-            if width < 7:
-                self.smoothed[key] = np.gradient(x, self.dt, axis=0) if deriv else x
-            else:
-                self.smoothed[key] = _local_fit(x, width, deriv) / self.dt**deriv
+            self.smoothed[key] = self._smoothed(self.q[:, None] if channel == "q" else self.channels[channel], deriv)
         return self.smoothed[key]
+
+    def _smoothed(self, x: np.ndarray, deriv: int) -> np.ndarray:
+        width = min(2 * self.n + 1, len(x) - (len(x) + 1) % 2)
+        if width < 7:
+            return np.gradient(x, self.dt, axis=0) if deriv else x
+        return _local_fit(x, width, deriv) / self.dt**deriv
 
     def still(self) -> np.ndarray:
         """Return the joint angle with its noise taken off: noise is motion to and fro, which memory would believe."""
         key = ("still", 0)
         if key not in self.smoothed:
-            self.smoothed[key] = play(self.smooth("q", 0), _STILL * self.stretch.noises["q"][0].white)
+            self.smoothed[key] = self._played(self.smooth("q", 0))
         return self.smoothed[key]
+
+    def _played(self, x: np.ndarray) -> np.ndarray:
+        return play(x, _STILL * self.stretch.noises["q"][0].white)
 
     def _signals(self, effect: Effect) -> Signals:
         from ..effects import Signals
@@ -273,16 +282,15 @@ class Run:
 
     def _memory(self, effect: Effect, signals: Signals) -> np.ndarray:
         """Return an effect's memory along the run; that of a path is kept, since many fits change amplitudes alone."""
-        start = np.zeros(1, dtype=int)
         if not effect.path_dependent:
-            return effect.trace(signals, self.model.plant, self.dt, start)
+            return effect.trace(signals, self.model.plant, self.dt, self.starts)
         p = self.model.params
         shape = (effect.values[q.name] for q in effect.parameters if not q.linear)
         key = (effect.name, *shape, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
         if key not in self.memories:
             if len(self.memories) >= _REMEMBERED:
                 self.memories.pop(next(iter(self.memories)))
-            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, start)
+            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, self.starts)
         return self.memories[key]
 
     def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:
@@ -303,7 +311,7 @@ class Run:
         total: Any = 0.0
         for e, s, x in self._having("force"):
             if "velocity" in e.roles:
-                left = _differences(self.eps, self.dt) - s.velocity
+                left = _differences(self.eps, self.dt, self.starts) - s.velocity
                 h = max(float(np.std(left)), 1e-12)
                 near, far = (e.force(s.with_(velocity=s.velocity + sign * h), x, self.model.plant) for sign in (-1, 1))
                 total = total + (np.asarray(far) - np.asarray(near)) / (2 * h) * left
@@ -369,10 +377,11 @@ class Run:
         return total
 
 
-def _differences(x: np.ndarray, dt: float) -> np.ndarray:
-    """Return central differences, 0 at both ends, which no test function of an acceleration reaches."""
+def _differences(x: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
+    """Return central differences, 0 at both ends of stretches, which no test function of an acceleration reaches."""
     out = np.zeros_like(x)
     out[1:-1] = (x[2:] - x[:-2]) / (2 * dt)
+    out[starts], out[starts - 1] = 0.0, 0.0
     return out
 
 

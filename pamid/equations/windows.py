@@ -185,6 +185,8 @@ class Windows:
         Rows of the stretch.
     given : array of bool, shape (n_rows, n_sides), optional
         Rows that count, for order 1; all by default.
+    parts : tuple of slice, optional
+        The windows of each stretch, where several are joined.
     """
 
     n: int
@@ -192,6 +194,7 @@ class Windows:
     first: np.ndarray
     n_rows: int
     given: np.ndarray | None = None
+    parts: tuple[slice, ...] = (slice(None),)
     _covariances: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict, repr=False)
     _time: np.ndarray | None = field(default=None, repr=False)
 

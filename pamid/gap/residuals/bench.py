@@ -10,6 +10,7 @@ import numpy as np
 from ...effects import all_effects
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
+from ...equations.joined import joined
 from ...equations.log import columns_of, runs
 from ...equations.run import SIGNS, Model, Run
 from ...equations.stretch import pool_noise
@@ -119,6 +120,7 @@ class Evidence:
         )
         self.run, self.side = self.run.astype(int), self.side.astype(int)
         self.noise = np.maximum(noise, _smallest(value, noise, self.parts))
+        self._joined = list(joined(self.runs, Model(params, settled=True, noise=False)))
         self._known = self.noise == noise
         self._raw0 = value / self.noise
         coarse = any(run.n < self.fine for run in self.runs)
@@ -225,16 +227,16 @@ class Evidence:
         return self._whitening.white(out)
 
     def _residuals(self, model: Model, equations: Sequence[str]) -> Iterator[tuple[slice, Residual]]:
-        by_run: dict[int, list[tuple[str, slice]]] = {}
-        for name in equations:
-            for i, slot in self._slots[name]:
-                by_run.setdefault(i, []).append((name, slot))
-        for i, slots in by_run.items():
-            run = self.runs[i].under(model)
-            for name, slot in slots:
+        own: list[tuple[Run, range]] = [(run, range(i, i + 1)) for i, run in enumerate(self.runs)]
+        for whole, places in own if model.noise else self._joined:
+            run = whole.under(model)
+            for name in equations:
+                slots = [slot for i, slot in self._slots[name] if i in places]
+                if not slots:
+                    continue
                 with np.errstate(all="ignore"):  # a lag undone may leave a pressure below zero: its fit is then poor
                     residual = self._equations[name].residual(run)
-                yield slot, residual
+                yield slice(slots[0].start, slots[-1].stop), residual
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.
