@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
+from ..signals.recursion import recursive
 from ..signals.state import Array
 
 
@@ -56,30 +55,25 @@ def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
 
 def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
     """Return `relax` along the trajectories of a log, at rest at the start of each; time is the first axis."""
-    from scipy.signal import lfilter
-
     v = np.asarray(v, dtype=float)
     if dt / tau == 0.0:
         raise ValueError("a time constant must be finite")
     decay = np.exp(-dt / tau)
     mean = -np.expm1(-dt / tau) * tau / dt
-    out = np.empty_like(v)
-    for a, b in pairwise([*np.asarray(starts).tolist(), len(v)]):
-        # At rest, the filter holds what makes its first output the first input.
-        out[a:b] = lfilter([1.0 - mean, mean - decay], [1.0, -decay], v[a:b], axis=0, zi=mean * v[a : a + 1])[0]
-    return out
+    drive = (1.0 - mean) * v
+    drive[1:] += (mean - decay) * v[:-1]
+    drive[starts] = v[starts]
+    return recursive(drive, [decay], starts)
 
 
 def hold_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
     """Return a first-order lag of an input that is held from each instant to the next, as `relax_along`."""
-    from scipy.signal import lfilter
-
     v = np.asarray(v, dtype=float)
     decay = np.exp(-dt / tau)
-    out = np.empty_like(v)
-    for a, b in pairwise([*np.asarray(starts).tolist(), len(v)]):
-        out[a:b] = lfilter([0.0, 1.0 - decay], [1.0, -decay], v[a:b], axis=0, zi=v[a : a + 1])[0]
-    return out
+    drive = np.empty_like(v)
+    drive[1:] = (1.0 - decay) * v[:-1]
+    drive[starts] = v[starts]
+    return recursive(drive, [decay], starts)
 
 
 def drawn_along(target: Array, decay: Array, starts: Array) -> Array:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
+from ..signals.recursion import recursive
 from ..signals.state import Array
 
 
@@ -49,17 +49,20 @@ def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt
 
 def carried_along(v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool) -> Array:
     """Return `carried` along the trajectories of a log, at rest at the start of each; time is the first axis."""
-    from scipy.signal import lfilter, ss2tf
-
     v = np.asarray(v, dtype=float)
     M, old, new = transition(frequency, damping, dt, ramp)
-    # With w[k] = x[k] - new v[k] the input enters at the old instant alone, as filters have it.
-    B = (old + M @ new)[:, None]
-    numerators, denominator = ss2tf(M, B, np.eye(2), new[:, None])
-    out = np.empty((2, *v.shape))
-    for a, b in pairwise([*np.asarray(starts).tolist(), len(v)]):
-        u = v[a:b] - v[a : a + 1]  # at rest the output is the input
-        for k in range(2):
-            out[k, a:b] = lfilter(numerators[k], denominator, u, axis=0)
-        out[0, a:b] += v[a : a + 1]
+    begin = np.zeros(len(v), dtype=int)
+    begin[starts] = starts
+    rest = v[np.maximum.accumulate(begin)]  # at rest the output is the input
+    u, shape = v - rest, (2, *[1] * v.ndim)
+    d = new.reshape(shape) * u
+    d[:, 1:] += old.reshape(shape) * u[:-1]
+    d[:, starts] = 0.0
+    # M is a root of its characteristic polynomial, so that each state goes on from its own past alone.
+    trace, determinant = float(np.trace(M)), float(np.linalg.det(M))
+    drive = d.copy()
+    drive[:, 1:] += np.tensordot(M - trace * np.eye(2), d[:, :-1], 1)
+    drive[:, starts] = 0.0
+    out = np.moveaxis(recursive(np.moveaxis(drive, 0, -1), [trace, -determinant], starts), -1, 0)
+    out[0] += rest
     return out

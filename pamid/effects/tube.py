@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
+from ..signals.recursion import recursive
 from ..signals.state import Array
 from .base import Effect, Parameter, Signals
 from .plant import Plant
@@ -69,11 +68,7 @@ class Tube(Effect):
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
         """Return the pressure in the chamber behind a reading: its first-order lag."""
-        from scipy.signal import lfilter
-
         reading, share = np.asarray(reading, dtype=float), self.time_constant / dt
-        out = np.empty_like(reading)
-        for a, b in pairwise([*np.asarray(starts).tolist(), len(reading)]):
-            rest = share / (1.0 + share) * reading[a : a + 1]
-            out[a:b] = lfilter([1.0 / (1.0 + share)], [1.0, -share / (1.0 + share)], reading[a:b], axis=0, zi=rest)[0]
-        return out
+        drive = reading / (1.0 + share)
+        drive[starts] = reading[starts]
+        return recursive(drive, [share / (1.0 + share)], starts)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
+from ..signals.recursion import recursive
 from ..signals.state import Array
 from ._memory import hold_along
 from .base import Effect, Parameter, Signals
@@ -78,17 +77,15 @@ class ValveLag(Effect):
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the spool's position along each trajectory, without a loop over time."""
-        from scipy.signal import lfilter
-
         u = np.asarray(s.command, dtype=float)
         x = hold_along(u, dt, self._lags()[0], starts)
         if self.second <= 0.0:
             return np.stack([x, x])
         _, e2, cross = self._decays(dt)
-        y = np.empty_like(u)
-        for a, b in pairwise([*np.asarray(starts).tolist(), len(u)]):
-            drawn = cross * x[a:b] + (1.0 - cross - e2) * u[a:b]
-            y[a:b] = lfilter([0.0, 1.0], [1.0, -e2], drawn, axis=0, zi=u[a : a + 1])[0]
+        drive = np.empty_like(u)
+        drive[1:] = (cross * x + (1.0 - cross - e2) * u)[:-1]
+        drive[starts] = u[starts]
+        y = recursive(drive, [e2], starts)
         return np.stack([x, y])
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:

@@ -398,9 +398,18 @@ def _local_fit(x: np.ndarray, width: int, deriv: int) -> np.ndarray:
 @cache
 def _local_weights(width: int, deriv: int) -> np.ndarray:
     """Return the weights with which a window gives the local fit at each of its samples, a row each."""
-    from scipy.signal import savgol_coeffs
+    # Scaled to the window, the powers stay of one size; a row of the inverse gives one coefficient at the middle.
+    half = (width - 1) / 2
+    powers = np.linalg.pinv(np.vander((np.arange(width) - half) / half, 5, increasing=True))
+    at = (np.arange(width)[:, None] - half) / half
+    derivatives = np.array([_falling(k, deriv) for k in range(5)])
+    basis = derivatives * at ** np.maximum(np.arange(5) - deriv, 0)
+    return np.asarray(basis @ powers / half**deriv)
 
-    return np.stack([savgol_coeffs(width, 4, deriv, pos=k, use="dot") for k in range(width)])
+
+def _falling(k: int, deriv: int) -> float:
+    """Return the factor that derivatives put before a power: k (k - 1) ..."""
+    return float(np.prod(np.arange(k, k - deriv, -1)))
 
 
 def _response(effect: Effect, dt: float) -> np.ndarray:

@@ -78,7 +78,7 @@ class Clusters:
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
         """Return the effects' parameters with 90 % intervals, by the jackknife over trajectories."""
-        from scipy.stats import t as student
+        from scipy.special import stdtrit
 
         n, m = len(self.evidence.trajectories), self.evidence.J.shape[1]
         total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
@@ -90,7 +90,7 @@ class Clusters:
             error = np.sqrt((n - 1.0) / n * np.sum(np.square(without - without.mean(axis=0)), axis=0))
         else:
             error = np.full(self.A.shape[1], np.inf)
-        reach = float(student.ppf(0.95, max(n - 1, 1)))
+        reach = float(stdtrit(max(n - 1, 1), 0.95))
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
             value = self.fit.spec[name][p.name]

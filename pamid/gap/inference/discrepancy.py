@@ -17,9 +17,12 @@ M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", Journal of
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ...effects import all_effects
+from ...signals.recursion import recursive
 from ..residuals.protocol import ResidualSource
 from .gauss_newton import SLACK, Fit
 from .settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
@@ -176,20 +179,20 @@ def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
     evidence : ResidualSource
         The log; no past reaches over the border of a run or an equation.
     """
-    from scipy.signal import lfilter
-
     equation = np.zeros(len(x), dtype=np.int64)
     for k, part in enumerate(evidence.parts):
         equation[part] = k
     sequence = (equation * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side
     order = np.lexsort((evidence.time, sequence))
+    starts = np.flatnonzero(np.diff(sequence[order], prepend=-1))
+    time, ordered = evidence.time[order], x[order]
+    step = np.empty(len(x))
+    for a, b in pairwise([*starts.tolist(), len(x)]):
+        step[a:b] = max(float(np.median(np.diff(time[a:b]))), 1e-6) if b > a + 1 else 1.0
     out = [np.zeros(len(x)) for _ in AGES]
-    for rows in np.split(order, np.flatnonzero(np.diff(sequence[order])) + 1):
-        if len(rows) < 2:
-            continue
-        step = float(np.median(np.diff(evidence.time[rows])))
-        for k, age in enumerate(AGES):
-            a = float(np.exp(-max(step, 1e-6) / age))
-            past, _ = lfilter([1.0 - a], [1.0, -a], x[rows], zi=[a * x[rows][0]])
-            out[k][rows] = x[rows] - past
+    for k, age in enumerate(AGES):
+        keep = np.exp(-step / age)
+        drive = (1.0 - keep) * ordered
+        drive[starts] = ordered[starts]
+        out[k][order] = ordered - recursive(drive, [keep], starts)
     return out

@@ -133,7 +133,7 @@ NOISE_KNOWN = 0.04
 
 def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) -> Excess:
     """Return how far an equation's residual exceeds its noise, with stretches of time as units."""
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     stretch = np.floor(evidence.time[part] / evidence.stretch).astype(int)
     _, label = np.unique(
@@ -145,7 +145,7 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
     mean = float(np.average(means, weights=count))
     error = float(np.sqrt(np.average(np.square(means - mean), weights=count) / max(len(means) - 1, 1)))
     known = 2.0 * NOISE_KNOWN
-    return Excess(size, float(norm.sf((mean - 1.0) / np.hypot(error, known))))
+    return Excess(size, float(ndtr((1.0 - mean) / np.hypot(error, known))))
 
 
 def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
@@ -153,11 +153,11 @@ def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
 
     Only equations without derivatives count: others may err where a command jumps between two samples.
     """
-    from scipy.stats import norm, poisson
+    from scipy.special import ndtr, pdtrc
 
     p_value = 1.0
     for part in evidence.sharp:
         if (far := int(np.sum(np.abs(z[part]) > FAR))) >= FEW:
-            expected = 2.0 * len(z[part]) * float(norm.sf(FAR / (1.0 + 10.0 * NOISE_KNOWN)))
-            p_value = min(p_value, float(poisson.sf(far - 1, expected)))
+            expected = 2.0 * len(z[part]) * float(ndtr(-FAR / (1.0 + 10.0 * NOISE_KNOWN)))
+            p_value = min(p_value, float(pdtrc(far - 1, expected)))
     return p_value

@@ -1,0 +1,55 @@
+r"""Recursive filters over several trajectories at once, as one solution of a triangular system of few diagonals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+
+def recursive(
+    drive: np.ndarray, feedback: Sequence[float | np.ndarray], starts: np.ndarray | None = None
+) -> np.ndarray:
+    r"""Return what a drive makes of itself and its own past.
+
+    .. math:: y_k = d_k + \sum_i f_i\, y_{k-i}
+
+    Parameters
+    ----------
+    drive : array, shape (n, ...)
+        The drive d, time along the first axis.
+    feedback : sequence of float or array, shape (n,)
+        The weight f of each past value, that of row k where it changes along time.
+    starts : array of int, optional
+        First rows of trajectories, before which nothing is remembered; 0 by default.
+
+    Returns
+    -------
+    array, shape (n, ...)
+        The result y.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.recursion import recursive
+    >>> recursive(np.ones(4), [0.5], np.array([0, 2]))
+    array([1. , 1.5, 1. , 1.5])
+    """
+    n = len(drive)
+    if not n:
+        return np.zeros_like(drive, dtype=float)
+    bands = np.zeros((len(feedback) + 1, n))
+    bands[0] = 1.0
+    first = np.zeros(n, dtype=int)
+    if starts is not None:
+        first[starts] = starts
+    begin = np.maximum.accumulate(first)
+    for lag, weight in enumerate(feedback, start=1):
+        rows = np.arange(lag, n)
+        inside = rows - lag >= begin[lag:]
+        bands[lag, : n - lag] = np.where(inside, -np.broadcast_to(weight, n)[lag:], 0.0)
+    solution, info = dtbtrs(bands, np.asarray(drive, dtype=float).reshape(n, -1), uplo="L", diag="U")
+    if info:
+        raise ValueError(f"dtbtrs returned {info}")
+    return np.asarray(solution).reshape(drive.shape)
