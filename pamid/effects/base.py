@@ -31,13 +31,12 @@ from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..errors import ImplausibleParameterError, ParameterError, SimulatorTypeError, UnknownParameterError
-from ..signals.paths import reversals
+from ..signals.paths import Path
 from ..signals.state import Array
 from .plant import Plant
 
@@ -335,7 +334,7 @@ class Effect(ABC):
         n = len(next(v for v in (getattr(used, f.name) for f in fields(used)) if v is not None))
         starts = np.asarray(starts, dtype=np.int64)
         if self.path_dependent:
-            return self._trace_path(used.position, plant, dt, starts)
+            return self.trace_along(Path(used.position, starts), plant, dt)
         lengths = np.diff(np.append(starts, n))
         # All trajectories advance together; those that have ended stay at their last row.
         rows = starts[None, :] + np.minimum(np.arange(lengths.max())[:, None], lengths[None, :] - 1)
@@ -351,25 +350,19 @@ class Effect(ABC):
             before = now
         return out
 
-    def _trace_path(self, position: Array, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the memory along a path: a monotone stretch of any length is one step from its beginning."""
-        columns = position.reshape(len(position), -1)
-        out = np.empty((self.n_states, *columns.shape))
-        for c in range(columns.shape[1]):
-            for a, b in pairwise([*starts.tolist(), len(columns)]):
-                x = columns[a:b, c]
-                turns = reversals(x)
-                state = self.start(Signals(position=x[0]), plant, dt)
-                # The state at each turning point, then all rows between them at once.
-                states = np.empty((self.n_states, len(turns)))
-                states[:, 0] = state
-                for k in range(1, len(turns)):
-                    before, now = Signals(position=x[turns[k - 1]]), Signals(position=x[turns[k]])
-                    states[:, k] = state = self.step(state, before, now, dt, plant)
-                last = np.maximum(np.searchsorted(turns, np.arange(b - a), side="left") - 1, 0)
-                before = Signals(position=x[turns[last]])
-                out[:, a:b, c] = self.step(states[:, last], before, Signals(position=x), dt, plant)
-        return out.reshape(self.n_states, *position.shape)
+    def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
+        """Return the memory along a path, where that alone decides: a monotone stretch of any length is one step."""
+        turns = path.turns
+        # All lanes advance from turn to turn together, then all rows from the turn before them at once.
+        states = np.empty((self.n_states, *turns.values.shape))
+        before = Signals(position=turns.values[0])
+        states[:, 0] = self.start(before, plant, dt)
+        for k in range(1, len(turns.values)):
+            now = Signals(position=turns.values[k])
+            states[:, k] = self.step(states[:, k - 1], before, now, dt, plant)
+            before = now
+        held = states.reshape(self.n_states, -1)[:, turns.last]
+        return self.step(held, Signals(position=turns.before), Signals(position=path.position), dt, plant)
 
     # --- hooks ----------------------------------------------------------------------------------------------
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

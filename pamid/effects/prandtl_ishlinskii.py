@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..signals.paths import Path
 from ..signals.state import Array
 from ._stop import RATIOS, stopped, stops_along, stops_at
 from .base import Effect, Parameter, Signals
@@ -70,9 +71,9 @@ class PrandtlIshlinskii(Effect):
         """Move the stops by the displacement between the two instants."""
         return stopped(x, s1.position - s0.position, self.width)
 
-    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the stops along each trajectory, without a loop over time."""
-        return stops_along(s.position, self.width, starts)
+    def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
+        """Return the stops along a path, without a loop over its turns."""
+        return stops_along(path.position, self.width, path.starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the stops hold back, N."""

@@ -65,21 +65,42 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | Non
     Between samples the flow goes that share of the way straight to the next one, rather than on at a held command; by
     default the share that fits the run best.
     """
-    gas = run.model.params.gas
-    gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
-    per_flow = RT * run.P ** (1.0 / gamma - 1.0)
-    supplied = per_flow * mdot
-    gain = np.diff(entropic_content(run.P, run.volume, heat_capacity_ratio=gamma), axis=0) / run.dt
+    per_flow, scale, stored = _stored(run, windows)
+    if mdot is run.__dict__["channels"].get("mdot"):
+        p = run.model.params
+        key = ("supplied", id(windows), p.gas, p.valve.critical_pressure_ratio)
+        supplied, ramp = run.kept(key, lambda: _supplied(run, windows, mdot, per_flow) / scale)
+    else:
+        supplied, ramp = _supplied(run, windows, mdot, per_flow) / scale
+    held = supplied - stored
     if (added := run.added_flow()) is not None:
-        gain = gain + added * (per_flow[1:] + per_flow[:-1]) / 2
-    scale = windows.mean(per_flow[:-1])
-    growth = (1.0 + _opening(run, mdot)) * (per_flow[1:] / per_flow[:-1])
-    drift = supplied[:-1] * (growth - 1.0) / 2
-    held = windows.mean(supplied[:-1] + drift - gain) / scale
-    ramp = windows.mean(np.diff(supplied, axis=0) / 2 - drift) / scale
+        held = held - windows.mean(added * (per_flow[1:] + per_flow[:-1]) / 2) / scale
     if share is not None:
         return np.asarray(held + share * ramp)
     return np.concatenate([held[part] + _share(held[part], ramp[part]) * ramp[part] for part in windows.parts])
+
+
+def _stored(run: Run, windows: Windows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what a flow changes in the gas's content, that over windows, and the flow that the nominal gas takes."""
+    gas = run.model.params.gas
+    gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
+    per_flow = run.kept(("per flow", RT, gamma), lambda: RT * run.P ** (1.0 / gamma - 1.0))
+
+    def windowed() -> np.ndarray:
+        gain = np.diff(entropic_content(run.P, run.volume, heat_capacity_ratio=gamma), axis=0) / run.dt
+        scale = windows.mean(per_flow[:-1])
+        return np.stack([scale, windows.mean(gain) / scale])
+
+    scale, stored = run.kept(("stored", id(windows), RT, gamma, *run.shape), windowed)
+    return per_flow, scale, stored
+
+
+def _supplied(run: Run, windows: Windows, mdot: np.ndarray, per_flow: np.ndarray) -> np.ndarray:
+    """Return what a flow brings over windows at held commands, and what more if it goes straight to its next sample."""
+    supplied = per_flow * mdot
+    growth = (1.0 + _opening(run, mdot)) * (per_flow[1:] / per_flow[:-1])
+    drift = supplied[:-1] * (growth - 1.0) / 2
+    return np.stack([windows.mean(supplied[:-1] + drift), windows.mean(np.diff(supplied, axis=0) / 2 - drift)])
 
 
 def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.ndarray]]:

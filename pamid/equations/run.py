@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..laws.valve import valve_flow
-from ..signals.paths import play
+from ..signals.paths import Path, play
 from .noise import ChannelNoise, channel_noise, noise_beside
 from .stretch import BRIDGED, HALF, Stretch
 from .windows import WINDOW, Windows, average, span, starts
@@ -26,7 +26,7 @@ _SETTLING = 0.1  # s: what effects remember from before a log is not known; wind
 _SHORT = 4  # … but no more than one part in so many of a short stretch at either end
 _LEAST = 0.1  # share of the samples of a window that must be there
 _STILL = 0.5  # of the angle's noise, of which a local fit leaves a third: motion within it counts as rest
-_REMEMBERED = 8  # memories of paths that are kept for fits to come
+_REMEMBERED = 12  # memories of paths, and results of nominal parameters, that are kept for fits to come
 
 
 class Model:
@@ -74,6 +74,8 @@ class Run:
         # What a filter makes of the same readings is the same, and what a path leaves in the same bristles.
         self.smoothed = {} if faults else stretch.smoothed
         self.memories = {} if faults else stretch.memories
+        self.paths = {} if faults else stretch.paths
+        self.signals = {} if faults else stretch.signals
         remembering = any(effect.n_states for effect in model.effects)
         # A short stretch keeps most of its rows, and room for a window of each order.
         room = max(len(self.time) - 4 * self.n - 2, 0) // 2
@@ -199,27 +201,27 @@ class Run:
         """Contraction ratios, shape (n_samples, 2)."""
         p = self.model.params
         gain, first = p.joint.pulley_radius / p.muscle.rest_length, p.muscle.initial_contraction
-        return self._kept(("eps", gain, first), lambda: first + gain * self.q[:, None] * SIGNS)
+        return self.kept(("eps", gain, first), lambda: first + gain * self.q[:, None] * SIGNS)
 
     @cached_property
     def volume(self) -> np.ndarray:
         """Nominal gas volumes, m³, shape (n_samples, 2)."""
-        return self._kept(("volume", *self._shape), lambda: np.asarray(self.model.plant.volume(self.eps)))
+        return self.kept(("volume", *self.shape), lambda: np.asarray(self.model.plant.volume(self.eps)))
 
     @cached_property
     def volume_slope(self) -> np.ndarray:
         """∂V/∂ε, m³, shape (n_samples, 2)."""
-        return self._kept(("slope", *self._shape), lambda: np.asarray(self.model.plant.volume_slope(self.eps)))
+        return self.kept(("slope", *self.shape), lambda: np.asarray(self.model.plant.volume_slope(self.eps)))
 
     @property
-    def _shape(self) -> tuple[float, ...]:
+    def shape(self) -> tuple[float, ...]:
         """What the volume depends on."""
         p, plant = self.model.params, self.model.plant
         first, radius = p.muscle.initial_contraction, p.joint.pulley_radius
         return plant.rest_length, plant.thread_length, plant.turns, first, radius, p.muscle.rest_length
 
-    def _kept(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what geometry makes of the readings, made once for all simulators that share it."""
+    def kept(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what nominal parameters make of the readings, made once for all simulators that share them."""
         found = self.geometry.get(key)
         if found is None:
             if len(self.geometry) >= _REMEMBERED:
@@ -252,6 +254,17 @@ class Run:
         return play(x, _STILL * self.stretch.noises["q"][0].white)
 
     def _signals(self, effect: Effect) -> Signals:
+        """Return what an effect reads, made once for all that read the same of a muscle, or of the joint."""
+        p = self.model.params
+        geometry = p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction
+        key = (effect.site, *effect.roles, effect.n_states > 0, *geometry)
+        if key not in self.signals:
+            if len(self.signals) >= _REMEMBERED:
+                self.signals.pop(next(iter(self.signals)))
+            self.signals[key] = self._made_signals(effect)
+        return self.signals[key]
+
+    def _made_signals(self, effect: Effect) -> Signals:
         from ..effects import Signals
 
         roles = set(effect.roles)
@@ -290,8 +303,18 @@ class Run:
         if key not in self.memories:
             if len(self.memories) >= _REMEMBERED:
                 self.memories.pop(next(iter(self.memories)))
-            self.memories[key] = effect.trace(signals, self.model.plant, self.dt, self.starts)
+            self.memories[key] = effect.trace_along(self._path(effect, signals), self.model.plant, self.dt)
         return self.memories[key]
+
+    def _path(self, effect: Effect, signals: Signals) -> Path:
+        """Return the path that an effect remembers, made once for all effects of a muscle, or of the joint."""
+        p = self.model.params
+        key = (effect.site, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
+        if key not in self.paths:
+            if len(self.paths) >= _REMEMBERED:
+                self.paths.pop(next(iter(self.paths)))
+            self.paths[key] = Path(signals.position, self.starts)
+        return self.paths[key]
 
     def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:
         for effect, signals, memory in self._traces if self.model.effects else ():

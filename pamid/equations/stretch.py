@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..signals.paths import Path
 from .noise import ChannelNoise, roughness
 from .windows import WINDOW, Windows, samples_per_window
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    from ..effects import Signals
 
 BRIDGED = 2 * WINDOW
 """Longest time between two samples that a stretch goes on over, s: no motion that windows resolve hides in it."""
@@ -88,6 +91,8 @@ class Stretch:
     smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
     memories: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
     geometry: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
+    paths: dict[tuple[Any, ...], Path] = field(default_factory=dict)
+    signals: dict[tuple[Any, ...], Signals] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.n: int = samples_per_window(self.dt)

@@ -50,17 +50,24 @@ class ValveEquation(Equation):
 
 def passed(run: Run, shift: float = 0.0) -> np.ndarray:
     """Return the flow that both valves let through at their commands, kg/s, at pressures shifted by so many Pa."""
-    p = run.model.params
-    flow = valve_flow(
-        run.followed_command(),
-        run.P + shift,
-        run.inlet_pressure(),
-        p.gas.atmospheric_pressure,
-        sonic_conductance=p.valve.sonic_conductance,
-        critical_pressure_ratio=p.valve.critical_pressure_ratio,
-        reference_density=p.valve.reference_density,
-    )
-    return np.asarray(flow + run.added_valve_flow())
+    p, command, inlet = run.model.params, run.followed_command(), run.inlet_pressure()
+
+    def flow() -> np.ndarray:
+        return np.asarray(
+            valve_flow(
+                command,
+                run.P + shift,
+                inlet,
+                p.gas.atmospheric_pressure,
+                sonic_conductance=p.valve.sonic_conductance,
+                critical_pressure_ratio=p.valve.critical_pressure_ratio,
+                reference_density=p.valve.reference_density,
+            )
+        )
+
+    nominal = command is run.u and np.ndim(inlet) == 0
+    through = run.kept(("passed", shift, float(inlet), p.gas, p.valve), flow) if nominal else flow()
+    return np.asarray(through + run.added_valve_flow())
 
 
 def passed_slope(run: Run) -> np.ndarray:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 
 
@@ -56,3 +60,52 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
         low[shift:], high[shift:] = new_low, new_high
         shift *= 2
     return low
+
+
+class Turns(NamedTuple):
+    """Where the columns of a path turn, trajectory by trajectory; a lane is one column of one trajectory.
+
+    Parameters
+    ----------
+    values : array, shape (n_turns, n_lanes)
+        The signal where it turns, its first and last value included; lanes of fewer turns stay at their last.
+    last : array of int, shape (n, ...)
+        Place of the last turn before each row in ``values``, raveled.
+    before : array, shape (n, ...)
+        The signal there.
+    """
+
+    values: np.ndarray
+    last: np.ndarray
+    before: np.ndarray
+
+
+class Path:
+    """A signal along trajectories, as what depends on its path alone reads it.
+
+    Parameters
+    ----------
+    position : array, shape (n, ...)
+        The signal, time along the first axis.
+    starts : array of int
+        First row of each trajectory, the first being 0.
+    """
+
+    def __init__(self, position: np.ndarray, starts: np.ndarray) -> None:
+        self.position, self.starts = np.asarray(position, dtype=float), np.asarray(starts, dtype=np.int64)
+
+    @cached_property
+    def turns(self) -> Turns:
+        """Where it turns."""
+        columns = self.position.reshape(len(self.position), -1)
+        spans = list(pairwise([*self.starts.tolist(), len(columns)]))
+        lanes = [(a, b, c) for a, b in spans for c in range(columns.shape[1])]
+        rows = [reversals(columns[a:b, c]) for a, b, c in lanes]
+        values = np.empty((max(map(len, rows)), len(lanes)))
+        last = np.empty(columns.shape, dtype=np.int64)
+        for k, ((a, b, c), turned) in enumerate(zip(lanes, rows, strict=True)):
+            values[: len(turned), k] = columns[a:b, c][turned]
+            values[len(turned) :, k] = values[len(turned) - 1, k]
+            last[a:b, c] = len(lanes) * (np.searchsorted(turned, np.arange(b - a), side="left") - 1).clip(0) + k
+        place = last.reshape(self.position.shape)
+        return Turns(values, place, values.ravel()[place])
