@@ -7,12 +7,15 @@ WORKERS ?= 2
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
+# Types and layers are checked as a user has them: on an installed wheel, not on the checkout.
+ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
+
 .PHONY: help install demo test pytest lint docs benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
 	@echo "make test        lint, types, layers and all tests"
-	@echo "make lint        ruff, mypy, import-linter"
+	@echo "make lint        ruff; mypy --strict and import-linter on an installed wheel"
 	@echo "make docs        the documentation as a site in build/site"
 	@echo "make benchmarks  print the figures that the README and docs state"
 	@echo "make clean       remove the environment and everything that was built"
@@ -31,8 +34,13 @@ demo: install
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	rm -rf build/lib build/wheel build/installed
+	$(BIN)/python -W ignore -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel .
+	$(BIN)/python -W ignore -m pip install --quiet --no-deps --target build/installed build/wheel/*.whl
+	cd build/installed && $(ON_INSTALLED)/lint-imports --config ../../pyproject.toml --no-cache
+	cd build/installed && $(ON_INSTALLED)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache/installed
+	cd build/installed && $(ON_INSTALLED)/mypy --config-file= --strict --follow-imports=silent \
+		--cache-dir ../../.mypy_cache/user ../../tests/typing/user_script.py
 
 pytest: install
 	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS)

@@ -1,16 +1,18 @@
-"""Write the tables of the pages that follow from the code: ``python docs/tables.py`` (``--check`` only compares).
+"""Write what follows from the code: ``python docs/tables.py`` (``--check`` only compares).
 
-A table stands between ``<!-- table: name -->`` and ``<!-- end of table -->``; `TABLES` says what each name renders.
+A table of a page stands between ``<!-- table: name -->`` and ``<!-- end of table -->``; `TABLES` says what each
+name renders. Packages whose names are imported when first asked for get a stub, ``__init__.pyi``, for type checkers.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import inspect
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
@@ -206,16 +208,46 @@ def updated(text: str) -> str:
     return MARKS.sub(lambda found: f"{found[1]}{render(found[2])}\n{found[3]}", text)
 
 
+# --- stubs --------------------------------------------------------------------------------------------------
+def stubs() -> dict[Path, str]:
+    """Return the stub of every package that imports its names when they are first asked for."""
+    from pamid.estimators._registry import class_locations
+
+    found = {}
+    for file in sorted((DOCS.parent / "pamid").rglob("__init__.py")):
+        name = ".".join(file.parent.relative_to(DOCS.parent).parts)
+        home = getattr(importlib.import_module(name), "_HOME", None)
+        if home is not None:
+            rooms = getattr(importlib.import_module(name), "_ROOMS", ())
+            found[file.with_suffix(".pyi")] = stub({**home, **{room: "" for room in rooms}}, version=name == "pamid")
+    tools = {"all_estimators": "_registry", "checked_instances": "_registry"}
+    found[DOCS.parent / "estimators" / "__init__.pyi"] = stub({**tools, **class_locations()})
+    return found
+
+
+def stub(home: Mapping[str, str], version: bool = False) -> str:
+    """Return the text of a stub from the module in which each name lives."""
+    lines = ["# Written by python docs/tables.py.", ""]
+    for module in sorted({*home.values()}):
+        names = sorted(name for name, where in home.items() if where == module)
+        lines += [f"from .{module} import {name} as {name}" for name in names]
+    public = [*(["__version__"] if version else []), *(name for name, where in home.items() if where)]
+    public.sort(key=lambda name: (not name.isupper(), not name[0].isupper(), name))
+    lines += ["", *(["__version__: str", ""] if version else [])]
+    return "\n".join([*lines, "__all__ = [", *(f'    "{name}",' for name in public), "]", ""])
+
+
 def main() -> int:
-    """Write or compare every page."""
+    """Write or compare every page and stub."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; exit with 1 if a page is out of date")
     check = parser.parse_args().check
-    stale = [page for page in PAGES if updated(page.read_text(encoding="utf-8")) != page.read_text(encoding="utf-8")]
-    for page in stale:
+    texts = {page: updated(page.read_text(encoding="utf-8")) for page in PAGES} | stubs()
+    stale = [file for file, text in texts.items() if not file.exists() or file.read_text(encoding="utf-8") != text]
+    for file in stale:
         if not check:
-            page.write_text(updated(page.read_text(encoding="utf-8")), encoding="utf-8")
-        print(f"{'out of date' if check else 'written'}: {page.name}")
+            file.write_text(texts[file], encoding="utf-8")
+        print(f"{'out of date' if check else 'written'}: {file.relative_to(DOCS.parent)}")
     return int(check and bool(stale))
 
 

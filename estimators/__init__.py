@@ -9,8 +9,12 @@ from typing import Any
 
 from ._registry import all_estimators, checked_instances, class_locations, load_class
 
+_TOOLS = {"all_estimators": all_estimators, "checked_instances": checked_instances}
+
 
 def __getattr__(name: str) -> Any:
+    if name == "__all__":
+        return sorted({*_TOOLS, *class_locations()})
     if not name.startswith("_") and name in class_locations():
         value = load_class(name)
         globals()[name] = value
@@ -19,7 +23,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *class_locations()})
-
-
-__all__ = ["all_estimators", "checked_instances"]
+    return sorted({*_TOOLS, *class_locations()})

@@ -6,14 +6,7 @@ loads none of numpy, pandas, scikit-learn or torch. Estimators are in `pamid.est
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .bench import BenchParameters, dataset, simulate
-    from .equations import evaluate_log
-    from .persistence import inspect, load, save
-    from .signals.log import read_log, write_log
+from ._lazy import attach
 
 __version__ = "0.1.0"
 
@@ -36,27 +29,5 @@ _ROOMS = (
 )  # fmt: skip
 """Rooms that ``import pamid`` alone makes reachable, such as ``pamid.estimators``."""
 
-__all__ = [
-    "BenchParameters",
-    "__version__",
-    "dataset",
-    "evaluate_log",
-    "inspect",
-    "load",
-    "read_log",
-    "save",
-    "simulate",
-    "write_log",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
-    if name in _ROOMS:
-        return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME, *_ROOMS})
+__getattr__, __dir__, _names = attach(__name__, {**_HOME, **{room: room for room in _ROOMS}})
+__all__ = ["__version__", *sorted(_HOME)]

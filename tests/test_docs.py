@@ -136,6 +136,8 @@ def test_tables_are_up_to_date(tables: ModuleType) -> None:
     stale = [n for n, text in texts.items() if tables.updated(text) != text]
     assert not stale, "run: python docs/tables.py"
     assert set(tables.TABLES) <= shown
+    stubs = [file.name for file, text in tables.stubs().items() if file.read_text(encoding="utf-8") != text]
+    assert not stubs, "run: python docs/tables.py"
     assert {f"command:{c}" for c in tables._subparsers()} <= shown, "a command without its options in command-line.md"
 
 

@@ -38,8 +38,7 @@ COMPLETE = {"PR01", "RT01", "YD01"}
 
 def public_modules() -> list[str]:
     names = [m.name for m in pkgutil.walk_packages(pamid.__path__, "pamid.")]
-    names += [f"pamid.estimators.{m.name}" for m in pkgutil.iter_modules(pamid.estimators.__path__)]
-    return ["pamid", "pamid.estimators", *(n for n in names if not re.search(r"\._", n) and not n.endswith("__main__"))]
+    return ["pamid", *(n for n in names if not re.search(r"\._", n) and not n.endswith("__main__"))]
 
 
 def public_objects() -> list[str]:

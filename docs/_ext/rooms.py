@@ -55,7 +55,7 @@ def members(room: str) -> tuple[list[str], dict[str, list[str]]]:
     """Return what a room shows at its door, and the rest of it by module, as dotted paths."""
     if room == "pamid.estimators":
         estimators = importlib.import_module(room)
-        names = [n for n, _ in estimators.all_estimators()] + list(estimators.__all__)
+        names = [n for n, _ in estimators.all_estimators()] + ["all_estimators", "checked_instances"]
         return [f"{room}.{n}" for n in names], {}
     module = importlib.import_module(room)
     shown = [n for n in getattr(module, "__all__", []) if not n.startswith("__")]

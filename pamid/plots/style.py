@@ -24,7 +24,7 @@ SHOWN = {"N": (1.0, "N"), "kg/s": (1e6, "mg/s"), "Pa": (1e-3, "kPa"), "-": (100.
 NAMES = {"force": "force", "flow": "mass flow", "inverse": "pressure", "dynamic": "free run"}
 """What is predicted is called in each problem."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9.0,
     "axes.titlesize": 9.0,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from .._lazy import attach
 
 _HOME = {
     "Survey": "survey",
-    "survey": "survey",
     "Channel": "channels",
     "Sampling": "sampling",
     "Coverage": "coverage",
@@ -16,10 +14,4 @@ _HOME = {
     "survey_html": "page",
 }
 
-__all__ = sorted(set(_HOME) - {"survey"})
-
-
-def __getattr__(name: str) -> Any:
-    if name in __all__:
-        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOME)

@@ -5,26 +5,13 @@ A module of this package that defines a `System` adds a kind; ``pamid init --kin
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from functools import cache
-from typing import Any
+from .._lazy import attach
 
-from .base import Input, Quantity, System
-
-_NOT_SYSTEMS = {
-    "base",
-    "correction",
-    "bench_page",
-    "diagnosis",
-    "draft",
-    "file",
-    "raw",
-    "reference",
-    "evaluation",
-    "comparison",
-}
 _HOME = {
+    "Input": "base",
+    "Quantity": "base",
+    "System": "base",
+    "all_systems": "registry",
     "diagnose_system": "diagnosis",
     "read_system": "file",
     "kind_of_file": "file",
@@ -33,36 +20,6 @@ _HOME = {
     "evaluate_system": "evaluation",
     "compare_system": "comparison",
 }
+"""In which module each public name lives."""
 
-__all__ = ["Input", "Quantity", "System", "all_systems", *sorted(_HOME)]
-
-
-@cache
-def all_systems() -> dict[str, type[System]]:
-    """Return every kind of system.
-
-    Returns
-    -------
-    dict of str to class
-        Systems by their kind, in alphabetical order.
-
-    Examples
-    --------
-    >>> from pamid.systems import all_systems
-    >>> list(all_systems())
-    ['cylinder', 'joint', 'muscle']
-    """
-    found: dict[str, type[System]] = {}
-    for module in pkgutil.iter_modules(__path__):
-        if module.name in _NOT_SYSTEMS:
-            continue
-        for thing in vars(importlib.import_module(f"{__name__}.{module.name}")).values():
-            if isinstance(thing, type) and issubclass(thing, System) and thing is not System:
-                found[thing.kind] = thing
-    return dict(sorted(found.items()))
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _HOME)

@@ -182,9 +182,8 @@ def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | System | None, 
 
 def _adapter(args: argparse.Namespace, source: Any, sizes: tuple[float, float] | None) -> Any:
     """Return the estimator of a method; the estimators say themselves which method they are."""
-    from sklearn.frozen import FrozenEstimator
-
     from pamid.estimators import all_estimators
+    from sklearn.frozen import FrozenEstimator
 
     kind = next(c for _, c in all_estimators() if getattr(c, "method", None) == args.method)
     settings: dict[str, Any] = {"trainer": args.trainer, "random_state": args.seed}

@@ -1,0 +1,19 @@
+# Written by python docs/tables.py.
+
+from .answerable import Answerable as Answerable
+from .channels import Channel as Channel
+from .coverage import Coverage as Coverage
+from .page import survey_html as survey_html
+from .sampling import Sampling as Sampling
+from .separation import Separation as Separation
+from .survey import Survey as Survey
+
+__all__ = [
+    "Answerable",
+    "Channel",
+    "Coverage",
+    "Sampling",
+    "Separation",
+    "Survey",
+    "survey_html",
+]
