@@ -12,13 +12,13 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
 
 from pamid.errors import ParameterError, UnknownOptionError
+from pamid.fitting.least_squares import cluster_covariance, fit_nonlinear
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 from pamid.volume import Parameter
 
 from ._base import SignalEstimator
 from ._classical import warn_of_still_signals
-from ._least_squares import cluster_covariance, fit_nonlinear
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 

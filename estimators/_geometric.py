@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
+from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, Parameter, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
-from ._least_squares import Solution, fit_nonlinear
 from ._streaming import Streaming
 
 IMPLAUSIBLE = 2.0

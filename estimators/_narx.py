@@ -12,17 +12,16 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import UnstableRunWarning
+from pamid.fitting import free_run
+from pamid.fitting.epochs import standardisation
+from pamid.fitting.marquardt import Marquardt
 
 from ._base import SignalEstimator
 from ._checks import check_counts, check_sizes, warn_of_still_columns
-from ._hidden_layer import Marquardt, Normal
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
-from ._torch_loop import standardisation
 from ._trajectories import trajectory_slices
-
-_FAR = 20.0  # standard deviations at which a run is held while a fit looks for better parameters
 
 
 class FreeRun(NamedTuple):
@@ -42,15 +41,6 @@ class FreeRun(NamedTuple):
     y: np.ndarray
     held: np.ndarray
     extrapolated: np.ndarray
-
-
-class _Segments(NamedTuple):
-    """Stretches of equal length that run side by side: inputs, outputs, lags before them, and what counts."""
-
-    inputs: np.ndarray
-    wanted: np.ndarray
-    before: np.ndarray
-    counts: np.ndarray
 
 
 class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
@@ -102,6 +92,9 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     def _theta(self) -> np.ndarray:
         """Return the stored parameters as a vector."""
 
+    def _model(self) -> free_run.StepModel:
+        return free_run.StepModel(self._function, self._derivatives)
+
     # --- fit ----------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Fit to single steps, then to free runs over `horizon` rows.
@@ -142,16 +135,17 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         slices = trajectory_slices(codes)
         self.start_mean_ = float(np.mean([target[s.start] for s in slices]))
         u, z = (columns - self.input_mean_) / self.input_scale_, (target - self.output_mean_) / self.output_scale_
-        phi, previous = self._lags(u, z, slices)
-        step = z - previous
+        inputs, past, phi = self._lags(u, z, slices)
+        step = z - past[:, 0]
         self.step_scale_ = float(np.sqrt(np.mean(step * step))) or 1.0
         theta = self._one_step(phi, step / self.step_scale_)
-        segments = self._segments(u, z, slices, int(self.horizon))
+        model = self._model()
+        stretches = free_run.segments(inputs, z, past, slices, int(self.horizon))
         self._codes_of_fit = codes  # lets a callback score on the rows of the fit without being told trajectories
         steps = Marquardt(
             theta,
-            lambda at: self._normal(at, segments),
-            lambda at: self._loss(at, segments),
+            lambda at: free_run.normal_equations(model, at, stretches, self.step_scale_),
+            lambda at: free_run.squared_error(model, at, stretches, self.step_scale_),
             float(self.alpha) * len(target) * 1e-6,
         )
         try:
@@ -166,7 +160,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
                         break
         finally:
             del self._codes_of_fit
-        found = self._normal(steps.x, segments)
+        found = free_run.normal_equations(model, steps.x, stretches, self.step_scale_)
         variance = found.loss / max(len(target) - len(theta), 1)
         covariance = variance * np.linalg.pinv(found.matrix, hermitian=True)
         self._keep(steps.x, covariance)
@@ -256,8 +250,8 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         table, y = self._read(X, y, reset=False)
         slices = trajectory_slices(self._codes(X, table, groups))
         z = (np.asarray(column_or_1d(y), dtype=float) - self.output_mean_) / self.output_scale_
-        phi, previous = self._lags((self._columns(table) - self.input_mean_) / self.input_scale_, z, slices)
-        ahead = previous + self.step_scale_ * self._function(self._theta(), phi)
+        _, past, phi = self._lags((self._columns(table) - self.input_mean_) / self.input_scale_, z, slices)
+        ahead = past[:, 0] + self.step_scale_ * self._function(self._theta(), phi)
         return np.asarray(ahead * self.output_scale_ + self.output_mean_)
 
     # --- data ---------------------------------------------------------------------------------------------------
@@ -268,93 +262,21 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     def _columns(self, table: np.ndarray) -> np.ndarray:
         return np.column_stack([self._signal(table, name) for name in self.inputs])
 
-    def _input_lags(self, u: np.ndarray, slices: list[slice]) -> np.ndarray:
-        """Inputs of a row and of the rows before it, the first held before the start: (n, input_lags · n_inputs)."""
-        rows = np.arange(len(u))
-        first = np.concatenate([np.full(s.stop - s.start, s.start) for s in slices])
-        return np.concatenate([u[np.maximum(rows - k, first)] for k in range(int(self.input_lags))], axis=1)
-
-    def _output_lags(self, z: np.ndarray, slices: list[slice]) -> np.ndarray:
-        rows = np.arange(len(z))
-        first = np.concatenate([np.full(s.stop - s.start, s.start) for s in slices])
-        return np.stack([z[np.maximum(rows - k, first)] for k in range(1, int(self.output_lags) + 1)], axis=1)
-
-    def _lags(self, u: np.ndarray, z: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lags of each row and the output before it."""
-        past = self._output_lags(z, slices)
-        return np.concatenate([past, self._input_lags(u, slices)], axis=1), past[:, 0]
-
-    def _segments(self, u: np.ndarray, z: np.ndarray, slices: list[slice], length: int) -> _Segments:
-        inputs, past = self._input_lags(u, slices), self._output_lags(z, slices)
-        starts = np.concatenate([np.arange(s.start, s.stop, length) for s in slices])
-        stops = np.concatenate([np.full(len(range(s.start, s.stop, length)), s.stop) for s in slices])
-        table = starts[:, None] + np.arange(min(length, max(s.stop - s.start for s in slices)))
-        counts = table < stops[:, None]
-        table = np.minimum(table, stops[:, None] - 1)
-        return _Segments(inputs[table], z[table], past[starts], counts.astype(float))
+    def _lags(self, u: np.ndarray, z: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the lags of the inputs, those of the output, and both together for each row."""
+        inputs = free_run.input_lags(u, slices, int(self.input_lags))
+        past = free_run.output_lags(z, slices, int(self.output_lags))
+        return inputs, past, np.concatenate([past, inputs], axis=1)
 
     # --- runs ---------------------------------------------------------------------------------------------------
-    def _loss(self, theta: np.ndarray, segments: _Segments) -> float:
-        past, total = segments.before.copy(), 0.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            for k in range(segments.wanted.shape[1]):
-                phi = np.concatenate([past, segments.inputs[:, k]], axis=1)
-                z = np.clip(past[:, 0] + self.step_scale_ * self._function(theta, phi), -_FAR, _FAR)
-                total += float(np.sum(segments.counts[:, k] * (z - segments.wanted[:, k]) ** 2))
-                past = np.concatenate([z[:, None], past[:, :-1]], axis=1)
-        return total
-
-    def _normal(self, theta: np.ndarray, segments: _Segments) -> Normal:
-        """Loss, gradient and Gauss–Newton matrix of free runs, by carrying ∂y/∂θ along."""
-        past = segments.before.copy()
-        n_past, size = past.shape[1], len(theta)
-        carried = np.zeros((len(past), n_past, size))
-        loss, gradient, matrix = 0.0, np.zeros(size), np.zeros((size, size))
-        for k in range(segments.wanted.shape[1]):
-            phi = np.concatenate([past, segments.inputs[:, k]], axis=1)
-            f, to_phi, to_theta = self._derivatives(theta, phi)
-            bare = past[:, 0] + self.step_scale_ * f
-            z = np.clip(bare, -_FAR, _FAR)
-            share = to_theta
-            if k:
-                share = share + np.einsum("ni,nip->np", to_phi[:, :n_past], carried)
-            J = carried[:, 0] + self.step_scale_ * share
-            J[z != bare] = 0.0  # a run that is held no longer answers to the parameters
-            counts = segments.counts[:, k]
-            r = counts * (z - segments.wanted[:, k])
-            loss += float(r @ r)
-            gradient += J.T @ r
-            weighed = counts[:, None] * J
-            matrix += weighed.T @ weighed
-            past = np.concatenate([z[:, None], past[:, :-1]], axis=1)
-            carried = np.concatenate([J[:, None], carried[:, :-1]], axis=1)
-        return Normal(loss, gradient, matrix)
-
     def _free(self, u: np.ndarray, start: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
-        """Run all trajectories side by side; return scaled outputs and where they were held."""
-        theta, lags = self._theta(), self._input_lags(u, slices)
+        """Run all trajectories; return scaled outputs and where they were held."""
         room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
         low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
         high = (self.output_high_ + room - self.output_mean_) / self.output_scale_
-        y, held = np.empty(len(u)), np.zeros(len(u), dtype=bool)
-        lengths = np.array([s.stop - s.start for s in slices])
-        order = np.argsort(-lengths, kind="stable")
-        first = np.array([s.start for s in slices])[order]
-        past = np.repeat(start[order][:, None], int(self.output_lags), axis=1)
-        longest_first = lengths[order]
-        active = len(order)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for k in range(int(longest_first[0])):
-                while longest_first[active - 1] <= k:
-                    active -= 1
-                rows = first[:active] + k
-                past = past[:active]
-                z = past[:, 0] + self.step_scale_ * self._function(theta, np.concatenate([past, lags[rows]], axis=1))
-                inside = np.clip(np.nan_to_num(z, nan=high, posinf=high, neginf=low), low, high)
-                held[rows] = inside != z
-                y[rows] = inside
-                past = np.concatenate([inside[:, None], past[:, :-1]], axis=1)
-        return y, held
+        lags = free_run.input_lags(u, slices, int(self.input_lags))
+        past = np.repeat(start[:, None], int(self.output_lags), axis=1)
+        return free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
 
     def _attributes(self, theta: np.ndarray) -> dict[str, Any]:
         """What a callback needs for a fitted copy."""

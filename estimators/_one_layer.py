@@ -10,20 +10,20 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
-
-from ._base import SignalEstimator
-from ._checks import check_counts, check_sizes, warn_of_still_columns
-from ._hidden_layer import (
+from pamid.fitting.epochs import local_generator, standardisation
+from pamid.fitting.one_layer import (
     forward,
     initial_weights,
     marquardt_on_rows,
     unflatten,
 )
+from pamid.fitting.stream_memory import Rows
+
+from ._base import SignalEstimator
+from ._checks import check_counts, check_sizes, warn_of_still_columns
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin, last_direction
-from ._stream_memory import Rows
 from ._streaming import Streaming
-from ._torch_loop import local_generator, standardisation
 from ._trajectories import trajectory_codes
 
 CELL = 0.25

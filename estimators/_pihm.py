@@ -23,6 +23,7 @@ from pamid.errors import (
     TooFewTrajectoriesError,
     UnknownOptionError,
 )
+from pamid.fitting.stream_memory import Rows
 from pamid.laws.base import Law
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import STATE_SIGNALS, State
@@ -33,7 +34,6 @@ from pamid.volume.neural import InputScale, NeuralVolume
 
 from ._base import SignalEstimator
 from ._progress import ProgressMixin, fit_progress
-from ._stream_memory import Rows
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 

@@ -8,11 +8,11 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
+from pamid.fitting.least_squares import cluster_covariance, compress, solve
 from pamid.signals.state import State
 from pamid.volume import VolumeJet, check_volume
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
-from ._least_squares import cluster_covariance, compress, solve
 
 CHUNK = 65_536
 """Rows compressed at a time: memory stays flat however long the log."""

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from pamid.errors import ParameterError
+from pamid.fitting.least_squares import compress
 
 from ._checks import check_counts, check_sizes
-from ._least_squares import compress
 from ._pysindy import polynomial_powers, sparse_regression, term_names
 
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from pamid.errors import ExcitationWarning, StreamChangeWarning
+from pamid.fitting.stream_memory import CHANGED, Rows, bounded, merged, surprise
 
-from ._stream_memory import CHANGED, Rows, bounded, merged, surprise
 from ._trajectories import TRAJECTORY, trajectory_codes
 
 MEMORY_ROWS = 5_000

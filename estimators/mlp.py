@@ -11,13 +11,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
 
 from pamid.errors import ParameterError
-
-from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
-from ._progress import FitProgress, ProgressMixin, fit_progress
-from ._stream_memory import Rows
-from ._streaming import Streaming
-from ._torch_loop import (
+from pamid.fitting.epochs import (
     AdamSteps,
     Best,
     Weights,
@@ -29,6 +23,12 @@ from ._torch_loop import (
     standardisation,
     to_tensors,
 )
+from pamid.fitting.stream_memory import Rows
+
+from ._base import SignalEstimator, Signals
+from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
+from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
 ACTIVATIONS = ("tanh", "softplus", "relu")

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from pamid.fitting.epochs import local_generator
+from pamid.fitting.one_layer import derivatives, flatten, forward, initial_weights, marquardt_on_rows, unflatten
+
 from ._base import Signals
 from ._checks import check_counts
-from ._hidden_layer import derivatives, flatten, forward, initial_weights, marquardt_on_rows, unflatten
 from ._narx import NARXRegressor
-from ._torch_loop import local_generator
 
 _ONE_STEP = 30
 

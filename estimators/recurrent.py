@@ -10,15 +10,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import MissingColumnError, ParameterError
-
-from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
-from ._progress import FitProgress, ProgressMixin, fit_progress
-from ._recurrent_network import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
-from ._sequences import SequenceScore
-from ._stream_memory import Rows
-from ._streaming import SequenceStreaming
-from ._torch_loop import (
+from pamid.fitting.epochs import (
     AdamSteps,
     Best,
     Weights,
@@ -29,6 +21,14 @@ from ._torch_loop import (
     standardisation,
     to_tensors,
 )
+from pamid.fitting.recurrent import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
+from pamid.fitting.stream_memory import Rows
+
+from ._base import SignalEstimator, Signals
+from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
+from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._sequences import SequenceScore
+from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
 
 _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which bounds the memory of a prediction

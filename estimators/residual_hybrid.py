@@ -11,13 +11,13 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, colu
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
+from pamid.fitting.epochs import local_generator, standardisation
+from pamid.fitting.one_layer import forward, initial_weights, marquardt_on_rows, unflatten
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes
-from ._hidden_layer import forward, initial_weights, marquardt_on_rows, unflatten
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming, forget
-from ._torch_loop import local_generator, standardisation
 from ._trajectories import trajectory_codes
 
 _CANDIDATE_STEPS = 15

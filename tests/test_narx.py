@@ -6,6 +6,7 @@ import pytest
 from pamid.estimators import NNARX, PolynomialNARX
 
 from pamid.errors import MissingTrajectoryError, ParameterError, UnstableRunWarning
+from pamid.fitting import free_run
 
 EACH = [
     NNARX(("u",), hidden=4, output_lags=1, input_lags=1, start="before", random_state=0),
@@ -66,14 +67,20 @@ def test_derivatives_along_a_run_are_exact(model):
     fit.fit(inputs(train), train["y"])
     rng = np.random.default_rng(0)
     u, z = rng.normal(size=(40, 1)), rng.normal(size=40)
-    segments = fit._segments(u, z, [slice(0, 25), slice(25, 40)], 10)
+    slices, step_model, scale = [slice(0, 25), slice(25, 40)], fit._model(), fit.step_scale_
+    inputs_before, past, _ = fit._lags(u, z, slices)
+    stretches = free_run.segments(inputs_before, z, past, slices, 10)
     theta = fit._theta()
-    found = fit._normal(theta, segments)
-    assert found.loss == pytest.approx(fit._loss(theta, segments))
+
+    def loss(at):
+        return free_run.squared_error(step_model, at, stretches, scale)
+
+    found = free_run.normal_equations(step_model, theta, stretches, scale)
+    assert found.loss == pytest.approx(loss(theta))
     for k in range(0, len(theta), 3):
         step = np.zeros(len(theta))
         step[k] = 1e-6
-        slope = (fit._loss(theta + step, segments) - fit._loss(theta - step, segments)) / 2e-6
+        slope = (loss(theta + step) - loss(theta - step)) / 2e-6
         assert 2 * found.gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-6)
 
 
@@ -129,7 +136,7 @@ def test_terms_and_coefficients_are_read_off():
 
 
 def test_slopes_beyond_the_numbers_end_a_fit_and_not_the_program():
-    from pamid.estimators._hidden_layer import Marquardt, Normal
+    from pamid.fitting.marquardt import Marquardt, Normal
 
     def around(x):
         return Normal(1.0, np.array([np.nan]), np.array([[np.inf]]))

@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 import torch
 from pamid.estimators import MLP, Recurrent, SINDyModel, SINDyRegressor
-from pamid.estimators._recurrent_network import Network, Piece, index_table, initial_weights, pieces_of
-from pamid.estimators._torch_loop import Best, held_out_rows
 from sklearn.base import clone
 
 from pamid.errors import (
@@ -21,6 +19,8 @@ from pamid.errors import (
     TooFewTrajectoriesError,
     UnknownOptionError,
 )
+from pamid.fitting.epochs import Best, held_out_rows
+from pamid.fitting.recurrent import Network, Piece, index_table, initial_weights, pieces_of
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ ROOMS = {
     "pamid.effects": "what the nominal equations leave out",
     "pamid.laws": "force, gas, valve, joint",
     "pamid.volume": "volume models",
+    "pamid.fitting": "least squares, Levenberg–Marquardt, free runs",
     "pamid.training": "the network and its trainers",
     "pamid.adapters": "reparametrisations of a trained network",
     "pamid.online": "streams",

@@ -12,11 +12,13 @@ and one Cholesky factor.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 
+from ..fitting.marquardt import Damping
 from .network import Parameters, Tape, adjoints, forward, jacobian_product, transposed_product
 from .problem import Problem
 from .reparametrisation import IDENTITY, Reparametrisation
@@ -97,7 +99,8 @@ class LevenbergMarquardt(Trainer):
         psi = state.get("psi") or [p.clone() for p in parameters]
         origin = [torch.zeros_like(p) for p in parameters] if prior is None else prior
         mean = state.get("mean") or psi
-        mu, n = float(state.get("mu", self.damping)), len(problem)
+        n = len(problem)
+        damping = Damping(float(state.get("mu", self.damping)), shrink=0.5, grow=4.0, least=1e-13, most=1e8)
         full = n <= self.batch_size
         if state.get("converged"):
             return
@@ -114,59 +117,70 @@ class LevenbergMarquardt(Trainer):
             if not np.isfinite(before):
                 yield psi, before
                 return
-            adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-            K = adapter.gram(psi, adjoint, tape)
-            scale = float(K.trace())
-            accepted = False
-            while mu < 1e8 and not accepted:
-                c = mu * scale + self.weight_decay
-                step = self._step(psi, origin, tape, adjoint, K, r, root, c, adapter)
-                if step is None:
-                    mu *= 4.0
-                    continue
-                trial = [p + s for p, s in zip(psi, step, strict=True)]
+            equations = self._equations(psi, origin, tape, r, root, theta, adapter)
+
+            def loss(trial: Parameters, batch: Problem = batch, root: torch.Tensor = root) -> float:
                 moved = forward(adapter.expand(trial), batch.x, batch.direction, batch.a, activation)
-                r_new = root * (moved.y - batch.y)
-                after = float(r_new @ r_new) + self._penalty(trial, origin)
-                accepted = after < before
-                mu = max(mu / 2.0, 1e-13) if accepted else mu * 4.0
-            if not accepted:
+                r = root * (moved.y - batch.y)
+                return float(r @ r) + self._penalty(trial, origin)
+
+            found = damping.descend(before, equations.trial, loss)
+            if found is None:
                 if full:
                     return
-                mu = self.damping
+                damping.value = self.damping
                 continue
-            psi = trial
+            psi, after = found
             # Steps on fresh draws scatter about the minimum; their running mean lies closer to it.
             mean = psi if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, psi, strict=True)]
             converged = full and before - after < self.tolerance * before
-            state |= {"steps": k + 1, "psi": psi, "mean": mean, "mu": mu, "converged": converged}
-            yield mean, float(r_new @ r_new)
+            state |= {"steps": k + 1, "psi": psi, "mean": mean, "mu": damping.value, "converged": converged}
+            yield mean, after - self._penalty(psi, origin)
             if converged:
                 return
 
     def _penalty(self, psi: Parameters, origin: Parameters) -> float:
         return self.weight_decay * sum(float(((p - q) ** 2).sum()) for p, q in zip(psi, origin, strict=True))
 
-    def _step(
+    def _equations(
         self,
         psi: Parameters,
         origin: Parameters,
         tape: Tape,
-        adjoint: list[torch.Tensor],
-        K: torch.Tensor,
         r: torch.Tensor,
         root: torch.Tensor,
-        c: float,
-        adapter: Reparametrisation = IDENTITY,
-    ) -> Parameters | None:
-        """Solve the damped normal equations for a step; None if the floating type is too coarse for this damping."""
+        theta: Parameters,
+        adapter: Reparametrisation,
+    ) -> _DampedEquations:
+        adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
         pull = [self.weight_decay * (p - q) for p, q in zip(psi, origin, strict=True)]
-        rhs = r - jacobian_product(adjoint, tape, adapter.pushforward(psi, pull)) / c
-        A = K / c
+        return _DampedEquations(
+            psi, pull, tape, adjoint, adapter.gram(psi, adjoint, tape), r, adapter, self.weight_decay
+        )
+
+
+@dataclass(frozen=True)
+class _DampedEquations:
+    """The normal equations around one point, to be solved for any damping in the space of the samples."""
+
+    psi: Parameters
+    pull: Parameters
+    tape: Tape
+    adjoint: list[torch.Tensor]
+    gram: torch.Tensor
+    residual: torch.Tensor
+    adapter: Reparametrisation
+    weight_decay: float
+
+    def trial(self, damping: float) -> Parameters | None:
+        """Return the parameters after a step; None if the floating type is too coarse for this damping."""
+        c = damping * float(self.gram.trace()) + self.weight_decay
+        along = jacobian_product(self.adjoint, self.tape, self.adapter.pushforward(self.psi, self.pull))
+        A = self.gram / c
         A.diagonal().add_(1.0)
         factor, failed = torch.linalg.cholesky_ex(A)
         if int(failed):
             return None
-        u = torch.cholesky_solve(rhs[:, None], factor)[:, 0]
-        back = adapter.pullback(psi, transposed_product(adjoint, tape, u))
-        return [-(p + q) / c for p, q in zip(pull, back, strict=True)]
+        u = torch.cholesky_solve((self.residual - along / c)[:, None], factor)[:, 0]
+        back = self.adapter.pullback(self.psi, transposed_product(self.adjoint, self.tape, u))
+        return [p - (q + s) / c for p, q, s in zip(self.psi, self.pull, back, strict=True)]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from pamid.errors import DivergedError
+from ..errors import DivergedError
 
 
 class Solution(NamedTuple):

@@ -6,16 +6,14 @@ torch is imported inside the functions that need it. Parameters travel as dicts 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from pamid.errors import DivergedError, MissingTrajectoryError, ParameterError, TooFewTrajectoriesError
-
-from ._progress import FitProgress
+from ..errors import DivergedError, MissingTrajectoryError, ParameterError, TooFewTrajectoriesError
 
 Weights = dict[str, np.ndarray]
 
@@ -159,8 +157,26 @@ def penalty(tensors: Sequence[Any], alpha: float) -> Any:
     return alpha * sum((w**2).sum() for w in tensors if w.ndim > 1) if alpha else 0.0
 
 
+class Progress(Protocol):
+    """The epochs of a fit as its owner counts them, who hears of each and may end them."""
+
+    def __iter__(self) -> Iterator[int]:
+        """Count the epochs."""
+        ...
+
+    def report(
+        self,
+        loss: float,
+        *,
+        validation_loss: float | None = None,
+        attributes: Callable[[], dict[str, Any]] | None = None,
+    ) -> bool:
+        """Hear of an epoch that has ended; say whether to stop."""
+        ...
+
+
 def run_epochs(
-    progress: FitProgress,
+    progress: Progress,
     best: Best,
     tensors: dict[str, Any],
     one_epoch: Callable[[int], float],

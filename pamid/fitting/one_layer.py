@@ -1,33 +1,18 @@
-"""A network of one hidden layer in numpy, its exact Jacobian, and Levenberg–Marquardt on any sum of squares.
+"""A network of one hidden layer in numpy with its exact Jacobian, fitted by Levenberg–Marquardt.
 
-D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", SIAM Journal 11(2), 1963.
-https://doi.org/10.1137/0111030; M. T. Hagan, M. B. Menhaj, "Training feedforward networks with the Marquardt
-algorithm", IEEE Transactions on Neural Networks 5(6), 1994. https://doi.org/10.1109/72.329697
+M. T. Hagan, M. B. Menhaj, "Training feedforward networks with the Marquardt algorithm", IEEE Transactions on Neural
+Networks 5(6), 1994. https://doi.org/10.1109/72.329697
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
-from pamid.errors import DivergedError
+from .marquardt import Marquardt, Normal
 
 Weights = dict[str, np.ndarray]
 CHUNK = 20_000
 """Rows whose Jacobian is held at a time."""
-
-_GIVE_UP = 1e10
-
-
-class Normal(NamedTuple):
-    """A sum of squares around a point: its value, half its gradient and its Gauss–Newton matrix."""
-
-    loss: float
-    gradient: np.ndarray
-    matrix: np.ndarray
 
 
 def initial_weights(rng: np.random.Generator, n_in: int, hidden: int, n_out: int) -> Weights:
@@ -100,53 +85,6 @@ def normal_equations(weights: Weights, x: np.ndarray, y: np.ndarray, share: np.n
 def squared_error(weights: Weights, x: np.ndarray, y: np.ndarray, share: np.ndarray) -> float:
     """Return Σ share |y − net(x)|²."""
     return float(np.sum(share[:, None] * (forward(weights, x) - y) ** 2))
-
-
-class Marquardt:
-    """Levenberg–Marquardt steps on a sum of squares plus `alpha` times the squared parameters.
-
-    The caller owns the loop: each `step` takes one accepted step, or finds that there is none to take.
-    """
-
-    def __init__(
-        self,
-        start: np.ndarray,
-        around: Callable[[np.ndarray], Normal],
-        value: Callable[[np.ndarray], float],
-        alpha: float = 0.0,
-    ) -> None:
-        self.x = start
-        self._around, self._value, self._alpha = around, value, alpha
-        self._damping = 1e-2
-        self.loss = value(start) + alpha * float(start @ start)
-        if not np.isfinite(self.loss):
-            raise DivergedError(
-                f"The loss is {self.loss} before the first step.", "a finite loss", "Check the scale of the signals."
-            )
-
-    def step(self) -> bool:
-        """Take one step that lowers the loss; return whether there was one."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            here = self._around(self.x)
-        if not (np.isfinite(here.gradient).all() and np.isfinite(here.matrix).all()):
-            return False  # slopes beyond the numbers show no way
-        gradient = here.gradient + self._alpha * self.x
-        matrix = here.matrix + self._alpha * np.eye(len(self.x))
-        scale = np.maximum(np.diag(matrix), 1e-9 * max(float(np.trace(matrix)) / len(matrix), 1e-300))
-        while self._damping < _GIVE_UP:
-            try:
-                delta = cho_solve(cho_factor(matrix + np.diag(self._damping * scale)), gradient)
-            except np.linalg.LinAlgError:
-                self._damping *= 10.0
-                continue
-            trial = self.x - delta
-            loss = self._value(trial) + self._alpha * float(trial @ trial)
-            if np.isfinite(loss) and loss < self.loss:
-                self.x, self.loss = trial, loss
-                self._damping = max(0.2 * self._damping, 1e-12)
-                return True
-            self._damping *= 5.0
-        return False
 
 
 def marquardt_on_rows(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._torch_loop import Weights
+from .epochs import Weights
 
 CELLS = ("gru", "lstm", "elman")
 _GATES = {"gru": 3, "lstm": 4, "elman": 1}
