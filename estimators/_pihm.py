@@ -12,6 +12,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import (
     ExcitationWarning,
     ExtrapolationWarning,
@@ -76,7 +77,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
     @property
     def _atmosphere(self) -> float:
-        return getattr(self, "atmospheric_pressure", 101_325.0)
+        return getattr(self, "atmospheric_pressure", ATMOSPHERIC_PRESSURE)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

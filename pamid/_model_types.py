@@ -11,17 +11,13 @@ import dataclasses
 import importlib
 import inspect
 import pkgutil
-import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ._model_archive import COPIES, MAX_BYTES, hostile, json_cost
-from .errors import HostileModelError
-
+MAX_DEPTH = 400
 MAX_DEPTH = 400
 _DATACLASS_PACKAGES = (
     "pamid.laws",
@@ -47,7 +43,7 @@ _SIMPLE_LOADERS: dict[str, set[str]] = {
     "DTypeNode": {"numpy.dtype"},
     "RandomStateNode": {"numpy.random.mtrand.RandomState", "numpy.random.RandomState"},
 }
-_FILE_ENDINGS = {"NdArrayNode": ".npy", "BytesNode": ".bin"}
+FILE_ENDINGS = {"NdArrayNode": ".npy", "BytesNode": ".bin"}
 
 
 _SKLEARN = {
@@ -160,133 +156,3 @@ def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> boo
         return full in sklearn_types() or own_type(module, name) or full in trusted
     # A tree's node array is read without bounds checks, so its type must be trusted by the caller.
     return loader == "TreeNode" and full in trusted
-
-
-def audit_schema(
-    schema: dict[str, Any],
-    files: Mapping[str, bytes],
-    name: str,
-    trusted: Iterable[str] = (),
-    max_bytes: int = MAX_BYTES,
-) -> set[str]:
-    """Walk the whole schema and refuse whatever is not on the allow-list.
-
-    Every JSON object that names a class, a module or a loader counts as a node, wherever it stands: the walk is
-    stricter than the loader, never the other way round.
-
-    Parameters
-    ----------
-    schema : dict
-        The parsed ``schema.json``.
-    files : mapping of str to bytes
-        The entries of the archive.
-    name : str
-        Name of the file, for messages.
-    trusted : iterable of str
-        Full names of further types that the caller trusts.
-    max_bytes : int, default=2**29
-        Most memory that the objects may take, see `pamid._model_archive`.
-
-    Returns
-    -------
-    set of str
-        Full names of all types of the schema; each is allowed.
-
-    Raises
-    ------
-    HostileModelError
-        Something is not on the allow-list, or an entry that a node reads is missing.
-    """
-    skipped = {"__id__", "file"}
-    trust = frozenset(trusted)
-    types: set[str] = set()
-    contents: dict[Any, int] = {}
-    depth = 0
-    spent = 0
-    read: set[tuple[Any, str]] = set()
-
-    def spend(size: int) -> None:
-        nonlocal spent
-        spent += size
-        if spent > max_bytes // COPIES:
-            raise hostile(
-                f"{name} describes objects of more than {max_bytes // COPIES} bytes.", "fewer or smaller ones"
-            )
-
-    def walk(item: Any) -> int:
-        nonlocal depth
-        if not isinstance(item, (dict, list)):
-            return hash(repr(item))
-        depth += 1
-        if depth > MAX_DEPTH:
-            raise hostile(f"{name} nests its objects more than {MAX_DEPTH} levels deep.", "a shallow model")
-        loader = None
-        if isinstance(item, dict):
-            loader = _check_node(item)
-            digest = hash(tuple((hash(key), walk(value)) for key, value in item.items() if key not in skipped))
-            if loader is not None and "file" in item:  # one object written twice has two files of one content
-                digest = hash((digest, files[item["file"]]))
-        else:
-            digest = hash(tuple(walk(value) for value in item))
-        depth -= 1
-        # The loader builds each id once and reuses it: a second, different content would never be looked at.
-        if isinstance(item, dict) and loader is not None and "__id__" in item:
-            identity = item["__id__"]
-            if contents.setdefault(identity, digest) != digest:
-                raise hostile(f"{name} uses the object id {identity} for two contents.", "one content an id")
-        return digest
-
-    def _check_node(node: dict[str, Any]) -> str | None:
-        if not {"__class__", "__module__", "__loader__"} & node.keys():
-            return None
-        loader, module, cls = (node.get(key) for key in ("__loader__", "__module__", "__class__"))
-        if not all(isinstance(part, str) for part in (loader, module, cls)):
-            raise hostile(f"{name} holds a node of {module!r}, {cls!r}, {loader!r}.", "names of a type and a loader")
-        full = f"{module}.{cls}"
-        if not allowed(str(loader), str(module), str(cls), trust):
-            raise HostileModelError(
-                f"{name} asks for {full[:120]} by {str(loader)[:60]}, which no model of pamid needs.",
-                "only scikit-learn's and pamid's own types, arrays and plain containers",
-                "Do not load this file. If it is your own and holds a type of yours, pass trusted=[that type].",
-            )
-        if "__id__" in node and (isinstance(node["__id__"], bool) or not isinstance(node["__id__"], int)):
-            raise hostile(f"{name} holds a node with the id {node['__id__']!r}.", "a number")
-        if "file" in node:
-            ending = _FILE_ENDINGS.get(str(loader), "?")
-            file = str(node["file"])
-            if file != node["file"] or file not in files or not file.endswith(ending):
-                raise hostile(f"{name} reads {file[:80]!r} for {full}.", "the array or bytes of an entry of the file")
-            # Each object that reads an array has a copy of it, unless it is the same object once more.
-            if (key := (node.get("__id__"), file)) not in read or key[0] is None:
-                read.add(key)
-                spend(len(files[file]))
-        _check_places(node, full)
-        if loader == "JsonNode":
-            spend(json_cost(str(node.get("content")).encode("utf-8", "replace")))
-        if loader != "JsonNode":  # a JsonNode's class says nothing: its content is plain data
-            types.add(full)
-        return str(loader)
-
-    def _check_places(node: dict[str, Any], full: str) -> None:
-        """Refuse a place where it stands in plain sight; where it hides is seen once the objects are built."""
-        content = node.get("content")
-        attributes = content.get("content") if isinstance(content, dict) else None
-        if node["__loader__"] != "ObjectNode" or not isinstance(attributes, dict):
-            return
-        for key in PLACES & attributes.keys():
-            if not isinstance(attributes[key], dict) or attributes[key].get("content") != "null":
-                raise HostileModelError(
-                    f"{name} gives {full} a place or cache ({key}), which a fit would read or write.",
-                    f"{key}=None",
-                    f"Set {key}=None before saving; choose one again after loading.",
-                )
-
-    limit = sys.getrecursionlimit()
-    try:
-        sys.setrecursionlimit(max(limit, 4 * MAX_DEPTH + 1000))
-        walk(schema)
-    except RecursionError:
-        raise hostile(f"{name} nests its objects without end.", "a shallow model") from None
-    finally:
-        sys.setrecursionlimit(limit)
-    return types

@@ -18,8 +18,8 @@ from typing import Any
 
 from . import __version__
 from ._model_archive import MAX_BYTES, METADATA, SCHEMA, check_arrays, hostile, parse_json, read_archive, unpack
+from ._model_audit import audit_schema
 from ._model_checks import check_model
-from ._model_types import audit_schema
 from .errors import (
     HostileModelError,
     ModelFileError,

@@ -97,6 +97,15 @@ class Trainer(BaseEstimator):
                     f"{type(self).__name__}({name}={value!r}).", "a finite number that is not negative", "Correct it."
                 )
 
+    def _judged(self, problem: Problem, random_state: np.random.RandomState) -> Problem:
+        """Return the rows by whose loss parameters are compared where none are held out."""
+        # The loss of a draw says which draw was lucky, not which parameters are good.
+        most = EVALUATION_ROWS if self.loss_covers(len(problem)) else DRAW_EVALUATION_ROWS
+        if len(problem) <= most:
+            return problem
+        rows = random_state.choice(len(problem), most, replace=False)
+        return problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
+
     def run(
         self,
         problem: Problem,
@@ -138,14 +147,7 @@ class Trainer(BaseEstimator):
         """
         self.check()
         kept, state = self._kept(problem, parameters, activation, random_state, prior, validation, adapter)
-        judged = validation
-        if judged is None:
-            judged = problem
-            # The loss of a draw says which draw was lucky, not which parameters are good.
-            most = EVALUATION_ROWS if self.loss_covers(len(problem)) else DRAW_EVALUATION_ROWS
-            if len(problem) > most:
-                rows = random_state.choice(len(problem), most, replace=False)
-                judged = problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
+        judged = self._judged(problem, random_state) if validation is None else validation
         best = BestSoFar(self.patience)
         best.offer(mean_squared_residual(adapter.expand(parameters), judged, activation), parameters)
         losses: list[float] = []
