@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from pamid.errors import ExcitationWarning, StreamChangeWarning
-from pamid.fitting.stream_memory import CHANGED, Rows, bounded, merged, surprise
+from pamid.fitting.stream_memory import CHANGED, Rows, bounded, mean_square, merged, overlap, surprise, unforeseen
 
 from ._trajectories import TRAJECTORY, trajectory_codes
 
@@ -21,6 +21,10 @@ GROWN = 2
 
 MEMORY_ROWS_IN_ORDER = 20_000
 """Rows that a model of trajectories remembers: neighbours in time tell little that is new."""
+
+
+ERRORS = 100
+"""Batches whose errors are remembered."""
 
 
 class StreamMemory:
@@ -43,11 +47,13 @@ class StreamMemory:
         """Begin a memory with the rows of a fit."""
         rows, grouped = self._stream_rows(X, y, sample_weight, groups)
         rows = bounded(rows, self._most(), whole=self._whole(grouped), random=np.random.default_rng(0))
-        self._store(rows, grouped)
+        self._store(rows, grouped, np.empty((0, rows.y.shape[1])))
 
-    def _store(self, rows: Rows, grouped: bool, n_batches: int = 1, suspect: int = 0, fitted: int = 0) -> None:
+    def _store(
+        self, rows: Rows, grouped: bool, errors: np.ndarray, n_batches: int = 1, suspect: int = 0, fitted: int = 0
+    ) -> None:
         counts = {"grouped": bool(grouped), "n_batches": n_batches, "suspect": suspect, "fitted": fitted or len(rows)}
-        self._memory = rows.plain() | counts
+        self._memory = rows.plain() | counts | {"errors": errors[-ERRORS:]}
 
     def _recalled(self) -> Rows:
         return Rows(*(self._memory[name] for name in ("X", "y", "weight", "unit", "regime")))
@@ -63,7 +69,10 @@ class StreamMemory:
         batch = Rows(batch.X, batch.y, batch.weight, batch.unit + int(held.unit.max()) + 1, batch.regime)
         grouped = grouped or bool(self._memory["grouped"])
         whole, fitted = self._whole(grouped), int(self._memory["fitted"])
-        rows, suspect = self._joined(held, batch)
+        ratio, errors = self._ratio(held, batch, grouped)
+        rows, suspect = self._joined(held, batch, ratio)
+        if rows.regime.max() > held.regime.max():
+            errors = errors[:0]
         rows = merged(rows, whole=whole)
         nothing_new = len(rows) == len(held) and not self._weighs()
         rows = bounded(rows, self._most(), whole=whole, random=np.random.default_rng(count))
@@ -74,15 +83,30 @@ class StreamMemory:
         else:
             self._refit(rows, grouped)
             fitted = len(rows)
-        self._store(rows, grouped, count + 1, suspect, fitted)
+        self._store(rows, grouped, errors, count + 1, suspect, fitted)
         return self
 
-    def _joined(self, held: Rows, batch: Rows) -> tuple[Rows, int]:
+    def _ratio(self, held: Rows, batch: Rows, grouped: bool) -> tuple[float, np.ndarray]:
+        """Return by how much a batch is off what was remembered, and the errors of batches that were not."""
+        errors, suspect = self._memory["errors"], int(self._memory["suspect"])
+        if not self._changes:
+            return 1.0, errors
+        old = held.at((held.regime == held.regime.max()) & ((held.unit < suspect) | (suspect == 0)))
+        if not self._in_order():
+            return surprise(old, batch, self._signal_positions()), errors
+        X, y, given = self._arguments(batch, grouped)
+        given.pop("sample_weight", None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            off = np.reshape(self.predict(X, **given) - y, batch.y.shape)  # type: ignore[attr-defined]
+        error = mean_square(off)
+        ratio = unforeseen(errors, error) if overlap(old, batch, self._signal_positions()) else 1.0
+        return ratio, (np.vstack([errors, error]) if ratio <= CHANGED else errors)
+
+    def _joined(self, held: Rows, batch: Rows, ratio: float) -> tuple[Rows, int]:
         """Return all rows, those before a change weighed down, and from which trajectory on a change is suspected."""
         regime, suspect = int(held.regime.max()), int(self._memory["suspect"])
         batch = Rows(batch.X, batch.y, batch.weight, batch.unit, np.full(len(batch), regime))
-        old = held.at((held.regime == regime) & ((held.unit < suspect) | (suspect == 0)))
-        ratio = surprise(old, batch, self._signal_positions()) if self._changes else 1.0
         if (fade := self._fade(float(batch.weight.sum()))) < 1.0:
             held = Rows(held.X, held.y, fade * held.weight, held.unit, held.regime)
         both = held.followed_by(batch)

@@ -36,7 +36,9 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     with the source model's prediction f (force in N or flow in kg/s). ``fit`` takes a healthy stretch: it finds the
     reference of Q and θ, the noise, and how large the sums of the drift alarm are by themselves. ``partial_fit`` takes
     the samples that follow, any number at a time, in their order; its state does not grow. Samples count less the older
-    they are, outliers and a sensor that stands still are left out.
+    they are, outliers and a sensor that stands still are left out. Where two blocks in a row are likelier after a jump
+    of the parameters than without one, by more than the odds of one in `forgetting_time`, what was before is forgotten
+    at once, as far as the jump demands.
 
     Parameters
     ----------
@@ -50,7 +52,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     sampling_interval : float, default=0.001
         s.
     forgetting_time : float, default=10
-        Seconds after which a sample counts 1/e.
+        Seconds after which a sample counts 1/e, and in which about one jump of the parameters is expected.
     scale_uncertainty : float, default=0.2
         Standard deviation of Q before any data, and the largest that forgetting leads to; dimensionless.
     effect_uncertainty : float, default=3
@@ -202,6 +204,8 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         for b in blocks:
             estimate.update(H[b], y[b] - modelled[b] + H[b] @ start, self.effective_noise_)
         self.values_, self.covariance_ = self.reference_.copy(), estimate.covariance
+        self.suspect_rows_ = estimate.suspect
+        self.scatter_ = np.full(2, float(max(len(y) - len(start), 1)))
         self.alarms_: list[dict[str, Any]] = []
         self.n_samples_seen_, self.n_rejected_ = 0, 0
         alarm.restart()
@@ -238,7 +242,8 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         alarm = self._alarm(streamed)
         alarm.scale, alarm.state = self.alarm_scale_, self.alarm_state_
         memory = self.forgetting_time / self.sampling_interval
-        estimate = RecursiveEstimate(self.values_, self.spread_, memory, covariance=self.covariance_)
+        known = self.covariance_, self.suspect_rows_, self.scatter_
+        estimate = RecursiveEstimate(self.values_, self.spread_, memory, *known)
         # What is not linear is linearised where a call begins; calls of a second or less keep that exact enough.
         H, modelled = self._design(table, self.values_, streamed, trajectory_codes(X, groups))
         target = y - modelled + H @ self.values_
@@ -246,6 +251,9 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
             b = slice(i, i + self.block)
             self._block(estimate, alarm, H[b], target[b], y[b])
         self.values_, self.covariance_ = estimate.value, estimate.covariance
+        self.suspect_rows_ = estimate.suspect
+        if estimate.scatter is not None:
+            self.scatter_ = estimate.scatter
         self.alarm_state_ = alarm.state
         self.effect_state_ = [e.state for e in streamed]
         return self

@@ -100,6 +100,43 @@ def test_outliers_are_left_out_and_a_change_is_not():
     assert estimate.update(np.ones((20, 1)), np.full(20, 9.0), 0.1).all()
 
 
+def test_a_jump_is_followed_at_once_and_a_disturbance_is_not():
+    """Two blocks in a row that say so are a jump, however long the memory; a single one is left out."""
+    rng = np.random.default_rng(3)
+    estimate = RecursiveEstimate([1.0, 0.0], [0.5, 0.5], memory=1e5)
+
+    def block(value: list[float]) -> None:
+        H = rng.normal(size=(20, 2))
+        estimate.update(H, H @ value + rng.normal(0.0, 0.1, 20), 0.1)
+
+    for _ in range(200):
+        block([1.0, 0.2])
+    before = estimate.value
+    assert np.allclose(before, [1.0, 0.2], atol=0.01)
+    block([1.3, 0.2])
+    assert np.array_equal(estimate.value, before)
+    block([1.0, 0.2])
+    assert np.allclose(estimate.value, before, atol=0.01)
+    block([1.3, 0.2])
+    block([1.3, 0.2])
+    assert np.allclose(estimate.value, [1.3, 0.2], atol=0.08)
+    for _ in range(20):
+        block([1.3, 0.2])
+    assert np.allclose(estimate.value, [1.3, 0.2], atol=0.02)
+
+
+def test_a_steady_stream_holds_no_jumps():
+    """The odds of a jump keep white noise from being one, also where a short stretch tells the noise by half."""
+    rng, moved = np.random.default_rng(4), 0
+    estimate = RecursiveEstimate([1.0], [0.3], memory=1e4, scatter=np.full(2, 20.0))
+    for k in range(2000):
+        before = estimate.uncertainty[0]
+        estimate.update(np.ones((20, 1)), 1.0 + rng.normal(0.0, 0.1, 20), 0.05)
+        moved += k > 10 and estimate.uncertainty[0] > 1.1 * before
+    assert moved == 0
+    assert estimate.scatter[0] / estimate.scatter[1] == pytest.approx(4.0, rel=0.05)
+
+
 def test_false_alarms_keep_to_their_rate():
     """White residuals of an hour of 1 kHz, at a rate at which alarms can be counted."""
     rng, rate = np.random.default_rng(1), 60.0

@@ -7,14 +7,16 @@ https://doi.org/10.1016/j.ipl.2005.11.003), so that the memory stands for the wh
 keeps or drops whole trajectories.
 
 A stream may change: the muscle is another one, or it wears. That shows where new rows lie close to remembered ones and
-the target is another nevertheless. Two batches in a row that say so begin a new regime, and what was remembered before
-is then weighed as what it is: evidence whose variance is larger, by as much as it was off.
+the target is another nevertheless. What has a memory of its own answers to the same signals by other targets anyhow, so
+that there a batch is held against the model, before the model learns it. Two batches in a row that say so begin a new
+regime, and what was remembered before is then weighed as what it is: evidence whose variance is larger, by as much as
+it was off.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -137,14 +139,68 @@ def surprise(remembered: Rows, batch: Rows, columns: list[int]) -> float:
         Ratio of the mean squared differences between neighbours, largest over the targets; 1 where the two hardly
         overlap, or where there are too few rows to tell.
     """
-    from sklearn.neighbors import KDTree
-
     if len(remembered) < 2 * APART:
         return 1.0
+    x, z = _scaled(remembered, batch, columns)
+    error, new_error = _off_the_surface(x, remembered.y, z, batch.y)
+    found = _neighbours(remembered, x, z)
+    if found.overlapping.mean() < OVERLAP:
+        return 1.0
+    across = mean_square((new_error[found.asked] - error[found.near])[found.overlapping])
+    within = mean_square(error[found.own] - error[found.other])
+    told = np.isfinite(across) & np.isfinite(within) & (within > 1e-24 * mean_square(remembered.y))
+    return float((across[told] / within[told]).max(initial=1.0))
+
+
+def overlap(remembered: Rows, batch: Rows, columns: list[int]) -> bool:
+    """Say whether enough of a batch lies close to remembered rows for a change to be told."""
+    if len(remembered) < 2 * APART:
+        return False
+    return bool(_neighbours(remembered, *_scaled(remembered, batch, columns)).overlapping.mean() >= OVERLAP)
+
+
+def unforeseen(errors: np.ndarray, error: np.ndarray) -> float:
+    """Say how much larger a model's error on a batch is than on batches before, each before the model learnt it.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n_batches, n_targets)
+        Mean squared errors on the batches before.
+    error : ndarray, shape (n_targets,)
+        That on the batch.
+
+    Returns
+    -------
+    float
+        Ratio to their median, largest over the targets; 1 where one of them was as large, or where they are fewer than
+        three.
+    """
+    if len(errors) < 3:
+        return 1.0
+    usual = np.maximum(np.median(errors, axis=0), 1e-300)
+    return float(np.where(error > errors.max(axis=0), error / usual, 1.0).max(initial=1.0))
+
+
+class _Neighbours(NamedTuple):
+    """Rows of a batch that are asked, the remembered row nearest to each, and remembered rows nearest to each other."""
+
+    asked: np.ndarray
+    near: np.ndarray
+    overlapping: np.ndarray
+    own: np.ndarray
+    other: np.ndarray
+
+
+def _scaled(remembered: Rows, batch: Rows, columns: list[int]) -> tuple[np.ndarray, np.ndarray]:
     low, high = remembered.X[:, columns].min(axis=0), remembered.X[:, columns].max(axis=0)
     width = np.where(high > low, high - low, 1.0)
-    x, z = ((r.X[:, columns] - low) / width for r in (remembered, batch))
-    error, new_error = _off_the_surface(x, remembered.y, z, batch.y)
+    return (remembered.X[:, columns] - low) / width, (batch.X[:, columns] - low) / width
+
+
+def _neighbours(remembered: Rows, x: np.ndarray, z: np.ndarray) -> _Neighbours:
+    """Find neighbours; those of the same trajectory at nearly the same time are no neighbours."""
+    from sklearn.neighbors import KDTree
+
     tree = KDTree(x)
     asked, own = (np.unique(np.linspace(0, len(a) - 1, min(ASKED, len(a))).astype(int)) for a in (z, x))
     far, near = tree.query(z[asked], k=1)
@@ -154,12 +210,7 @@ def surprise(remembered: Rows, batch: Rows, columns: list[int]) -> float:
     pick, rows = np.argmin(same, axis=1), np.arange(len(own))
     distance, other = close[rows, pick][usable], beside[rows, pick][usable]
     overlapping = far[:, 0] <= (np.quantile(distance, 0.9) if len(distance) else -1.0)
-    if overlapping.mean() < OVERLAP:
-        return 1.0
-    across = _mean_square(new_error[asked][overlapping] - error[near[:, 0]][overlapping])
-    within = _mean_square(error[own[usable]] - error[other])
-    told = np.isfinite(across) & np.isfinite(within) & (within > 1e-24 * _mean_square(remembered.y))
-    return float((across[told] / within[told]).max(initial=1.0))
+    return _Neighbours(asked, near[:, 0], overlapping, own[usable], other)
 
 
 def _off_the_surface(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -180,6 +231,7 @@ def _off_the_surface(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray)
     return left, left_there
 
 
-def _mean_square(columns: np.ndarray) -> np.ndarray:
+def mean_square(columns: np.ndarray) -> np.ndarray:
+    """Return the mean square of each column over its finite values."""
     known = np.isfinite(columns)
     return (np.where(known, columns, 0.0) ** 2).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
