@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,14 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
 
     def _predict_state(self, state: State) -> np.ndarray:
         return self._law().predict(*self._volume_model().jet(state), state)
+
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the prediction with its unit, from signals by name that may be symbols."""
+        law = self._law()
+        return {law.equation: (law.unit, self._formula(State(*(signals.get(s, 0.0) for s in State._fields))))}
+
+    def _formula(self, state: State) -> Any:
+        return self._predict_state(state)
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.

@@ -206,8 +206,13 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         zero = np.zeros(len(table))
         return State(*(self._signal(table, s) if s in self._needs else zero for s in State._fields))
 
-    def _gauge(self, state: State) -> np.ndarray:
-        return np.asarray(state.P - self.atmospheric_pressure)
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the force with its unit, from signals by name that may be symbols."""
+        state = State(*(signals.get(s, 0.0) for s in State._fields))
+        return {"force": ("N", self._force(self.parameters_, state))}
+
+    def _gauge(self, state: State) -> Any:
+        return state.P - self.atmospheric_pressure
 
 
 def _bounded(columns: np.ndarray, y: np.ndarray, weight: np.ndarray, declared: list[Parameter]) -> np.ndarray:

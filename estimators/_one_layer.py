@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -13,6 +13,7 @@ from pamid.errors import ParameterError, ShapeError
 from pamid.fitting.epochs import local_generator, standardisation
 from pamid.fitting.one_layer import (
     forward,
+    forward_by_columns,
     initial_weights,
     marquardt_on_rows,
     unflatten,
@@ -25,6 +26,9 @@ from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin, last_direction
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
+
+DIRECTION = "direction"
+"""Signal of exported code that says where the turning input last went: 1 up, −1 down, 0 before it moved."""
 
 CELL = 0.25
 """Edge of the cells that note where the fit had data, in standard deviations of each input."""
@@ -221,6 +225,25 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     @staticmethod
     def _target(y: Any) -> np.ndarray:
         return np.asarray(y, dtype=float)
+
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return between what the answer is held."""
+        raise NotImplementedError
+
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the answers with their units, from signals by name that may be symbols."""
+        named = [*self.inputs, *((DIRECTION,) if self.direction else ())]
+        bare = forward_by_columns(self.weights_, [signals[n] for n in named], self.input_mean_, self.input_scale_)
+        low, high = (a.tolist() for a in self._limits())
+        mean, scale = self.target_mean_.tolist(), self.target_scale_.tolist()
+        return {
+            name: (unit, np.clip(y * scale[k] + mean[k], low[k], high[k]))
+            for k, (y, (name, unit)) in enumerate(zip(bare, self._answers(len(mean)), strict=True))
+        }
+
+    def _answers(self, number: int) -> list[tuple[str, str]]:
+        """Return names and units of the answers."""
+        return [(f"y{k}", "unit of the fit") for k in range(number)]
 
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:

@@ -32,10 +32,14 @@ class PolynomialRegressor(ClassicalRegressor):
         """Return the volume, with its derivatives, that each coefficient multiplies."""
         raise NotImplementedError
 
-    def _columns(self, state: State) -> np.ndarray:
-        """Return what each coefficient multiplies in the prediction, shape (n_samples, n_coefficients)."""
+    def _shares(self, state: State) -> list[Any]:
+        """Return what each coefficient multiplies in the prediction."""
         law = self._law()
-        return np.column_stack([law.predict(*jet, state) for jet in self._basis(state)])
+        return [law.predict(*jet, state) for jet in self._basis(state)]
+
+    def _columns(self, state: State) -> np.ndarray:
+        """Return the same as columns, shape (n_samples, n_coefficients)."""
+        return np.column_stack(self._shares(state))
 
     # --- the fit ----------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
@@ -120,6 +124,9 @@ class PolynomialRegressor(ClassicalRegressor):
 
     def _predict_state(self, state: State) -> np.ndarray:
         return self._columns(state) @ self.coef_
+
+    def _formula(self, state: State) -> Any:
+        return sum(c * share for c, share in zip(self.coef_.tolist(), self._shares(state), strict=True))
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.

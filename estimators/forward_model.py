@@ -186,8 +186,11 @@ class ForwardModel(OneLayerRegressor):
                 ExtrapolationWarning,
                 stacklevel=3,
             )
+        return self._shaped(np.clip(bare, *self._limits()))
+
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         margin = _MARGIN * (self.target_high_ - self.target_low_)
-        return self._shaped(np.clip(bare, self.target_low_ - margin, self.target_high_ + margin))
+        return self.target_low_ - margin, self.target_high_ + margin
 
     @staticmethod
     def _checked_instances() -> list[ForwardModel]:

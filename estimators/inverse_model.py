@@ -253,10 +253,17 @@ class InverseModel(OneLayerRegressor):
         checked_limits(self.pressure_limits)
 
     def _flagged(self, bare: np.ndarray, outside: np.ndarray) -> PressureAnswer:
-        low, high = checked_limits(self.pressure_limits) or (float(self.target_low_[0]), float(self.target_high_[0]))
+        (low,), (high,) = (a.tolist() for a in self._limits())
         slack = _SLACK * (high - low)
         beyond = (bare[:, 0] < low - slack) | (bare[:, 0] > high + slack)
         return PressureAnswer(np.clip(bare[:, 0], low, high), beyond, outside)
+
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
+        low, high = checked_limits(self.pressure_limits) or (float(self.target_low_[0]), float(self.target_high_[0]))
+        return np.array([low]), np.array([high])
+
+    def _answers(self, number: int) -> list[tuple[str, str]]:
+        return [("pressure", "Pa, absolute")]
 
     def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:
         return answer_within(*self._flagged(bare, outside), self.on_unreachable, type(self).__name__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -159,6 +160,11 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         state = State(*(self._signal(table, name) for name in STATE_SIGNALS))
         V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
         return np.asarray(self._laws()[0].predict(V, V_eps, V_P, state))
+
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the prediction with its unit, from signals by name that may be symbols."""
+        law, state = self._laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
+        return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
 
     @classmethod
     def _checked_instances(cls) -> list[LawRegressor]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError, UnknownOptionError
 from pamid.laws.quasi_static import QuasiStaticForce
@@ -140,11 +138,11 @@ class PolynomialForce(PolynomialRegressor):
             for k in range(require_degree("degree", self.degree, 0) + 1)
         ]
 
-    def _columns(self, state: State) -> np.ndarray:
+    def _shares(self, state: State) -> list[Any]:
         if self._is_area():
-            return super()._columns(state)
+            return super()._shares(state)
         p_gauge = state.P - self.atmospheric_pressure
-        return np.column_stack([state.eps**i * p_gauge**j for i, j in self._powers()])
+        return [state.eps**i * p_gauge**j for i, j in self._powers()]
 
     def _level(self) -> float:
         return self.rest_volume

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, colu
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
 from pamid.fitting.epochs import local_generator, standardisation
-from pamid.fitting.one_layer import forward, initial_weights, marquardt_on_rows, unflatten
+from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes
@@ -260,6 +260,17 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         if self.vanishing:
             share *= (self._signal(table, "P") - self.atmospheric_pressure) / self.gauge_scale_
         return np.asarray(self.model_.predict(self._model_table(table)), dtype=float) + share
+
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the force with its unit, from signals by name that may be symbols; nothing if the model has none."""
+        if not hasattr(self.model_, "_formulas"):
+            return {}
+        ((unit, known),) = self.model_._formulas(signals).values()
+        given = [signals[n] for n in self.inputs]
+        share = self.residual_scale_ * forward_by_columns(self.weights_, given, self.input_mean_, self.input_scale_)[0]
+        if self.vanishing:
+            share = share * ((signals["P"] - self.atmospheric_pressure) / self.gauge_scale_)
+        return {"force": (unit, known + share)}
 
     def _inputs(self, table: np.ndarray) -> np.ndarray:
         return np.column_stack([self._signal(table, name) for name in self.inputs])

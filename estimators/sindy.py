@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -228,6 +229,17 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
         return self._evaluate(self._columns(X))[:, 0]
+
+    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the polynomial, from signals by name that may be symbols."""
+        turned = [signals[n] for n in self.sign_of]
+        factors = [signals[n] for n in self.inputs]
+        factors += [np.where(s > 0.0, 1.0, np.where(s < 0.0, -1.0, 0.0)) for s in turned]
+        total: Any = 0.0
+        for c, powers in zip(self.coef_.tolist(), self.powers_.astype(int).tolist(), strict=True):
+            if c != 0.0:
+                total = total + math.prod((f**p for f, p in zip(factors, powers, strict=True) if p), start=c)
+        return {str(self.target): ("unit of the fit", total)}
 
     def _columns(self, X: np.ndarray) -> np.ndarray:
         return np.column_stack([self._signal(X, name) for name in self.inputs])

@@ -163,20 +163,28 @@ class ThreeElement(EmpiricalForce):
         self.knots_ = np.linspace(float(p.min()), max(float(p.max()), float(p.min()) + 1.0), int(self.pieces) + 1)
         self.eps_low_, self.eps_high_ = float(eps.min()), float(eps.max())
 
-    def _elements(self, values: Values, p: np.ndarray, dP: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _elements(self, values: Values, p: Any, dP: Any) -> tuple[Any, Any, Any]:
         """Return F_c (N), K (N/m) and B (N s/m); beyond the knots the value at the last one holds."""
-        hats = np.stack([np.interp(p, self.knots_, unit) for unit in np.eye(len(self.knots_))])
         filling = 0.5 * (1.0 + np.tanh(dP / self.turn_rate))
 
-        def element(name: str) -> np.ndarray:
-            return np.tensordot([values[f"{name}{k}"] for k in range(len(hats))], hats, 1)
+        def element(name: str) -> Any:
+            return np.interp(p, self.knots_, [values[f"{name}{k}"] for k in range(len(self.knots_))])
 
         K, B = (filling * element(f"{e}_fill") + (1.0 - filling) * element(f"{e}_vent") for e in "KB")
         return element("F"), K, B
 
     def _force(self, values: Values, state: State) -> Any:
-        Fc, K, B = self._elements(values, self._gauge(state), np.asarray(state.dP))
+        Fc, K, B = self._elements(values, self._gauge(state), state.dP)
         return Fc - K * self.rest_length * state.eps - B * self.rest_length * state.deps
+
+    def _lift(self, signals: Mapping[str, Any]) -> tuple[tuple[Any, Any, Any], dict[str, float]]:
+        """Return F_c, K and B from signals by name that may be symbols, and the numbers of `simulate`."""
+        elements = self._elements(self.parameters_, signals["P"] - self.atmospheric_pressure, signals["dP"])
+        return elements, {"rest_length": float(self.rest_length), "top": self._top(), "gravity": GRAVITY}
+
+    def _top(self) -> float:
+        """Return the contraction at which a lift is held."""
+        return self.eps_high_ + _MARGIN * (self.eps_high_ - self.eps_low_)
 
     def simulate(self, time: Any, P: Any, load: float, *, start: float | None = None) -> LiftRun:
         """Integrate the lift of a load under a given pressure, from rest.
@@ -222,8 +230,7 @@ class ThreeElement(EmpiricalForce):
         p = P - self.atmospheric_pressure
         Fc, K, B = self._elements(self.parameters_, p, np.gradient(P, t))
         L0, weight = float(self.rest_length), float(load) * GRAVITY
-        margin = _MARGIN * (self.eps_high_ - self.eps_low_)
-        top = L0 * (self.eps_high_ + margin)
+        top = L0 * self._top()
         x = L0 * start if start is not None else (Fc[0] - weight) / K[0] if K[0] > 0 else 0.0
         x, v = min(max(x, 0.0), top), 0.0
         out = np.empty((3, len(t)))

@@ -39,7 +39,7 @@ def c_sources(plan: Plan, reference: Reference, dtype: str = "float64") -> dict[
     dict of str to str
         Texts by file name: header, code, tables, self-test.
     """
-    write = _Writer(dtype)
+    write = Writer(dtype)
     tables = write.tables(plan)
     values = {
         "NAME_UPPER": plan.name.upper(),
@@ -84,18 +84,19 @@ def _reference_values(plan: Plan, reference: Reference, dtype: str) -> dict[str,
     names = [o.name for o in plan.outputs] + ["V", "dV/deps", "dV/dP"]
     return {
         "ROWS": len(reference.inputs),
-        "INPUT_ROWS": _rows(reference.inputs),
-        "EXPECTED_ROWS": _rows(reference.expected),
+        "INPUT_ROWS": number_rows(reference.inputs),
+        "EXPECTED_ROWS": number_rows(reference.expected),
         "TOLERANCES": ", ".join(f"{v:.3g}" for v in reference.tolerance(dtype)),
         "COLUMN_NAMES": ", ".join(f'"{n}"' for n in names),
     }
 
 
-def _rows(values: np.ndarray) -> str:
+def number_rows(values: np.ndarray) -> str:
+    """Return the rows of a C array of arrays."""
     return ",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values)
 
 
-class _Writer:
+class Writer:
     """Numbers of one floating type; counts the bytes of its tables."""
 
     def __init__(self, dtype: str) -> None:
@@ -234,10 +235,10 @@ def _wrapped(body: str, continued: bool = False) -> str:
 
 
 # --- formulas -----------------------------------------------------------------------------------------------
-def _functions(plan: Plan, write: _Writer) -> str:
+def _functions(plan: Plan, write: Writer) -> str:
     name, upper = plan.name, plan.name.upper()
     names = {s: f"s->{s}" for s in UNITS} | {v: f"jet->{v}" for v in JET}
-    lines, results = _formulas([o.formula for o in plan.outputs], names, write)
+    lines, results = statements([o.formula for o in plan.outputs], names, write)
     out = [
         f"void {name}_predict(const {name}_state *s, {name}_real y[{upper}_OUTPUTS], {name}_jet *jet)",
         "{",
@@ -264,7 +265,7 @@ def _functions(plan: Plan, write: _Writer) -> str:
     return "\n".join(out)
 
 
-def _formulas(roots: Sequence[Symbol], names: Mapping[str, str], write: _Writer) -> tuple[list[str], list[str]]:
+def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer) -> tuple[list[str], list[str]]:
     """Return a C statement for each operation, and what holds each result."""
     lines: list[str] = []
     known: dict[int, str] = {}

@@ -69,6 +69,10 @@ class Symbol:
             return node("where", *args)
         if func is np.clip:
             return node("min", node("max", args[0], args[1]), args[2])
+        if func is np.real:
+            return args[0]
+        if func is np.interp and not kwargs and len(args) == 3:
+            return _interpolated(*args)
         raise ExportError(f"The formula uses numpy.{func.__name__}.", _KNOWN, "Write the formula with these.")
 
     def __bool__(self) -> bool:
@@ -116,11 +120,8 @@ class Symbol:
         return node("and", self, other)
 
     def __pow__(self, power: Any) -> Symbol:
-        if isinstance(power, int) and 1 <= power <= 4:
-            out = self
-            for _ in range(power - 1):
-                out = out * self
-            return out
+        if isinstance(power, int) and 0 <= power <= 16:
+            return _whole_power(self, power)
         return node("sqrt", self) if power == 0.5 else node("pow", self, power)
 
     def __neg__(self) -> Symbol:
@@ -130,7 +131,24 @@ class Symbol:
         return node("abs", self)
 
 
-_KNOWN = "arithmetic, abs, exp, log, tanh, sqrt, power, minimum, maximum, clip, where and comparisons"
+def _whole_power(base: Symbol, power: int) -> Symbol:
+    """Multiply a symbol with itself, by squares."""
+    if power < 2:
+        return base if power else as_symbol(1.0)
+    half = _whole_power(base, power // 2)
+    return half * half * base if power % 2 else half * half
+
+
+def _interpolated(x: Symbol, knots: Any, values: Any) -> Symbol:
+    """Return a curve of straight pieces, constant beyond its ends."""
+    at, y = np.asarray(knots, dtype=float).tolist(), np.asarray(values, dtype=float).tolist()
+    total = as_symbol(y[0])
+    for low, high, first, last in zip(at, at[1:], y, y[1:], strict=False):
+        total = total + (last - first) / (high - low) * (node("min", node("max", x, low), high) - low)
+    return total
+
+
+_KNOWN = "arithmetic, abs, exp, log, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
 
 
 _FOLD: dict[str, Callable[..., Any]] = {

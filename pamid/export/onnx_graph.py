@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..errors import ExportError
 from ..volume.contact import _NODES, _WEIGHTS
 from .expression import Symbol, in_order
+from .formula import FormulaPlan
 from .plan import JET, UNITS, Plan
 from .reference import SERIES_BELOW
 
@@ -59,15 +61,7 @@ def onnx_model(plan: Plan, dtype: str = "float64") -> Any:
     ExportError
         onnx is not installed.
     """
-    try:
-        import onnx
-    except ImportError:
-        raise ExportError(
-            "onnx is not installed.", "the package", 'Install with pip install "pamid[export]".'
-        ) from None
-    helper = onnx.helper
-    kind = onnx.TensorProto.DOUBLE if dtype == "float64" else onnx.TensorProto.FLOAT
-    graph = _Graph(onnx, np.dtype(dtype))
+    graph = _Graph(_imported(), np.dtype(dtype))
     parts = []
     if plan.anchor is not None:
         parts.append(_anchor(graph, plan.anchor))
@@ -79,19 +73,64 @@ def onnx_model(plan: Plan, dtype: str = "float64") -> Any:
     names = {s: graph.column(k) for k, s in enumerate(UNITS)} | dict(zip(JET, jet, strict=True))
     results = _formulas(graph, [o.formula for o in plan.outputs], names) + jet
     outputs = [o.name for o in plan.outputs] + list(JET)
-    for name, result in zip(outputs, results, strict=True):
-        graph.nodes.append(helper.make_node("Identity", [result], [name]))
+    said = [f"{o.name}: {o.unit}" for o in plan.outputs] + ["V: m^3", "V_eps: m^3", "V_P: m^3/Pa", *plan.notes]
+    return _finished(graph, plan.name, UNITS, dict(zip(outputs, results, strict=True)), said)
+
+
+def onnx_formula(plan: FormulaPlan, dtype: str = "float64") -> Any:
+    """Write a formula as an ONNX model.
+
+    Parameters
+    ----------
+    plan : FormulaPlan
+        The formula.
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of inputs, constants and outputs.
+
+    Returns
+    -------
+    onnx.ModelProto
+        Input ``X`` of shape (n, n_inputs), its columns in the order of the plan. Outputs of shape (n, 1) by name.
+
+    Raises
+    ------
+    ExportError
+        onnx is not installed.
+    """
+    graph = _Graph(_imported(), np.dtype(dtype))
+    names = {s: graph.column(k) for k, s in enumerate(plan.inputs)}
+    rows = graph.scaled(graph.column(0), 0.0)  # gives a constant as many rows as the input has
+    results = [graph("Add", r, rows) for r in _formulas(graph, [o.formula for o in plan.outputs], names)]
+    said = [*(f"{o.name}: {o.unit}" for o in plan.outputs), *plan.notes]
+    return _finished(
+        graph, plan.name, plan.inputs, dict(zip((o.name for o in plan.outputs), results, strict=True)), said
+    )
+
+
+def _imported() -> Any:
+    try:
+        import onnx
+    except ImportError:
+        raise ExportError(
+            "onnx is not installed.", "the package", 'Install with pip install "pamid[export]".'
+        ) from None
+    return onnx
+
+
+def _finished(graph: _Graph, name: str, inputs: Mapping[str, str], results: Mapping[str, str], said: list[str]) -> Any:
+    """Return the checked model of a graph, its results under their own names."""
+    onnx = graph.onnx
+    helper = onnx.helper
+    kind = onnx.TensorProto.DOUBLE if graph.dtype == np.float64 else onnx.TensorProto.FLOAT
+    for output, result in results.items():
+        graph.nodes.append(helper.make_node("Identity", [result], [output]))
     made = helper.make_graph(
         graph.nodes,
-        plan.name,
-        [helper.make_tensor_value_info("X", kind, ["n", 4])],
-        [helper.make_tensor_value_info(name, kind, ["n", 1]) for name in outputs],
+        name,
+        [helper.make_tensor_value_info("X", kind, ["n", len(inputs)])],
+        [helper.make_tensor_value_info(output, kind, ["n", 1]) for output in results],
         graph.tensors,
-        doc_string="; ".join(
-            [f"Inputs: {', '.join(f'{n} ({u})' for n, u in UNITS.items())}"]
-            + [f"{o.name}: {o.unit}" for o in plan.outputs]
-            + ["V: m^3", "V_eps: m^3", "V_P: m^3/Pa", *plan.notes]
-        ),
+        doc_string="; ".join([f"Inputs: {', '.join(f'{n} ({u})' for n, u in inputs.items())}", *said]),
     )
     model = helper.make_model(made, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="pamid")
     model.ir_version = 8

@@ -115,11 +115,8 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     ExportError
         Some part of the model has no form outside Python; the message names it.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
-        raise ExportError(
-            f"The name {name[:60]!r} is no C identifier.", "letters, digits and _", "Pass another --name."
-        )
-    last, notes = _last_step(model)
+    check_name(name)
+    last, notes = last_step(model)
     if hasattr(last, "effects_") and hasattr(last, "plant"):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
@@ -127,8 +124,8 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     if laws is None or volume is None:
         raise ExportError(
             f"{type(last).__name__} has no gas volume of a form that can be written elsewhere.",
-            "StaticPIHM, ThermodynamicPIHM or JointPIHM, or a model around one",
-            "Fit one of them; trees, sparse regressions and recurrent networks stay in Python.",
+            "a hybrid model, a model around one, or a formula: geometric, polynomial, empirical, inverse",
+            "Fit one of them; trees, networks and what remembers stay in Python.",
         )
     anchor, network, factor, offset = _parts(volume)
     notes += [f"{e!r} is part of the predictions." for e in effects]
@@ -161,12 +158,20 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     )
 
 
-def _last_step(model: Any) -> tuple[Any, list[str]]:
-    """Return the hybrid model of a pipeline; steps that only estimate rates stay outside, anything else is refused."""
+def check_name(name: str) -> None:
+    """Refuse a name that cannot begin those of the code."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
+        raise ExportError(
+            f"The name {name[:60]!r} is no C identifier.", "letters, digits and _", "Pass another --name."
+        )
+
+
+def last_step(model: Any) -> tuple[Any, list[str]]:
+    """Return the model at the end of a pipeline; steps that only estimate rates stay outside, others are refused."""
     steps = getattr(model, "steps", None)
     if steps is None:
         best = getattr(model, "best_estimator_", None)
-        return (model, []) if best is None else _last_step(best)
+        return (model, []) if best is None else last_step(best)
     notes = []
     for label, step in steps[:-1]:
         if step in (None, "passthrough"):

@@ -12,7 +12,8 @@ from ..errors import ExportError, UnknownOptionError
 from ..file_sets import replacing_together
 from ..files import write_whole
 from .c_source import REALS, c_sources
-from .plan import plan_of
+from .formula import FormulaPlan, formula_of, formula_sources
+from .plan import Plan, check_name, last_step, plan_of
 from .reference import reference_of
 
 TARGETS = ("c", "onnx", "fmu")
@@ -29,12 +30,15 @@ def export(
     effects: Sequence[Effect] = (),
     plant: Plant | None = None,
 ) -> list[Path]:
-    """Write a fitted hybrid model in another language.
+    """Write a fitted model in another language.
 
     Parameters
     ----------
     model : estimator or Pipeline
-        `StaticPIHM`, `ThermodynamicPIHM` or `JointPIHM`, fitted, also as the last step of a pipeline with rates.
+        A fitted hybrid model, or one that is a formula of its signals: `GeometricForce`, `GeometricFlow`,
+        `PolynomialForce`, `PolynomialFlow`, `SINDyRegressor`, `LawRegressor`, `StaticForceMap`, `NonlinearElastic`,
+        `HosovskyHybrid`, `ThreeElement`, `ResidualHybrid`, `InverseModel`, `ForwardModel`; also as the last step of a
+        pipeline with rates.
     folder : path-like
         Where to write; made if it does not exist.
     to : {"c", "onnx", "fmu"}, default="c"
@@ -77,24 +81,48 @@ def export(
         raise UnknownOptionError(f"to={to!r} is not known.", f"one of {', '.join(TARGETS)}", "Choose one of them.")
     if dtype not in REALS:
         raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
-    plan = plan_of(model, name, effects, plant)
-    files: dict[str, str | bytes]
-    if to == "onnx":
-        from .onnx_graph import onnx_model
-
-        files = {f"{name}.onnx": onnx_model(plan, dtype).SerializeToString()}
-    else:
-        sources = c_sources(plan, reference_of(plan), dtype)
-        files = dict(sources)
-        if to == "fmu":
-            from .fmu import fmu
-
-            files = {f"{name}.fmu": fmu(plan, sources)}
+    plan = any_plan_of(model, name, effects, plant)
+    files = _formula_files(plan, to, dtype) if isinstance(plan, FormulaPlan) else _hybrid_files(plan, to, dtype)
     target = Path(folder)
     with replacing_together(target, files, parents=True) as stage:
         for file, content in files.items():
             write_whole(stage / file, content)
     return [target / file for file in files]
+
+
+def any_plan_of(
+    model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None
+) -> Plan | FormulaPlan:
+    """Take a fitted model apart, a formula or a hybrid model; parameters as in `export`."""
+    check_name(name)
+    last, notes = last_step(model)
+    plan = None if effects else formula_of(last, name, tuple(notes))
+    return plan or plan_of(model, name, effects, plant)
+
+
+def _hybrid_files(plan: Plan, to: str, dtype: str) -> dict[str, str | bytes]:
+    if to == "onnx":
+        from .onnx_graph import onnx_model
+
+        return {f"{plan.name}.onnx": onnx_model(plan, dtype).SerializeToString()}
+    sources = c_sources(plan, reference_of(plan), dtype)
+    if to == "c":
+        return dict(sources)
+    from .fmu import fmu
+
+    return {f"{plan.name}.fmu": fmu(plan, sources)}
+
+
+def _formula_files(plan: FormulaPlan, to: str, dtype: str) -> dict[str, str | bytes]:
+    if to == "fmu":
+        raise ExportError(
+            f"A {plan.estimator} is a formula, and an FMU is made of hybrid models alone.", "c or onnx", "Pass --to c."
+        )
+    if to == "c":
+        return dict(formula_sources(plan, dtype))
+    from .onnx_graph import onnx_formula
+
+    return {f"{plan.name}.onnx": onnx_formula(plan, dtype).SerializeToString()}
 
 
 __all__ = ["TARGETS", "ExportError", "export"]

@@ -6,6 +6,9 @@ Networks 5(6), 1994. https://doi.org/10.1109/72.329697
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from .marquardt import Marquardt, Normal
@@ -46,6 +49,19 @@ def unflatten(flat: np.ndarray, n_in: int, hidden: int, n_out: int) -> Weights:
 def forward(weights: Weights, x: np.ndarray) -> np.ndarray:
     """Evaluate the network: (n, n_in) to (n, n_out)."""
     return np.asarray(np.tanh(x @ weights["W0"] + weights["b0"]) @ weights["W1"] + weights["b1"])
+
+
+def forward_by_columns(weights: Weights, signals: Sequence[Any], mean: np.ndarray, scale: np.ndarray) -> list[Any]:
+    """Evaluate the network on signals that may be symbols, sum by sum: standardisation and `forward` as a formula."""
+    columns = [(x - m) / s for x, m, s in zip(signals, mean.tolist(), scale.tolist(), strict=True)]
+    hidden = [
+        np.tanh(sum((w * c for w, c in zip(row, columns, strict=True)), start=b))
+        for row, b in zip(weights["W0"].T.tolist(), weights["b0"].tolist(), strict=True)
+    ]
+    return [
+        sum((w * h for w, h in zip(row, hidden, strict=True)), start=b)
+        for row, b in zip(weights["W1"].T.tolist(), weights["b1"].tolist(), strict=True)
+    ]
 
 
 def derivatives(weights: Weights, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

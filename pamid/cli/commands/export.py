@@ -11,11 +11,12 @@ from ...file_sets import check_folder
 from ..common import add_command, load_simulator, note, print_json
 
 _DESCRIPTION = """\
-Write a fitted hybrid model in another language: dependency-free C99 (fixed memory, no heap, analytic derivatives, a
+Write a fitted model in another language: dependency-free C99 (fixed memory, no heap, analytic derivatives, a
 self-test with reference values), an ONNX graph, or an FMU (FMI 3.0, co-simulation) built from the C code.
 
-Inputs are eps, deps, P (Pa, absolute) and dP; outputs the predictions, the gas volume and its derivatives. A model
-that cannot be exported is refused with the part that is in the way.
+Inputs of a hybrid model are eps, deps, P (Pa, absolute) and dP; outputs the predictions, the gas volume and its
+derivatives. A model that is a formula (geometric, polynomial, empirical, inverse, residual hybrid) has the signals of
+its fit as inputs. A model that cannot be exported is refused with the part that is in the way.
 """
 _EXAMPLES = """\
   pamid export force.pamid --to c --out controller --name force
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...effects import make_effect
     from ...export import export
-    from ...export.plan import plan_of
+    from ...export.write import any_plan_of
     from ...persistence import load
     from .simulate import _effect
 
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     model = load(args.model)
     try:
         files = export(model, args.out, args.to, name=args.name, dtype=args.dtype, effects=effects, plant=plant)
-        plan = plan_of(model, args.name, effects, plant)
+        plan = any_plan_of(model, args.name, effects, plant)
     except PamidError:
         raise
     except Exception as error:  # a file may describe a model whose parts do not belong together

@@ -1,0 +1,40 @@
+/* Self-test of @NAME@: reference values from Python, one line of outcome, exit status 0 if all agree. */
+#include "@NAME@.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#define ROWS @ROWS@
+#define INPUTS @N_INPUTS@
+#define COLUMNS @NAME_UPPER@_OUTPUTS
+
+static const double inputs[ROWS][INPUTS] = {
+@INPUT_ROWS@
+};
+
+static const double expected[ROWS][COLUMNS] = {
+@EXPECTED_ROWS@
+};
+
+/* largest deviation of each column that passes */
+static const double tolerance[COLUMNS] = {@TOLERANCES@};
+
+int main(void)
+{
+    static const char *const names[COLUMNS] = {@COLUMN_NAMES@};
+    int row, k, failed = 0;
+    for (row = 0; row < ROWS; row++) {
+        @NAME@_signals s;
+        @NAME@_real y[COLUMNS];
+@ASSIGNMENTS@
+        @NAME@_predict(&s, y);
+        for (k = 0; k < COLUMNS; k++)
+            if (!(fabs((double)y[k] - expected[row][k]) <= tolerance[k])) {
+                printf("row %d: %s is %.17g, expected %.17g within %.3g\n", row, names[k], (double)y[k],
+                       expected[row][k], tolerance[k]);
+                failed = 1;
+            }
+    }
+    printf("@NAME@: %s, %d rows of %d numbers\n", failed ? "FAILED" : "passed", ROWS, COLUMNS);
+    return failed;
+}
