@@ -189,3 +189,10 @@ def test_what_cannot_be():
     assert impossible("T", np.array([0.0, 293.0])).tolist() == [True, False]
     assert impossible("eps", np.array([1.0, np.nan])).tolist() == [True, False]
     assert impossible("branch", np.array([-1.0, 1e31])).tolist() == [False, True]
+
+
+def test_a_reading_that_leaves_at_the_end_of_a_run_is_told(healthy, tmp_path):
+    log = healthy.copy()
+    log.loc[[0, 999], "F1"] = [9e3, -8e3]
+    with pytest.warns(ReadingWarning, match=r"F1 begins or ends a run with 9000 N.*2 readings.*used as it is"):
+        read_log(write_log(log, tmp_path / "log.parquet"), nan="keep")

@@ -108,6 +108,7 @@ def screen(
         With ``nan="raise"``, if a reading cannot be.
     """
     runs = [(str(name), np.asarray(rows)) for name, rows in frame.groupby("trajectory", sort=False).indices.items()]
+    rows_of_runs = [rows for _, rows in runs]
     changed: dict[str, np.ndarray] = {}
     for signal in (str(c) for c in frame.columns if c not in ("trajectory", "time")):
         values = frame[signal].to_numpy(dtype=float)
@@ -117,14 +118,14 @@ def screen(
                 raise _refusal(signal, frame, origin, bad, where)
             notes.note(signal, "impossible", frame, bad, MISSING, origin)
         if base_name(signal) in _SENSORS and not signal.endswith(_COMMANDS) and signal not in skip:
-            jumps = glitches(np.where(bad, np.nan, values), [rows for _, rows in runs])
+            jumps = glitches(np.where(bad, np.nan, values), rows_of_runs)
             if base_name(signal) == "u":
                 jumps &= np.abs(values) > _FULL_COMMAND
             if jumps.any():
                 rare = nan != "raise" and jumps.sum() <= max(3.0, _MOST_GLITCHES * len(values))
                 notes.note(signal, "glitch", frame, jumps, MISSING if rare else USED, origin)
                 bad |= jumps & rare
-            if (ends := far_ends(np.where(bad, np.nan, values), [rows for _, rows in runs])).any():
+            if (ends := _far_ends(np.where(bad, np.nan, values), rows_of_runs)).any():
                 notes.note(signal, "end", frame, ends, USED, origin)
         if bad.any():
             changed[signal] = np.where(bad, np.nan, values)
@@ -202,41 +203,16 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
     return np.where((up * down > 0) & (least > _BACK * most), least, 0.0)
 
 
-def far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
-    """Return which first and last readings of runs lie farther from all the others than these are apart.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN where there is none.
-    runs : list of array
-        Rows of each run.
-
-    Returns
-    -------
-    array of bool, shape (n,)
-        False where there is no reading.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.readings import far_ends
-    >>> y = np.sin(np.arange(100) / 5)
-    >>> y[-1] = 9.0
-    >>> np.flatnonzero(far_ends(y, [np.arange(100)]))
-    array([99])
-    """
-    found = np.zeros(len(values), dtype=bool)
-    good = np.isfinite(values)
-    if int(good.sum()) < _FEW:
-        return found
-    found[[row for rows in runs if len(rows) > 2 for row in (rows[0], rows[-1])]] = True
-    inner = values[good & ~found]
-    if not len(inner):
+def _far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
+    """Return which first and last readings of runs lie farther from all the others than these are apart."""
+    ends = np.zeros(len(values), dtype=bool)
+    ends[[row for rows in runs if len(rows) > 2 for row in (rows[0], rows[-1])]] = True
+    others = values[np.isfinite(values) & ~ends]
+    if len(others) < _FEW:
         return np.zeros(len(values), dtype=bool)
-    low, high = float(inner.min()), float(inner.max())
+    low, high = float(others.min()), float(others.max())
     width = high - low
-    return found & good & (width > 0) & ((values > high + width) | (values < low - width))
+    return ends & (width > 0) & ((values > high + width) | (values < low - width))
 
 
 def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:
