@@ -4,6 +4,7 @@ from .base import Equation, Residual, all_equations
 from .evaluate import Evaluation, LogEvaluation, TrajectoryEvaluation, evaluate_log, residuals
 from .noise import ChannelNoise, channel_noise
 from .refit import Refit, refit_within_tolerance
+from .unit_doubts import unit_doubts
 
 __all__ = [
     "ChannelNoise",
@@ -18,4 +19,5 @@ __all__ = [
     "evaluate_log",
     "refit_within_tolerance",
     "residuals",
+    "unit_doubts",
 ]

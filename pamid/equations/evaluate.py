@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import MissingColumnError, ShortTrajectoryError, UnknownOptionError
+from ..errors import MissingColumnError, ShortTrajectoryError, UnitWarning, UnknownOptionError
 from .base import Equation, Residual, all_equations
 from .log import columns_of, runs, trajectory_rows
 from .run import Model, Run
@@ -228,7 +229,7 @@ def _lacks(log: pd.DataFrame, channel: str) -> bool:
 
 
 def residuals(
-    log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None
+    log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None, *, noise: bool = True
 ) -> Iterator[tuple[str, str, Residual]]:
     """Go through a log and give the residual of each equation on each evenly sampled stretch.
 
@@ -241,6 +242,8 @@ def residuals(
         The simulator, its effects included.
     equations : sequence of str, optional
         Names of the equations; all by default.
+    noise : bool, default=True
+        Whether residuals come with their noise; zeros otherwise, in less time.
 
     Yields
     ------
@@ -265,7 +268,7 @@ def residuals(
     if not allowed:
         return
     wanted = {c for e in allowed.values() for c in e.channels} - {"q"}
-    model = Model(params)
+    model = Model(params, noise=noise)
     if model.effects:  # effects read channels that the equations themselves do not
         wanted |= {c for c in CHANNELS if all(k in log.columns for k in columns_of(c))}
     for run in runs(log, model, sorted(wanted)):
@@ -327,6 +330,11 @@ def evaluate_log(
     ShortTrajectoryError
         No trajectory is long enough for a window.
 
+    Warns
+    -----
+    UnitWarning
+        The simulator would be right if a column were in another unit, see `unit_doubts`.
+
     Examples
     --------
     >>> import numpy as np, pandas as pd
@@ -343,19 +351,25 @@ def evaluate_log(
     """
     import pandas as pd
 
+    from .unit_doubts import unit_doubts
+
     allowed: dict[str, Equation] = {}
     skipped: dict[str, str] = {}
+    doubts: list[str] = []
     sums: dict[str, dict[str, _Sums]] = {}
     for piece in [log] if isinstance(log, pd.DataFrame) else log:
         here, lacking = allowed_equations(piece, equations)
         allowed |= here
         skipped |= lacking
         trajectory_rows(piece)
+        doubts = doubts or unit_doubts(piece, params, equations)
         begun = ""
         for trajectory, name, residual in residuals(piece, params, list(here)):
             if progress is not None and trajectory != begun:
                 progress(begun := trajectory)
             sums.setdefault(name, {}).setdefault(trajectory, _Sums()).add(residual)
+    for doubt in doubts:
+        warnings.warn(doubt, UnitWarning, stacklevel=2)
     skipped = {name: why for name, why in skipped.items() if name not in allowed}
     evaluations: dict[str, Evaluation] = {}
     for name in allowed:

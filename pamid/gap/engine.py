@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.registry import chosen_effects
+from ..equations.log import thinned
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
@@ -80,14 +81,14 @@ def diagnose(
     notes = check(log, params)
     log, stuck = without_stuck(log)
     notes += stuck
-    thinned = _thinned(log, MAX_ROWS)
-    if len(thinned) < len(log):
-        notes.append(f"{len(thinned):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
-    evidence = Evidence(thinned, params)
-    part = _thinned(thinned, SEARCH_ROWS)
-    searched = Evidence(part, params) if len(part) < len(thinned) else evidence
+    used = thinned(log, MAX_ROWS)
+    if len(used) < len(log):
+        notes.append(f"{len(used):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
+    evidence = Evidence(used, params)
+    part = thinned(used, SEARCH_ROWS)
+    searched = Evidence(part, params) if len(part) < len(used) else evidence
     if searched is not evidence:
-        notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(thinned):,}.")
+        notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(used):,}.")
     return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say, searched)
 
 
@@ -126,16 +127,3 @@ def explain(
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)
-
-
-def _thinned(log: pd.DataFrame, most: int) -> pd.DataFrame:
-    """Return a log of no more rows than wanted: whole trajectories, evenly spread."""
-    from ..equations.log import trajectory_rows
-
-    if len(log) <= most:
-        return log
-    rows = trajectory_rows(log)
-    count = max(1, len(rows) * most // len(log))
-    chosen = [rows[k] for k in np.linspace(0, len(rows) - 1, count).round().astype(int)]
-    parts = [np.arange(r.start, min(r.stop, r.start + most)) for _, r in chosen]
-    return log.iloc[np.concatenate(parts)[:most]]

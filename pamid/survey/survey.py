@@ -7,12 +7,14 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
 from ..signals.guess import guess_kind
 from .answerable import Answerable, answerable
 from .channels import Channel, channels_of
 from .coverage import Coverage, coverage_of, first_of
 from .sampling import Sampling, sampling_of
+from .scales import scale_doubts
 from .separation import Separation, separation
 
 if TYPE_CHECKING:
@@ -139,12 +141,14 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
         warnings += _system_warnings(log, simulator)
     elif simulator is not None:
         try:
+            warnings += unit_doubts(log, simulator)
             separations, best = separation(log, simulator)
         except PamidError as error:
             warnings.append(f"The simulator could not be held against the log: {error}")
         if not simulator.tolerance:
             warnings.append("The simulator file states no tolerances: a number that is a little off shows as a gap.")
     else:
+        warnings += scale_doubts(log)
         notes.append("With --sim each effect of the library is tried on the log as well.")
     if not sampling.repeats:
         notes.append("The noise rests on the differences of neighbouring samples, since no run repeats another.")

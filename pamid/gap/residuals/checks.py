@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...equations.log import columns_of, trajectory_rows
+from ...equations.unit_doubts import unit_doubts
 from ...errors import ExcitationError
 from .bench import Evidence
 
@@ -57,7 +58,7 @@ def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
             "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
             "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
         )
-    notes = []
+    notes = unit_doubts(log, params)
     if len(rows) == 1:
         notes.append(
             "The log has one trajectory only: intervals over trajectories cannot be given, and nothing is held out."

@@ -1,0 +1,93 @@
+"""Whether forces, flows and pressures of a log belong together: what piston and what volume they would make."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, TEMPERATURE
+from ..signals.units import base_name, is_gauge_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_LEAST_PISTON = 2e-6
+"""m²: a seventh of what a muscle of 2 mm makes at 4 bar (6 N); in kN a muscle of 30 mm comes as far."""
+_LARGEST_VOLUME = 5e-3
+"""m³: five times that of the largest muscles sold (40 mm by 0.5 m, bulged); in g/s one of 5 mL comes as far."""
+_LEAST_RISE = 2e4  # Pa above the ambient pressure, below which nothing can be told
+
+
+def scale_doubts(log: pd.DataFrame) -> list[str]:
+    r"""Say which forces and flows of a log are far from what its pressures can make, whatever the muscle.
+
+    A force is at most the gauge pressure times a piston's area, and the gas that a flow moves to and fro is at most
+    what a volume holds, :math:`\int \dot m\,\mathrm{d}t = P V/(R T)`.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log in SI.
+
+    Returns
+    -------
+    list of str
+        A sentence for each doubt.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.survey.scales import scale_doubts
+    >>> t = np.arange(0, 5, 0.01)
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P1": 3e5 + 1e5 * np.sin(t), "F1": 0.2 + 0.1 * np.sin(t)})
+    >>> scale_doubts(log)[0][:35]
+    'F1 stays below 0.3 N while P1 reach'
+    """
+    found = []
+    for pressure in (c for c in map(str, log.columns) if base_name(c) in ("P", "p", "p_gauge") and _is_reading(c)):
+        P = log[pressure].to_numpy(dtype=float)
+        gauge = P if is_gauge_name(pressure) else P - ATMOSPHERIC_PRESSURE
+        top = float(np.nanmax(gauge)) if np.isfinite(gauge).any() else 0.0
+        if top < _LEAST_RISE:
+            continue
+        number = "".join(re.findall(r"\d+$", pressure))
+        if (force := f"F{number}") in log.columns:
+            found += _force_doubt(log[force].to_numpy(dtype=float), force, pressure, top)
+        if (flow := f"mdot{number}") in log.columns:
+            found += _flow_doubt(log, flow, pressure, top + ATMOSPHERIC_PRESSURE)
+    return found
+
+
+def _is_reading(column: str) -> bool:
+    return not column.endswith(("_ref", "_cmd", "_set"))
+
+
+def _force_doubt(F: np.ndarray, force: str, pressure: str, top: float) -> list[str]:
+    known = np.abs(F[np.isfinite(F)])
+    largest = float(known.max()) if len(known) else 0.0
+    if not 0 < largest < _LEAST_PISTON * top:
+        return []
+    return [
+        f"{force} stays below {largest:.3g} N while {pressure} reaches {top / 1e5:.3g} bar above the ambient pressure, "
+        f"as if the piston had {1e6 * largest / top:.2g} mm²: either nothing pulls, or {force} is in kN."
+    ]
+
+
+def _flow_doubt(log: pd.DataFrame, flow: str, pressure: str, top: float) -> list[str]:
+    volume = 0.0
+    for _, run in log.groupby("trajectory", sort=False):
+        known = run.dropna(subset=["time", flow])
+        t, mdot = known["time"].to_numpy(dtype=float), known[flow].to_numpy(dtype=float)
+        if len(t) < 3:
+            continue
+        mass = np.concatenate([[0.0], np.cumsum(np.diff(t) * (mdot[1:] + mdot[:-1]) / 2.0)])
+        held = mass - np.polynomial.Polynomial.fit(t, mass, 1)(t)  # a leak passes without being held
+        volume = max(volume, GAS_CONSTANT * TEMPERATURE * float(np.ptp(held)) / top)
+    if volume < _LARGEST_VOLUME:
+        return []
+    return [
+        f"The gas that {flow} moves takes {1e3 * volume:.3g} L at the pressures of {pressure}: {flow} seems to be in "
+        "another unit than kg/s, such as g/s."
+    ]
