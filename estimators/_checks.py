@@ -11,12 +11,12 @@ import numpy as np
 from pamid.errors import ExcitationWarning, ParameterError, UnknownOptionError
 
 
-def check_counts(estimator: Any, *names: str) -> None:
-    """Raise unless each named parameter is a whole number of at least 1."""
+def check_counts(estimator: Any, *names: str, least: int = 1) -> None:
+    """Raise unless each named parameter is a whole number of at least 1, or of another bound."""
     for name in names:
         value = getattr(estimator, name)
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise ParameterError(f"{name} is {value!r}.", "a whole number of at least 1", f"Correct {name}.")
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+            raise ParameterError(f"{name} is {value!r}.", f"a whole number of at least {least}", f"Correct {name}.")
 
 
 def check_sizes(estimator: Any, **least: float) -> None:

@@ -69,6 +69,11 @@ class Score:
     error: str = ""
     warnings: tuple[str, ...] = ()
 
+    @property
+    def fit(self) -> float:
+        """100 % less `nrmse`, as MATLAB's compare has it, on runs that the fit had not seen."""
+        return 100.0 * (1.0 - self.nrmse)
+
 
 @dataclass
 class Comparison:
@@ -137,11 +142,13 @@ class Comparison:
         Returns
         -------
         DataFrame
-            One row an estimator, the columns of `Score` but its warnings.
+            One row an estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
         """
         import pandas as pd
 
-        return pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
+        found = pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
+        found.insert(found.columns.get_loc("nrmse") + 1, "fit", [s.fit for s in self.scores])
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the predictions as plain numbers and text.
@@ -160,13 +167,13 @@ class Comparison:
             "n_scored_rows": len(self.rows),
             "noise_floor": _plain(self.noise_floor),
             "notes": list(self.notes),
-            "estimators": [{k: _plain(v) for k, v in asdict(s).items()} for s in self.scores],
+            "estimators": [{k: _plain(v) for k, v in {**asdict(s), "fit": s.fit}.items()} for s in self.scores],
         }
 
     def __str__(self) -> str:
         """Return the table as text."""
         header = [
-            "estimator", f"rmse / {self.unit}", "90 % interval", "nrmse", "behind the best", "",
+            "estimator", f"rmse / {self.unit}", "90 % interval", "fit / %", "behind the best", "",
             "fit / s", "predict / ms", "parameters",
         ]  # fmt: skip
         lines = [header, *(_cells(s) for s in self.scores if not s.error)]
@@ -221,7 +228,7 @@ def _cells(s: Score) -> list[str]:
         s.estimator,
         _number(s.rmse),
         f"{_number(s.rmse_low)} to {_number(s.rmse_high)}",
-        f"{s.nrmse:.4f}",
+        f"{s.fit:.2f}",
         "-" if s.behind == 0 else f"{_number(s.behind)} ({_number(s.behind_low)} to {_number(s.behind_high)})",
         "*" if s.differs else "",
         f"{s.fit_seconds:.2f}",

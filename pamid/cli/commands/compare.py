@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 _ROOM = 1 << 20
 _DESCRIPTION = """\
 Compare all estimators of one equation (or those of --estimators) on runs that their fits have not seen, and print one
-table: root mean square error over the held-out runs with its 90 % interval (from a bootstrap over runs), the same over
-the target's standard deviation (nrmse), how far behind the best and whether that is more than chance (*), time of a
-fit, time to predict 1000 rows, number of fitted parameters, and the noise floor of a perfect model.
+table: root mean square error over the held-out runs with its 90 % interval (from a bootstrap over runs), the fit in
+per cent (100 % less the error over the target's standard deviation, as MATLAB's compare has it), how far behind the
+best and whether that is more than chance (*), time of a fit, time to predict 1000 rows, number of fitted parameters,
+and the noise floor of a perfect model.
 
 Both muscles of a run stay in one fold. Rates are taken run by run before the split. Estimators are fitted on --rows
 rows, evenly thinned; the whole table takes a few minutes. One estimator that fails is one line.
