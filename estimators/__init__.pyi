@@ -17,6 +17,7 @@ from .inverted_force import InvertedForce as InvertedForce
 from .joint_pihm import JointPIHM as JointPIHM
 from .law_regressor import LawRegressor as LawRegressor
 from .lifted_load import LiftedLoad as LiftedLoad
+from .linear_state_space import LinearStateSpace as LinearStateSpace
 from .lora import LoRA as LoRA
 from .mlp import MLP as MLP
 from .nnarx import NNARX as NNARX
@@ -38,6 +39,7 @@ from .static_pihm import StaticPIHM as StaticPIHM
 from .thermodynamic_pihm import ThermodynamicPIHM as ThermodynamicPIHM
 from .three_element import LiftRun as LiftRun
 from .three_element import ThreeElement as ThreeElement
+from .transfer_function import TransferFunction as TransferFunction
 
 __all__ = [
     "MLP",
@@ -57,6 +59,7 @@ __all__ = [
     "LawRegressor",
     "LiftRun",
     "LiftedLoad",
+    "LinearStateSpace",
     "LoRA",
     "NonlinearElastic",
     "OnlineAdapter",
@@ -76,6 +79,7 @@ __all__ = [
     "StaticPIHM",
     "ThermodynamicPIHM",
     "ThreeElement",
+    "TransferFunction",
     "all_estimators",
     "checked_instances",
 ]

@@ -11,6 +11,8 @@ _HOME = {
     "candidates": "entries",
     "Prepared": "protocol",
     "prepare": "protocol",
+    "ResidualTest": "whiteness",
+    "residual_test": "whiteness",
 }
 """In which module each public name lives."""
 

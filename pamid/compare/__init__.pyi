@@ -6,12 +6,16 @@ from .entries import candidates as candidates
 from .protocol import Prepared as Prepared
 from .protocol import prepare as prepare
 from .run import compare as compare
+from .whiteness import ResidualTest as ResidualTest
+from .whiteness import residual_test as residual_test
 
 __all__ = [
     "Candidate",
     "Comparison",
     "Prepared",
+    "ResidualTest",
     "candidates",
     "compare",
     "prepare",
+    "residual_test",
 ]

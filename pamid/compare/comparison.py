@@ -147,7 +147,7 @@ class Comparison:
         import pandas as pd
 
         found = pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
-        found.insert(found.columns.get_loc("nrmse") + 1, "fit", [s.fit for s in self.scores])
+        found.insert(list(found.columns).index("nrmse") + 1, "fit", [s.fit for s in self.scores])
         return found
 
     def to_dict(self) -> dict[str, Any]:

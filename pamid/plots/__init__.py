@@ -12,6 +12,7 @@ _HOME = {
     "ForceMapDisplay": "force_map",
     "LoopDisplay": "loops",
     "ResidualMapDisplay": "residual_map",
+    "ResidualTestDisplay": "whiteness",
     "VolumeSurfaceDisplay": "volume_surface",
     "AdaptationDisplay": "adaptation",
     "save_figure": "style",

@@ -10,12 +10,14 @@ from .style import save_figure as save_figure
 from .volume_surface import VolumeSurfaceDisplay as VolumeSurfaceDisplay
 from .volumes import VolumeDisplay as VolumeDisplay
 from .volumes import volume_plot as volume_plot
+from .whiteness import ResidualTestDisplay as ResidualTestDisplay
 
 __all__ = [
     "AdaptationDisplay",
     "ForceMapDisplay",
     "LoopDisplay",
     "ResidualMapDisplay",
+    "ResidualTestDisplay",
     "VolumeDisplay",
     "VolumeSurfaceDisplay",
     "comparison_plot",

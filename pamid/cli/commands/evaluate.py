@@ -173,8 +173,11 @@ def _evaluate_ported(args: argparse.Namespace, simulator: Simulator) -> int:
     if args.json:
         print_json({"kind": simulator.kind, "equations": found})
         return DONE
-    rows = [[e["equation"], *(number(e[k]) for k in ("rmse", "nrmse", "noise_floor")), e["unit"]] for e in found]
-    print(table(["equation", "rmse", "nrmse", "noise floor", "unit"], rows))
+    rows = [
+        [e["equation"], number(e["rmse"]), number(100.0 * (1.0 - e["nrmse"])), number(e["noise_floor"]), e["unit"]]
+        for e in found
+    ]
+    print(table(["equation", "rmse", "fit / %", "noise floor", "unit"], rows))
     return DONE
 
 
@@ -199,8 +202,8 @@ def _evaluate_model(args: argparse.Namespace) -> int:
         print_json({"model": {"class": head["class"], "steps": head["steps"]}, "equation": equation.name, **scores})
         return 0
     rows = [
-        [name, number(s["rmse"]), number(s["nrmse"]), str(s["n_samples"])] for name, s in scores["trajectories"].items()
+        [name, number(s["rmse"]), number(100.0 * (1.0 - s["nrmse"])), str(s["n_samples"])]
+        for name, s in {**scores["trajectories"], "all": scores}.items()
     ]
-    rows.append(["all", number(scores["rmse"]), number(scores["nrmse"]), str(scores["n_samples"])])
-    print(table(["trajectory", f"rmse / {equation.unit}", "nrmse", "samples"], rows))
+    print(table(["trajectory", f"rmse / {equation.unit}", "fit / %", "samples"], rows))
     return 0

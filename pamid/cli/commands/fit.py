@@ -103,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
     predicted = predict_table(fitted, features[columns])
     training = score_by_trajectory(signals, predicted, target)
     metadata = {"equation": target.name, "unit": target.unit, "estimator": args.estimator, "logs": list(args.log)}
+    metadata["training"] = {"rmse": training["rmse"], "nrmse": training["nrmse"]}
     if scores is not None:
         metadata["held_out"] = {"rmse": scores["rmse"], "nrmse": scores["nrmse"], "folds": args.folds}
     save(model, out, metadata)
@@ -121,14 +122,18 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(report)
         return 0
-    lines = [["training", number(training["rmse"]), number(training["nrmse"]), str(training["n_samples"])]]
+    lines = [_line("training", training)]
     if scores is not None:
-        lines.append(["held out", number(scores["rmse"]), number(scores["nrmse"]), str(scores["n_samples"])])
-    print(table([args.estimator, f"rmse / {target.unit}", "nrmse", "samples"], lines))
+        lines.append(_line("held out", scores))
+    print(table([args.estimator, f"rmse / {target.unit}", "fit / %", "samples"], lines))
     if found:
         print(parameter_lines(found))
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
+
+
+def _line(name: str, scores: dict[str, Any]) -> list[str]:
+    return [name, number(scores["rmse"]), number(100.0 * (1.0 - scores["nrmse"])), str(scores["n_samples"])]
 
 
 def _keep_state(estimator: Any, args: argparse.Namespace) -> Any:

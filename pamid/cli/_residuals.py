@@ -1,0 +1,127 @@
+"""What a simulator or a saved model leaves of a log, beside the signals that it reads."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import ShortTrajectoryError, UnknownOptionError
+from ._simulators import port_simulator_of
+from .common import load_log, muscle_numbers, page_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+    from ..simulators import Simulator
+    from ..systems import System
+
+
+class Left(NamedTuple):
+    """What is left of one equation.
+
+    Parameters
+    ----------
+    table : DataFrame
+        ``trajectory``, ``time`` (s), ``residual``, and the signals that may explain it; evenly sampled in each run.
+    unit : str
+        Unit of the residual.
+    """
+
+    table: pd.DataFrame
+    unit: str
+
+
+def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
+    """Return what a simulator or a model leaves, by equation."""
+    from ..systems import System
+
+    if args.model is not None:
+        return _of_model(args)
+    ported = port_simulator_of(args)
+    if ported is not None:
+        return _of_ports(load_log(args, check_units=False), ported)
+    page = page_of(args)
+    if page is None:
+        raise UnknownOptionError(
+            "Neither --sim nor --model is given, and no simulator lies beside the log.",
+            "a simulator or a model",
+            "Add --sim SIM.toml or --model MODEL.",
+        )
+    log = load_log(args)
+    return _of_system(log, page) if isinstance(page, System) else _of_bench(log, page)
+
+
+def _of_model(args: argparse.Namespace) -> dict[str, Left]:
+    from ..persistence import inspect, load
+    from ._tables import equation_of, predict_table, signal_table
+
+    head, model = inspect(args.model), load(args.model)
+    equation = equation_of(model, args.equation or head["metadata"].get("equation"))
+    page = page_of(args) if args.sim else None
+    muscle_numbers(page)
+    signals = signal_table(load_log(args, nan="drop"), page, equation)
+    error = signals[equation.column].to_numpy(dtype=float) - predict_table(model, signals)
+    read = [n for n in getattr(model, "feature_names_in_", ("eps", "P")) if n in signals and n != "trajectory"]
+    inputs = [n for n in read if n not in ("run", "time")]
+    return {equation.name: Left(signals[["trajectory", "time", *inputs]].assign(residual=error), equation.unit)}
+
+
+def _of_system(log: pd.DataFrame, system: System) -> dict[str, Left]:
+    import numpy as np
+
+    from ..systems.evaluation import complete
+
+    problem = system.problem(complete(log, system))
+    error = problem.y - np.asarray(problem.nominal(problem.X), dtype=float)
+    inputs = [str(c) for c in problem.X.columns if c not in ("time", "nominal")]
+    table = problem.X[["time", *inputs]].assign(trajectory=problem.groups, residual=error)
+    return {problem.equation: Left(table, problem.unit)}
+
+
+def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
+    """Return windows of 20 ms; those of both muscles are runs of their own, each with its pressure and command."""
+    import numpy as np
+    import pandas as pd
+
+    from ..equations import all_equations, residuals
+
+    runs = {str(name): run for name, run in log.groupby("trajectory", sort=False)}
+    parts: dict[str, list[pd.DataFrame]] = {}
+    for trajectory, name, found in residuals(log, params):
+        run = runs[trajectory]
+        t = run["time"].to_numpy(dtype=float)
+        for side in range(found.value.shape[1]):
+            sides = (side + 1,) if found.value.shape[1] == 2 else (1, 2)
+            columns = ["q", *(f"{c}{k}" for k in sides for c in ("P", "u"))]
+            signals = {}
+            for column in columns:
+                if column in run and run[column].notna().sum() > 1:
+                    known = run[column].notna().to_numpy()
+                    own = column.rstrip("12") if len(sides) == 1 else column
+                    signals[own] = np.interp(found.time, t[known], run[column].to_numpy(dtype=float)[known])
+            table = pd.DataFrame({"time": found.time, "residual": found.value[:, side], **signals})
+            gaps = np.cumsum(np.diff(found.time, prepend=found.time[:1]) > 1.5 * np.median(np.diff(found.time)))
+            parts.setdefault(name, []).append(table.assign(trajectory=[f"{trajectory}#{side}.{g}" for g in gaps]))
+    if not parts:
+        raise ShortTrajectoryError(
+            "No equation of the simulator can be held against the log.", "longer runs, or more columns", "See evaluate."
+        )
+    return {name: Left(pd.concat(tables), all_equations()[name].unit) for name, tables in parts.items()}
+
+
+def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
+    import numpy as np
+    import pandas as pd
+
+    from ..gap.simulated import evidence_of
+
+    evidence = evidence_of(log, simulator)
+    found: dict[str, Left] = {}
+    for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+        names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
+        state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
+        state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
+        table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
+        found[equation] = Left(table.assign(**state), evidence.units[equation])
+    return found

@@ -1,0 +1,96 @@
+"""``pamid present``: a saved model as a page of text: what it is, its parameters with errors, its fit, its poles."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from .._parameters import fitted_parameters, parameter_lines
+from ..common import DONE, add_command, number, print_json, table
+
+_DESCRIPTION = """\
+Show a model that 'pamid fit' or pamid.save wrote: its class and settings, its parameters with standard errors and
+units, its fit on the log that it was fitted to and on runs that it had not seen, poles and order of a linear one.
+"""
+_EXAMPLES = """\
+  pamid present force.pamid
+  pamid present force.pamid --json
+"""
+_LONG = 60  # characters of a setting that are shown
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(subparsers, "present", "a saved model: parameters with errors, fit", _DESCRIPTION, _EXAMPLES)
+    parser.add_argument("model", metavar="MODEL", help="model file")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...persistence import inspect, load
+
+    head, model = inspect(args.model), load(args.model)
+    last = model.steps[-1][1] if hasattr(model, "steps") else model
+    found = {
+        "class": head["class"],
+        "steps": head["steps"],
+        "created": head["created"],
+        "equation": head["metadata"].get("equation"),
+        "unit": head["metadata"].get("unit"),
+        "fits": _fits(head["metadata"]),
+        "settings": _settings(last),
+        "parameters": fitted_parameters(last),
+        "n_parameters": _count(last),
+        "poles": [[float(p.real), float(p.imag)] for p in getattr(last, "poles_", [])],
+        "orders": list(getattr(last, "orders_", [])),
+    }
+    if args.json:
+        print_json(found)
+        return DONE
+    _tell(found, type(last).__name__)
+    return DONE
+
+
+def _count(model: Any) -> int | None:
+    from ...compare.entries import parameter_count
+
+    return parameter_count(model)
+
+
+def _fits(metadata: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Return root mean square error and fit of each set of rows that the file tells of."""
+    told = {"the log of the fit": metadata.get("training"), "runs not seen": metadata.get("held_out")}
+    return {
+        name: {"rmse": float(s["rmse"]), "fit": 100.0 * (1.0 - float(s["nrmse"]))}
+        for name, s in told.items()
+        if isinstance(s, dict) and {"rmse", "nrmse"} <= s.keys()
+    }
+
+
+def _settings(model: Any) -> dict[str, str]:
+    """Return what was set otherwise than by default."""
+    import inspect
+
+    defaults = {k: p.default for k, p in inspect.signature(type(model)).parameters.items()}
+    given = model.get_params(deep=False)
+    return {k: str(v) for k, v in given.items() if str(v) != str(defaults.get(k))}
+
+
+def _tell(found: dict[str, Any], name: str) -> None:
+    steps = f", after {' and '.join(found['steps'][:-1])}" if len(found["steps"] or ()) > 1 else ""
+    of = f" of the {found['equation']}" if found["equation"] else ""
+    print(f"{name}{of}{steps}; written {found['created']}")
+    if found["n_parameters"] is not None:
+        print(f"{found['n_parameters']} fitted parameters")
+    if found["settings"]:
+        print("settings  " + ", ".join(f"{k}={v[:_LONG]}" for k, v in found["settings"].items()))
+    if found["fits"]:
+        rows = [[where, number(s["rmse"]), number(s["fit"])] for where, s in found["fits"].items()]
+        print("\n" + table(["on", f"rmse / {found['unit'] or 'unit of y'}", "fit / %"], rows))
+    if found["parameters"]:
+        print("\n" + parameter_lines(found["parameters"]))
+    if found["poles"]:
+        print("\npoles     " + ", ".join(f"{a:.4g}" + (f"{b:+.4g}i" if b else "") for a, b in found["poles"]))
+    if found["orders"]:
+        rows = [[str(r["order"]), number(r["correlation"]), number(r["fit"])] for r in found["orders"]]
+        print("\n" + table(["order", "correlation", "fit / %"], rows))

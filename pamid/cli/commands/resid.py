@@ -1,0 +1,141 @@
+"""``pamid resid``: whether what a simulator or a model leaves is white, and unrelated to its inputs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import ParameterError, UnknownOptionError
+from ...files import PROBE
+from .._residuals import Left, residual_tables
+from .._simulators import add_trust_option
+from ..common import DONE, add_command, add_log_options, checked_output, number, print_json, table, wrapped
+
+if TYPE_CHECKING:
+    from ...compare.whiteness import ResidualTest
+
+_DESCRIPTION = """\
+Test what a simulator (--sim) or a saved model (--model) leaves of a log: is it white, and has it nothing to do with the
+inputs? A residual that its own past foretells holds something that a model could still learn; one that an input
+foretells is what the model misses of that input. At lags below 0 the residual comes first: that is feedback.
+
+Bands hold 99 % of what chance gives at each lag, for an input by the correlations of both signals (Ljung). The
+probabilities are those of the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. No lag reaches over
+the border of two runs. A bench is looked at in windows of 20 ms, everything else row by row; windows of equations with
+derivatives (flow, joint) overlap, so that noise alone correlates neighbours negatively there.
+"""
+_EXAMPLES = """\
+  pamid resid log.parquet --sim sim.toml
+  pamid resid run*.csv --columns columns.toml --sim cylinder.toml --lags 50 --out resid.png
+  pamid resid new.csv --columns mapping.toml --sim sim.toml --model force.pamid
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = add_command(
+        subparsers, "resid", "is what a model leaves white, and unrelated to its inputs", _DESCRIPTION, _EXAMPLES
+    )
+    add_log_options(parser)
+    parser.add_argument("--sim", metavar="SIM.toml", help="simulator file (default: the one beside LOG)")
+    parser.add_argument("--model", metavar="MODEL", help="model file of 'pamid fit' instead")
+    parser.add_argument("--equation", metavar="NAME", help="of which equation (default: all that the log allows)")
+    parser.add_argument("--lags", type=int, default=25, metavar="N", help="most rows between the two (default: 25)")
+    parser.add_argument("--out", metavar="FILE", help="picture, .png or .svg; with several equations one file each")
+    add_trust_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the command."""
+    from ...plots.style import checked_ending
+
+    if args.lags < 1:
+        raise ParameterError(f"--lags is {args.lags}.", "at least 1", "Correct the number.")
+    if args.out is not None:
+        checked_output(str(checked_ending(args.out)), [*args.log, args.sim, args.model], PROBE)
+    found = residual_tables(args)
+    if args.equation is not None and args.model is None:
+        if args.equation not in found:
+            raise UnknownOptionError(
+                f"--equation is {args.equation}.", f"one of {', '.join(found)}", "Correct the name."
+            )
+        found = {args.equation: found[args.equation]}
+    tests = {name: _test(left, args.lags) for name, left in found.items()}
+    files = _draw(tests, args.out)
+    if args.json:
+        print_json({"equations": {k: t.as_dict() for k, t in tests.items()}, "files": [str(f) for f in files]})
+        return DONE
+    for name, test in tests.items():
+        _tell(name, test, found[name])
+    for file in files:
+        print(f"wrote {file}")
+    return DONE
+
+
+def _test(left: Left, lags: int) -> ResidualTest:
+    import numpy as np
+
+    from ...compare.whiteness import residual_test
+
+    data = left.table
+    inputs = {str(c): data[c] for c in data.columns if c not in ("trajectory", "time", "residual")}
+    steps = [np.diff(run["time"].to_numpy(dtype=float)) for _, run in data.groupby("trajectory", sort=False)]
+    interval = float(np.median(np.concatenate(steps)))
+    names = data["trajectory"].to_numpy()
+    return residual_test(data["residual"], inputs, names, lags=lags, interval=interval)
+
+
+def _draw(tests: dict[str, ResidualTest], out: str | None) -> list[Path]:
+    if out is None:
+        return []
+    from ...plots import ResidualTestDisplay, save_figure
+
+    target, files = Path(out), []
+    for name, test in tests.items():
+        path = target if len(tests) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
+        files.append(save_figure(ResidualTestDisplay(test).plot().figure_, path))
+    return files
+
+
+def _tell(name: str, test: ResidualTest, left: Left) -> None:
+    import numpy as np
+
+    print(f"residual of the {name}: {test.n_rows:,} rows, one each {1e3 * test.interval:.4g} ms")
+    lags = len(test.lags) - 1
+    at = 1 + int(np.argmax(np.abs(test.auto[1:])))
+    rows = [
+        [
+            "its own past",
+            f"{test.outside()} of {lags}",
+            number(test.auto[at]),
+            _seconds(at, test),
+            _chance(test.p_white),
+        ]
+    ]
+    for key, values in test.cross.items():
+        later = values[lags:]
+        at = int(np.argmax(np.abs(later)))
+        outside = f"{test.outside(key)} of {lags + 1}"
+        rows.append([key, outside, number(later[at]), _seconds(at, test), _chance(test.p_input[key])])
+    print(table(["correlated with", "lags outside", "largest", "at lag", "chance"], rows))
+    print(wrapped("", _verdict(test)) + "\n")
+
+
+def _seconds(lag: int, test: ResidualTest) -> str:
+    return f"{lag * test.interval:.3g} s"
+
+
+def _chance(p: float) -> str:
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def _verdict(test: ResidualTest) -> str:
+    """Return in a sentence what the test says."""
+    limit = 1.0 - test.level
+    guilty = [name for name, p in test.p_input.items() if p < limit]
+    if guilty:
+        return f"The model misses something of {' and '.join(guilty)}: what they were foretells its residual."
+    if test.p_white < limit:
+        return "Not white, but unrelated to the inputs: coloured noise, or a cause that no signal here shows."
+    return "White and unrelated to the inputs: nothing is left to be learnt from these signals by a linear model."
