@@ -55,6 +55,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     inputs: Sequence[str]
     output_lags: int
     input_lags: int
+    delay: int = 0
     horizon: int
     start: str | None
     alpha: float
@@ -264,7 +265,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
 
     def _lags(self, u: np.ndarray, z: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the lags of the inputs, those of the output, and both together for each row."""
-        inputs = free_run.input_lags(u, slices, int(self.input_lags))
+        inputs = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
         past = free_run.output_lags(z, slices, int(self.output_lags))
         return inputs, past, np.concatenate([past, inputs], axis=1)
 
@@ -274,7 +275,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
         low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
         high = (self.output_high_ + room - self.output_mean_) / self.output_scale_
-        lags = free_run.input_lags(u, slices, int(self.input_lags))
+        lags = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
         past = np.repeat(start[:, None], int(self.output_lags), axis=1)
         return free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
 

@@ -10,13 +10,13 @@ from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import MissingDependencyError, ParameterError, ShortTrajectoryError
+from pamid.fitting.epochs import standardisation
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, warn_of_still_columns
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
 from ._subspace import Realisation, gain_alone, realisations, simulated, steady
-from ._torch_loop import standardisation
 from ._trajectories import trajectory_slices
 
 

@@ -164,12 +164,6 @@ class TransferFunction(NARXRegressor):
         check_counts(self, "n_zeros", "delay", least=0)
         super()._check_parameters()
 
-    def _input_lags(self, u: np.ndarray, slices: list[slice]) -> np.ndarray:
-        rows = np.arange(len(u))
-        first = np.concatenate([np.full(s.stop - s.start, s.start) for s in slices])
-        lags = range(int(self.delay), int(self.delay) + self.input_lags)
-        return np.concatenate([u[np.maximum(rows - k, first)] for k in lags], axis=1)
-
     def _one_step(self, phi: np.ndarray, step: np.ndarray) -> np.ndarray:
         return np.asarray(np.linalg.lstsq(_with_one(phi), step, rcond=None)[0])
 

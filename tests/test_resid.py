@@ -66,7 +66,7 @@ def test_what_cannot_be_tested():
 def stroke(tmp_path_factory) -> str:
     rng, t, runs = np.random.default_rng(0), np.arange(0, 6, 0.01), []
     for k, w in enumerate((1.0, 2.0, 3.5)):
-        P = 4e5 + 3e4 * np.sin(1.7 * t + k) + 50.0 * rng.standard_normal(len(t))
+        P = 4e5 + 3e4 * coloured(rng, len(t), 0.5)  # a sine would meet another by chance
         F = 1.1 * (P - 101_325.0) * np.pi / 4 * 0.025**2 + 0.5 * rng.standard_normal(len(t))
         runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "x": 0.02 + 0.01 * np.sin(w * t), "P": P, "F": F}))
     folder = tmp_path_factory.mktemp("stroke")
@@ -97,12 +97,12 @@ def test_a_saved_model_is_presented_and_tested(tmp_path, capsys):
         parts.append(pd.DataFrame({"trajectory": str(k), "time": t, "eps": eps, "P": P, "F": F}))
     write_log(pd.concat(parts), tmp_path / "log.parquet")
     log, out = str(tmp_path / "log.parquet"), str(tmp_path / "force.pamid")
-    words = ["--set", "rest_length=0.2", "--set", "rest_diameter=0.02", "--folds", "3", "--out", out, "--quiet"]
+    words = ["--set", "rest_length=0.2", "--set", "rest_diameter=0.021", "--folds", "3", "--out", out, "--quiet"]
     assert main(["fit", log, "--estimator", "GeometricForce", *words]) == 0
     assert "fit / %" in capsys.readouterr().out
     assert main(["present", out, "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
-    assert shown["settings"]["rest_length"] == "0.2"
+    assert shown["settings"]["rest_diameter"] == "0.021"
     assert set(shown["fits"]) == {"the log of the fit", "runs not seen"}
     assert any(p["standard_error"] for p in shown["parameters"].values())
     assert main(["present", out]) == 0

@@ -55,10 +55,10 @@ class Segments(NamedTuple):
     counts: np.ndarray
 
 
-def input_lags(u: np.ndarray, slices: list[slice], lags: int) -> np.ndarray:
-    """Inputs of a row and of the rows before it, the first held before the start: (n, lags · n_inputs)."""
+def input_lags(u: np.ndarray, slices: list[slice], lags: int, delay: int = 0) -> np.ndarray:
+    """Inputs of `delay` rows before and of those before that, the first held at the start: (n, lags · n_inputs)."""
     rows, first = np.arange(len(u)), _first_rows(slices)
-    return np.concatenate([u[np.maximum(rows - k, first)] for k in range(lags)], axis=1)
+    return np.concatenate([u[np.maximum(rows - k, first)] for k in range(delay, delay + lags)], axis=1)
 
 
 def output_lags(z: np.ndarray, slices: list[slice], lags: int) -> np.ndarray:
