@@ -193,7 +193,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             No signal moves.
         """
         from pamid.gap.engine import explain
-        from pamid.gap.one_equation import gather, outward, stuck_rows
+        from pamid.gap.one_equation import gather, outward, stuck_beside
 
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
@@ -209,7 +209,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         library = self._library()
         dt, more = self._interval(signals, codes), self._notes(signals, codes)
         moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
-        stuck = stuck_rows(y, moving, codes)
+        stuck = stuck_beside(y, moving, codes)
         if stuck.any():
             share = 100.0 * float(np.mean(stuck))
             what = f"y repeats one value in {share:.1f} % of the rows while others move: a clipped or stuck sensor."

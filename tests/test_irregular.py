@@ -13,12 +13,12 @@ from pamid.bench.sensors import IDEAL, SENSORS
 from pamid.cli import main
 from pamid.equations import channel_noise, evaluate_log
 from pamid.equations.log import runs
-from pamid.equations.noise import jerk
 from pamid.equations.run import Model
 from pamid.errors import ShortTrajectoryError
 from pamid.gap import diagnose, state_table
 from pamid.gap.residuals.bench import Evidence
 from pamid.report import answers
+from pamid.signals.noise import third_differences
 
 NOMINAL = BenchParameters.for_muscle("B")
 RUNS = [sine(4, 20, 2000), sine(10, 10, 2000), step(0, 15, 2000), triangle(2, 15, 2000)]
@@ -157,7 +157,7 @@ def test_noise_of_lost_samples_is_that_of_the_channel():
     x = 3e5 + 4e4 * np.sin(10 * t) + rng.normal(scale=60.0, size=4000)
     at = np.flatnonzero(rng.random(4000) > 0.33)
     assert channel_noise(x[at], 20, at.astype(float)).white == pytest.approx(60.0, rel=0.1)
-    np.testing.assert_allclose(jerk(x, np.arange(4000.0)), np.diff(x, 3), rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(third_differences(x, np.arange(4000.0)), np.diff(x, 3), rtol=1e-6, atol=1e-4)
 
 
 def test_resolution_is_found_in_fast_motion():

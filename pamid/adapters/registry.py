@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
-import pkgutil
 from functools import cache
 from typing import Any
 
+from .._discovery import modules
 from ..errors import UnknownOptionError
 from .base import Adapter, Bound
 
@@ -15,11 +14,10 @@ from .base import Adapter, Bound
 @cache
 def adapters() -> dict[str, Any]:
     """Return the adapters of the package by their names."""
-    package = importlib.import_module(__package__ or "pamid.adapters")
     found: dict[str, Any] = {}
-    for module in sorted(m.name for m in pkgutil.iter_modules(package.__path__)):
-        for _, c in inspect.getmembers(importlib.import_module(f"{package.__name__}.{module}"), inspect.isclass):
-            if c.__module__ == f"{package.__name__}.{module}" and hasattr(c, "expand") and c not in (Adapter, Bound):
+    for module in modules("pamid.adapters"):
+        for _, c in inspect.getmembers(module, inspect.isclass):
+            if c.__module__ == module.__name__ and hasattr(c, "expand") and c not in (Adapter, Bound):
                 found[getattr(c, "name", c.__name__)] = c
     return found
 

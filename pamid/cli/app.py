@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
-import importlib
 import os
-import pkgutil
 import signal
 import sys
 import threading
@@ -17,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from .. import __version__
+from .._discovery import modules
 from ..errors import PamidError, PamidWarning
 from ._style import marked, plain
 from .common import DONE, INTERRUPTED, OWN_ERROR, TERMINATED, WRONG_USE
@@ -51,10 +50,7 @@ exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 3 nothing 
 
 def commands() -> list[ModuleType]:
     """Return the modules of all commands: every module of `pamid.cli.commands` is one."""
-    from . import commands as package
-
-    names = sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
-    return [importlib.import_module(f"{package.__name__}.{name}") for name in names]
+    return modules("pamid.cli.commands")
 
 
 def build_parser() -> argparse.ArgumentParser:

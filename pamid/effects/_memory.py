@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..signals.recursion import recursive
@@ -64,6 +66,21 @@ def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
     drive[1:] += (mean - decay) * v[:-1]
     drive[starts] = v[starts]
     return recursive(drive, [decay], starts)
+
+
+def branches_at(v: Array, branches: int) -> Array:
+    """Return relaxed branches for an input at rest, the branches along the first axis."""
+    return np.stack([np.array(v, dtype=float)] * branches)
+
+
+def branches_relax(x: Array, v0: Array, v1: Array, dt: float, taus: Sequence[float]) -> Array:
+    """Advance branches by `relax`, each with its time constant."""
+    return np.stack([relax(branch, v0, v1, dt, tau) for branch, tau in zip(x, taus, strict=True)])
+
+
+def branches_along(v: Array, dt: float, taus: Sequence[float], starts: Array) -> Array:
+    """Return branches by `relax_along`, each with its time constant."""
+    return np.stack([relax_along(v, dt, tau, starts) for tau in taus])
 
 
 def hold_along(v: Array, dt: float, tau: float, starts: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -32,3 +33,9 @@ def stops_along(x: Array, width: float, starts: Array) -> Array:
         for z, ratio in zip(out, RATIOS, strict=True):
             z[a:b] = (x[a:b] - play(x[a:b], ratio * width)) / (ratio * width)
     return out
+
+
+def stops_force(z: Array, weights: Sequence[float], slopes: Sequence[float], position: Array) -> Array:
+    """Return what stops hold back, N: −Σ (w + v x) z over the elements, their weights changing with the position."""
+    parts = ((w + v * position) * element for w, v, element in zip(weights, slopes, z, strict=True))
+    return -sum(parts, start=np.zeros(np.shape(z[0])))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import relax, relax_along
+from ._memory import branches_along, branches_at, branches_relax
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -54,18 +54,21 @@ class Maxwell(Effect):
     slow: float
     time_constant: float
 
+    @property
+    def _taus(self) -> list[float]:
+        return [ratio * self.time_constant for ratio in _RATIOS]
+
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return relaxed branches."""
-        return np.stack([np.array(s.position, dtype=float)] * len(_RATIOS))
+        return branches_at(s.position, len(_RATIOS))
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Relax towards the position."""
-        taus = (ratio * self.time_constant for ratio in _RATIOS)
-        return np.stack([relax(v, s0.position, s1.position, dt, tau) for v, tau in zip(x, taus, strict=True)])
+        return branches_relax(x, s0.position, s1.position, dt, self._taus)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the branches along each trajectory, without a loop over time."""
-        return np.stack([relax_along(s.position, dt, ratio * self.time_constant, starts) for ratio in _RATIOS])
+        return branches_along(s.position, dt, self._taus, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of the three branches, N."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..signals.paths import Path
 from ..signals.state import Array
-from ._stop import RATIOS, stopped, stops_along, stops_at
+from ._stop import RATIOS, stopped, stops_along, stops_at, stops_force
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -77,7 +75,5 @@ class PrandtlIshlinskii(Effect):
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the stops hold back, N."""
-        weights = (self.narrow, self.middle, self.wide)
         slopes = (self.narrow_slope, self.middle_slope, self.wide_slope)
-        parts = ((w + v * s.position) * z for w, v, z in zip(weights, slopes, x, strict=True))
-        return -sum(parts, start=np.zeros(np.shape(x[0])))
+        return stops_force(x, (self.narrow, self.middle, self.wide), slopes, s.position)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..signals.state import Array
-from ._stop import RATIOS, stopped, stops_along, stops_at
+from ._stop import RATIOS, stopped, stops_along, stops_at, stops_force
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -75,7 +73,5 @@ class PressureHysteresis(Effect):
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the stops hold back, N."""
-        weights = (self.narrow, self.middle, self.wide)
         growths = (self.narrow_growth, self.middle_growth, self.wide_growth)
-        parts = ((w + v * s.position) * z for w, v, z in zip(weights, growths, x, strict=True))
-        return -sum(parts, start=np.zeros(np.shape(x[0])))
+        return stops_force(x, (self.narrow, self.middle, self.wide), growths, s.position)

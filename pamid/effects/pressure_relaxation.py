@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..signals.state import Array
-from ._memory import relax, relax_along
+from ._memory import branches_along, branches_at, branches_relax
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
@@ -56,18 +54,21 @@ class PressureRelaxation(Effect):
     slow_growth: float
     time_constant: float
 
+    @property
+    def _taus(self) -> list[float]:
+        return [ratio * self.time_constant for ratio in _RATIOS]
+
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return branches at rest."""
-        return np.stack([np.array(s.pressure, dtype=float)] * len(_RATIOS))
+        return branches_at(s.pressure, len(_RATIOS))
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Relax towards the pressure."""
-        taus = (ratio * self.time_constant for ratio in _RATIOS)
-        return np.stack([relax(p, s0.pressure, s1.pressure, dt, tau) for p, tau in zip(x, taus, strict=True)])
+        return branches_relax(x, s0.pressure, s1.pressure, dt, self._taus)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the branches along each trajectory, without a loop over time."""
-        return np.stack([relax_along(s.pressure, dt, ratio * self.time_constant, starts) for ratio in _RATIOS])
+        return branches_along(s.pressure, dt, self._taus, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the branches hold back, N."""

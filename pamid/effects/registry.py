@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import importlib
-import pkgutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from types import MappingProxyType
 
+from .._discovery import modules
 from ..errors import UnknownOptionError
 from .base import Effect
 
@@ -65,11 +64,7 @@ def effects_beside(effects: Mapping[str, type[Effect]]) -> Iterator[None]:
 @cache
 def _load_library() -> None:
     """Import the modules of this package once, so that they enter themselves in the registry."""
-    from .. import effects as package
-
-    for module in pkgutil.iter_modules(package.__path__):
-        if not module.name.startswith("_") and module.name not in _NOT_EFFECTS:
-            importlib.import_module(f"{package.__name__}.{module.name}")
+    modules("pamid.effects", _NOT_EFFECTS)
 
 
 def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from .._discovery import modules
 from ..errors import IncompatibleError
 from .run import Run
 
@@ -139,9 +138,7 @@ def all_equations() -> dict[str, Equation]:
     >>> sorted(all_equations())
     ['flow', 'force', 'gas_valve', 'joint', 'joint_modelled', 'valve']
     """
-    package = importlib.import_module(__package__ or "pamid.equations")
-    for module in pkgutil.iter_modules(package.__path__):
-        importlib.import_module(f"{package.__name__}.{module.name}")
+    modules("pamid.equations")
     found: dict[str, Equation] = {}
     for equation in sorted(Equation.__subclasses__(), key=lambda c: c.rank):
         if equation.name in found:

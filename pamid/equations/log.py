@@ -68,17 +68,6 @@ def trajectory_rows(log: pd.DataFrame) -> list[tuple[str, slice]]:
     return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
 
 
-def thinned(log: pd.DataFrame, most: int) -> pd.DataFrame:
-    """Return a log of no more rows than wanted: whole trajectories, evenly spread."""
-    if len(log) <= most:
-        return log
-    rows = trajectory_rows(log)
-    count = max(1, len(rows) * most // len(log))
-    chosen = [rows[k] for k in np.linspace(0, len(rows) - 1, count).round().astype(int)]
-    parts = [np.arange(r.start, min(r.stop, r.start + most)) for _, r in chosen]
-    return log.iloc[np.concatenate(parts)[:most]]
-
-
 def runs(log: pd.DataFrame, model: Model, channels: list[str]) -> Iterator[Run]:
     """Cut a log into stretches, one trajectory at a time.
 

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-_MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
-_DIFFERENCE = np.sqrt(20.0)  # norm of the weights of a third difference, 1, -3, 3, -1
+from ..signals.noise import DIFFERENCE, third_differences, white_noise
+
 _SINGLE = 3e-7  # rounding of a difference of steps of numbers in single precision, as a share of the largest
-_CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many such fours are enough
 
 
 class ChannelNoise(NamedTuple):
@@ -50,50 +49,10 @@ class ChannelNoise(NamedTuple):
         return float(self.white**2 * (weights[lag:] @ weights[:-lag])) if lag < len(weights) else 0.0
 
 
-def jerk(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
-    """Return the third differences of samples, or what takes their place where steps are not equal.
-
-    Parameters
-    ----------
-    x : array, shape (n_samples,)
-        The samples.
-    at : array, shape (n_samples,), optional
-        Their places in steps; equal steps by default. Four samples then stand for a difference as the cubic's leading
-        term through them, scaled to the noise of a third difference; those that lie together are taken.
-
-    Returns
-    -------
-    array
-        The differences.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.equations.noise import jerk
-    >>> jerk(np.array([0.0, 1.0, 8.0, 27.0])), jerk(np.array([0.0, 1.0, 8.0, 27.0]), np.arange(4.0)).round(9)
-    (array([6.]), array([6.]))
-    """
-    if at is None:
-        return np.diff(x, 3)
-    span = at[3:] - at[:-3]
-    if not len(span):
-        return np.zeros(0)
-    # Motion grows with the cube of the span: only the closest samples tell noise, but a few dozen of them are needed.
-    close = np.flatnonzero(span <= max(_CLOSE, float(np.partition(span, k := min(_FEW, len(span)) - 1)[k])))
-    rows = close[:, None] + np.arange(4)
-    t, weights = at[rows], np.ones((len(close), 4))
-    for i in range(4):
-        for k in range(4):
-            if k != i:
-                weights[:, i] /= t[:, i] - t[:, k]
-    weights *= _DIFFERENCE / np.linalg.norm(weights, axis=1, keepdims=True)
-    return np.asarray(np.sum(weights * x[rows], axis=1))
-
-
 def roughness(x: np.ndarray, at: np.ndarray) -> float:
     """Return how far samples at places ``at`` are from a smooth signal, root mean square, in their unit."""
-    found = jerk(x, at)
-    return float(np.sqrt(np.mean(np.square(found)))) / _DIFFERENCE if len(found) else 0.0
+    found = third_differences(x, at)
+    return float(np.sqrt(np.mean(np.square(found)))) / DIFFERENCE if len(found) else 0.0
 
 
 def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.ndarray | None = None) -> ChannelNoise:
@@ -113,12 +72,12 @@ def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.n
     at : array, shape (n_samples,), optional
         Places of the samples, in steps; equal steps by default.
     """
-    steps, cause = jerk(x, at), jerk(drive, at)
+    steps, cause = third_differences(x, at), third_differences(drive, at)
     power = float(cause @ cause)
     if len(steps) < 10 or power == 0.0:
         return noise
     left = steps - float(steps @ cause) / power * cause
-    sigma = float(_MAD * np.median(np.abs(left)) / _DIFFERENCE)
+    sigma = white_noise(left)
     least = max(sigma, noise.resolution / np.sqrt(12.0))
     return noise._replace(white=least) if least < 0.5 * noise.white else noise
 
@@ -162,8 +121,8 @@ def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> Channe
     if len(x) < 5:
         return ChannelNoise(0.0, 0.0, 0.0)
     steps = np.diff(x)
-    third = jerk(x, at)
-    sigma = float(_MAD * np.median(np.abs(third)) / _DIFFERENCE)
+    third = third_differences(x, at)
+    sigma = white_noise(third)
     # In steady motion all steps are long: then they differ from each other by the resolution.
     sizes, change, most = np.abs(steps), np.abs(np.diff(steps)), float(np.max(np.abs(x)))
     least, finer = (
@@ -173,8 +132,8 @@ def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> Channe
     resolution = resolution if np.isfinite(resolution) else 0.0
     rounding = resolution / np.sqrt(12.0)
     if sigma < 2.0 * resolution:  # a median of a few steps says little; the mean square of all but the jumps does
-        limit = 4.0 * _DIFFERENCE * max(sigma, resolution / 2.0)
-        sigma = float(np.sqrt(np.mean(np.square(third[np.abs(third) <= limit])))) / _DIFFERENCE
+        limit = 4.0 * DIFFERENCE * max(sigma, resolution / 2.0)
+        sigma = float(np.sqrt(np.mean(np.square(third[np.abs(third) <= limit])))) / DIFFERENCE
     dither = np.sqrt(max(sigma**2 - rounding**2, 0.0))
     if resolution == 0.0:
         return ChannelNoise(sigma, 0.0, 0.0)

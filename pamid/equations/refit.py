@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..signals.thinning import whole_trajectories
 from .evaluate import residuals
-from .log import trajectory_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +83,7 @@ def refit_within_tolerance(
     if not names:
         return Refit(params, {}, ())
     tolerance = np.array([params.tolerance[name] for name in names])
-    log = _thinned(log, 25 * max_windows)
+    log = whole_trajectories(log, 25 * max_windows)
     stride = 1
 
     def changed(x: np.ndarray) -> BenchParameters:
@@ -115,12 +115,3 @@ def refit_within_tolerance(
     at_bound = tuple(name for name, v in zip(names, fit.x, strict=True) if abs(v) > 0.999)
     changes = {name: float(t * v) for name, t, v in zip(names, tolerance, fit.x, strict=True)}
     return Refit(changed(fit.x), changes, at_bound)
-
-
-def _thinned(log: pd.DataFrame, max_rows: int) -> pd.DataFrame:
-    """Return evenly chosen whole trajectories of a log that is much longer than a fit of a few parameters needs."""
-    every = len(log) // max_rows
-    if every < 2:
-        return log
-    rows = trajectory_rows(log)[::every]
-    return log.iloc[np.concatenate([np.arange(r.start, r.stop) for _, r in rows])]

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..signals.thinning import whole_trajectories
 from ..signals.units import UNITS
 from .evaluate import allowed_equations, residuals
-from .log import columns_of, thinned
+from .log import columns_of
 from .run import MUSCLES
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def unit_doubts(log: pd.DataFrame, params: BenchParameters, equations: Sequence[
     """
     allowed, _ = allowed_equations(log, equations)
     names = [name for name in allowed if name != "joint" or "force" not in allowed]
-    part = thinned(log, _MOST)
+    part = whole_trajectories(log, _MOST)
     as_is = _sums(part, params, names)
     before = {key: s.error() for key, s in as_is.items()}
     if max(before.values(), default=0.0) < _OFF:

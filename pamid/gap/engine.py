@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.registry import chosen_effects
-from ..equations.log import thinned
+from ..signals.thinning import whole_trajectories
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
@@ -81,11 +81,11 @@ def diagnose(
     notes = check(log, params)
     log, stuck = without_stuck(log)
     notes += stuck
-    used = thinned(log, MAX_ROWS)
+    used = whole_trajectories(log, MAX_ROWS)
     if len(used) < len(log):
         notes.append(f"{len(used):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
     evidence = Evidence(used, params)
-    part = thinned(used, SEARCH_ROWS)
+    part = whole_trajectories(used, SEARCH_ROWS)
     searched = Evidence(part, params) if len(part) < len(used) else evidence
     if searched is not evidence:
         notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(used):,}.")

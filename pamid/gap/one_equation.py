@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..effects import Plant, all_effects
+from ..signals.stretches import stuck_rows
 from .diagnosis.result import Diagnosis
 from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
@@ -199,21 +199,9 @@ def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
     )
 
 
-def stuck_rows(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
-    """Return the rows in which a reading repeats one value for long while other signals move: clipped or stuck.
-
-    A signal that never changes at all counts as constant rather than stuck.
-    """
-    out = np.zeros(len(x), dtype=bool)
-    if len(x) < 50 or np.ptp(x) == 0.0:
-        return out
-    edges = np.flatnonzero(np.concatenate([[True], (np.diff(x) != 0) | (np.diff(codes) != 0), [True]]))
-    lengths = np.diff(edges)
-    usual = float(np.median(lengths))
-    for a, b in pairwise(edges.tolist()):
-        if b - a > max(20.0, 10.0 * usual) and any(_moves(v, a, b) for v in others.values()):
-            out[a:b] = True
-    return out
+def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
+    """Return the rows in which a reading repeats one value for long while other signals move: clipped or stuck."""
+    return stuck_rows(x, lambda a, b: any(_moves(v, a, b) for v in others.values()), codes)
 
 
 def _moves(x: np.ndarray, a: int, b: int) -> bool:

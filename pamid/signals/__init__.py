@@ -28,6 +28,7 @@ _HOME = {
     "merge_rates": "resampling",
     "thin": "thinning",
     "thinned_rows": "thinning",
+    "whole_trajectories": "thinning",
     "windows": "windowing",
     "TrajectoryKFold": "splits",
     "LeaveOneKindOut": "splits",

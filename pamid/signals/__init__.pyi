@@ -24,6 +24,7 @@ from .state import STATE_SIGNALS as STATE_SIGNALS
 from .state import State as State
 from .thinning import thin as thin
 from .thinning import thinned_rows as thinned_rows
+from .thinning import whole_trajectories as whole_trajectories
 from .units import UNITS as UNITS
 from .units import parse_quantity as parse_quantity
 from .windowing import windows as windows
@@ -54,6 +55,7 @@ __all__ = [
     "thin",
     "thinned_rows",
     "tune_cutoff",
+    "whole_trajectories",
     "windows",
     "write_log",
 ]

@@ -4,10 +4,60 @@ from __future__ import annotations
 
 import numpy as np
 
-_WHITE = 20.0
-"""Variance of the third difference of white noise of unit variance (1 + 9 + 9 + 1)."""
+DIFFERENCE = 20.0**0.5
+"""Standard deviation of the third difference of white noise of unit variance, √(1 + 9 + 9 + 1)."""
 _MAD = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
+_CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many such fours are enough
+
+
+def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+    """Return the third differences of samples, or what takes their place where steps are not equal.
+
+    Parameters
+    ----------
+    x : array, shape (n_samples,)
+        The samples.
+    at : array, shape (n_samples,), optional
+        Their places in steps; equal steps by default. Four samples then stand for a difference as the cubic's leading
+        term through them, scaled to the noise of a third difference; those that lie together are taken.
+
+    Returns
+    -------
+    array
+        The differences.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.noise import third_differences
+    >>> x = np.array([0.0, 1.0, 8.0, 27.0])
+    >>> third_differences(x), third_differences(x, np.arange(4.0)).round(9)
+    (array([6.]), array([6.]))
+    """
+    if at is None:
+        return np.diff(x, 3)
+    span = at[3:] - at[:-3]
+    if not len(span):
+        return np.zeros(0)
+    # Motion grows with the cube of the span: only the closest samples tell noise, but a few dozen of them are needed.
+    close = np.flatnonzero(span <= max(_CLOSE, float(np.partition(span, k := min(_FEW, len(span)) - 1)[k])))
+    rows = close[:, None] + np.arange(4)
+    t, weights = at[rows], np.ones((len(close), 4))
+    for i in range(4):
+        for k in range(4):
+            if k != i:
+                weights[:, i] /= t[:, i] - t[:, k]
+    weights *= DIFFERENCE / np.linalg.norm(weights, axis=1, keepdims=True)
+    return np.asarray(np.sum(weights * x[rows], axis=1))
+
+
+def white_noise(differences: np.ndarray) -> float:
+    """Return the standard deviation of white noise from third differences, σ̂ = median(|Δ³y|) / (0.6745 √20).
+
+    Third differences remove what is locally quadratic, the median what jumps.
+    """
+    return float(np.median(np.abs(differences))) / _MAD / DIFFERENCE
 
 
 def quantisation_step(y: np.ndarray) -> float:
@@ -68,9 +118,9 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
     Notes
     -----
-    σ̂ = median(|Δ³y|) / (0.6745 √20): third differences remove what is locally quadratic, the median what jumps. With
-    unequal steps the residuals from the line through both neighbours, over their own spread √(1 + a² + b²), take their
-    place (Gasser, Sroka and Jennen-Steinmetz 1986, DOI 10.1093/biomet/73.3.625).
+    `white_noise` of the third differences. With unequal steps the residuals from the line through both neighbours,
+    over their own spread √(1 + a² + b²), take their place (Gasser, Sroka and Jennen-Steinmetz 1986,
+    DOI 10.1093/biomet/73.3.625).
 
     Examples
     --------
@@ -85,9 +135,9 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     if len(y) < 5:
         return 0.0
     if t is None:
-        residual = np.diff(y, 3) / _WHITE**0.5
+        sigma = white_noise(third_differences(y))
     else:
         a = (t[2:] - t[1:-1]) / (t[2:] - t[:-2])
         residual = (a * y[:-2] + (1 - a) * y[2:] - y[1:-1]) / np.sqrt(1 + a * a + (1 - a) ** 2)
-    sigma = float(np.median(np.abs(residual))) / _MAD
+        sigma = float(np.median(np.abs(residual))) / _MAD
     return max(sigma, quantisation_step(y) / 12.0**0.5)

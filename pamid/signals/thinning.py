@@ -107,3 +107,34 @@ def thin(
     """
     groups = log["trajectory"].to_numpy(dtype=object) if "trajectory" in log.columns else np.zeros(len(log))
     return log.iloc[thinned_rows(groups, every, n_rows=n_rows, across=across)].reset_index(drop=True)
+
+
+def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
+    """Keep trajectories spread evenly over a log, each whole, up to so many rows in all.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy frame with a column ``trajectory``.
+    most : int
+        Most rows; the last trajectory is cut there, and so is one that is longer by itself.
+
+    Returns
+    -------
+    DataFrame
+        The log itself if it is short enough, else the kept rows with their labels.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pamid.signals import whole_trajectories
+    >>> log = pd.DataFrame({"trajectory": list("aabbccdd"), "time": [0, 1] * 4})
+    >>> whole_trajectories(log, 4)["trajectory"].tolist()
+    ['a', 'a', 'd', 'd']
+    """
+    if len(log) <= most:
+        return log
+    rows = [r for _, r in blocks(log["trajectory"].to_numpy(dtype=object))]
+    count = max(1, len(rows) * most // len(log))
+    chosen = (rows[k] for k in np.linspace(0, len(rows) - 1, count).round().astype(int))
+    return log.iloc[np.concatenate([np.arange(r.start, min(r.stop, r.start + most)) for r in chosen])[:most]]

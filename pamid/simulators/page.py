@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from .._discovery import subclasses
 from ..errors import (
     MissingParameterError,
     OversizedSimulatorError,
@@ -41,14 +40,8 @@ def simulator_kinds() -> dict[str, type[Simulator]]:
     >>> "ode" in simulator_kinds()
     True
     """
-    from .. import simulators as package
-
-    found: dict[str, type[Simulator]] = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        for thing in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
-            if isinstance(thing, type) and issubclass(thing, Simulator) and thing is not Simulator:
-                found |= dict.fromkeys(thing.kinds, thing)
-    return dict(sorted(found.items()))
+    classes = subclasses("pamid.simulators", Simulator)
+    return dict(sorted((kind, cls) for cls in classes for kind in cls.kinds))
 
 
 def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:

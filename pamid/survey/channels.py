@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..signals import noise_level, quantisation_step
+from ..signals.stretches import stuck_rows
 from ..signals.units import SI_UNITS, base_name, dimension_of
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
 _MOTION = ("q", "eps", "x")
 _READINGS = ("P", "F", "mdot", "drive")  # a position may well stand still while others move
-_FROZEN = 20  # samples: the least that a reading must repeat to count as frozen
-_TIMES = 10.0  # times as long as it usually repeats
 _EDGE = 3.0  # times as many readings at an edge as steps of the same width have elsewhere
 _LEAST_EDGE = 0.005
 _MOST_RUNS = 60
@@ -136,17 +135,11 @@ def _activity(y: np.ndarray) -> np.ndarray:
 
 def _frozen(y: np.ndarray, others: dict[str, np.ndarray]) -> float:
     """Return the share of readings in stretches that stand still for long while another channel moves."""
-    if len(y) < 50 or np.nanmax(y) == np.nanmin(y):
-        return 0.0
-    edges = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0, [True]]))
-    lengths = np.diff(edges)
-    usual = float(np.median(lengths))
-    count = 0
-    for k in np.flatnonzero(lengths > max(_FROZEN, _TIMES * usual)).tolist():
-        a, b = int(edges[k]), int(edges[k + 1])
-        if np.isfinite(y[a]) and any(o[b - 1] - o[a] > 0.2 for o in others.values()):
-            count += b - a
-    return count / len(y)
+
+    def moves(a: int, b: int) -> bool:
+        return bool(np.isfinite(y[a])) and any(o[b - 1] - o[a] > 0.2 for o in others.values())
+
+    return float(np.mean(stuck_rows(y, moves))) if len(y) else 0.0
 
 
 def _clipped(y: np.ndarray) -> str:

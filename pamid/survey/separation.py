@@ -9,6 +9,7 @@ import numpy as np
 
 from ..effects import all_effects
 from ..effects.registry import chosen_effects
+from ..signals.thinning import whole_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,21 +79,11 @@ def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separat
     """
     from ..gap.residuals.bench import Evidence
 
-    evidence = Evidence(_shortened(log), params)
+    evidence = Evidence(whole_trajectories(log, _MOST_ROWS), params)
     names, D = _responses(evidence)
     gram = _products(D, evidence.J)
     found = _told(names, gram)
     return found, _best_run(evidence, params, names, gram)
-
-
-def _shortened(log: pd.DataFrame) -> pd.DataFrame:
-    if len(log) <= _MOST_ROWS:
-        return log
-    codes = log["trajectory"].astype("category").cat.codes.to_numpy()
-    sizes = np.bincount(codes)
-    every = -(-len(log) // _MOST_ROWS)
-    chosen = np.arange(len(sizes))[::every]
-    return log[np.isin(codes, chosen)].groupby("trajectory", sort=False).head(_MOST_ROWS)
 
 
 def _responses(evidence: Evidence) -> tuple[list[str], np.ndarray]:

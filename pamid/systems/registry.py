@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 
-from .. import systems as package
+from .._discovery import subclasses
 from .base import System
 
 _NOT_SYSTEMS = {
@@ -39,11 +37,5 @@ def all_systems() -> dict[str, type[System]]:
     >>> list(all_systems())
     ['cylinder', 'joint', 'muscle']
     """
-    found: dict[str, type[System]] = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        if module.name in _NOT_SYSTEMS:
-            continue
-        for thing in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
-            if isinstance(thing, type) and issubclass(thing, System) and thing is not System:
-                found[thing.kind] = thing
+    found = {cls.kind: cls for cls in subclasses("pamid.systems", System, _NOT_SYSTEMS)}
     return dict(sorted(found.items()))

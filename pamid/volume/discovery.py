@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
-
+from .._discovery import subclasses
 from ..errors import UnknownOptionError
 from .classical import ClassicalVolume
 
@@ -24,15 +21,7 @@ def all_volumes() -> dict[str, type[ClassicalVolume]]:
     >>> sorted(all_volumes())
     ['bou_saba', 'chou_hannaford', 'cylinder', 'hildebrandt', 'polynomial', 'tondu_lopez']
     """
-    package = importlib.import_module(__package__)
-    found: dict[str, type[ClassicalVolume]] = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        if module.name.startswith("_"):
-            continue
-        for _, cls in inspect.getmembers(importlib.import_module(f"{__package__}.{module.name}"), inspect.isclass):
-            if issubclass(cls, ClassicalVolume) and not inspect.isabstract(cls):
-                found[cls.name] = cls
-    return dict(sorted(found.items()))
+    return dict(sorted((cls.name, cls) for cls in subclasses("pamid.volume", ClassicalVolume)))
 
 
 def volume_class(name: str) -> type[ClassicalVolume]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ...equations.log import columns_of, trajectory_rows
 from ...equations.unit_doubts import unit_doubts
 from ...errors import ExcitationError
+from ...signals.stretches import equal_stretches
 from .bench import Evidence
 
 if TYPE_CHECKING:
@@ -106,8 +106,7 @@ def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
     out = np.zeros(len(x), dtype=bool)
     if len(x) < 3:
         return out
-    edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
-    for a, b in pairwise(edges.tolist()):
+    for a, b in equal_stretches(x):
         if b - a > 10 and time[b - 1] - time[a] > _STUCK and np.ptp(q[a:b]) > _MOVED:
             out[a:b] = True
     return out

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-
+from ..._discovery import modules
 from .base import Picture, Section, Source
 
 __all__ = ["Picture", "Section", "Source", "all_sections"]
@@ -24,6 +22,5 @@ def all_sections() -> list[type[Section]]:
     >>> [cls.name for cls in all_sections()][:2]
     ['answer', 'where']
     """
-    for module in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{module.name}")
+    modules(__name__)
     return sorted(Section.__subclasses__(), key=lambda section: section.rank)

@@ -5,14 +5,13 @@ A module of this package that defines ``FORMAT`` (a `Format`) adds a format; not
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pamid._discovery import modules
 from pamid.errors import LogFormatError
 
 if TYPE_CHECKING:
@@ -116,12 +115,8 @@ def all_formats() -> tuple[Format, ...]:
     tuple of Format
         In the order in which they are tried.
     """
-    found = []
-    for module in pkgutil.iter_modules(__path__):
-        fmt = getattr(importlib.import_module(f"{__name__}.{module.name}"), "FORMAT", None)
-        if isinstance(fmt, Format):
-            found.append(fmt)
-    return tuple(sorted(found, key=lambda f: (f.order, f.name)))
+    found = [getattr(module, "FORMAT", None) for module in modules(__name__)]
+    return tuple(sorted((f for f in found if isinstance(f, Format)), key=lambda f: (f.order, f.name)))
 
 
 def known_extensions() -> tuple[str, ...]:

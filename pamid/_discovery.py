@@ -1,0 +1,60 @@
+"""Find what the modules of a package define, so that something new is one new file and no list is edited."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Collection
+from types import ModuleType
+from typing import TypeVar
+
+Kind = TypeVar("Kind")
+
+
+def modules(package: str, leave_out: Collection[str] = ()) -> list[ModuleType]:
+    """Import the modules of a package in alphabetical order, but for those that begin with an underscore.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+    leave_out : collection of str, default=()
+        Names of modules that are not imported.
+
+    Examples
+    --------
+    >>> from pamid._discovery import modules
+    >>> [module.__name__ for module in modules("pamid.adapters", leave_out=("base", "registry"))][:2]
+    ['pamid.adapters.fine_tuning', 'pamid.adapters.frozen']
+    """
+    found = sorted(m.name for m in pkgutil.iter_modules(importlib.import_module(package).__path__))
+    return [
+        importlib.import_module(f"{package}.{name}")
+        for name in found
+        if not name.startswith("_") and name not in leave_out
+    ]
+
+
+def subclasses(package: str, base: type[Kind], leave_out: Collection[str] = ()) -> list[type[Kind]]:
+    """Return the classes below `base` that the modules of a package define; abstract ones are left out.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+    base : type
+        Their common base.
+    leave_out : collection of str, default=()
+        Names of modules that are not imported.
+    """
+    return [
+        thing
+        for module in modules(package, leave_out)
+        for thing in vars(module).values()
+        if inspect.isclass(thing)
+        and issubclass(thing, base)
+        and thing is not base
+        and thing.__module__ == module.__name__
+        and not inspect.isabstract(thing)
+    ]
