@@ -79,7 +79,7 @@ def train(seed: int) -> tuple[dict[str, Any], float]:
     }
     log = log.assign(deps=log.groupby("trajectory", sort=False)["eps"].transform(lambda e: np.gradient(e, 0.02)))
     for name, model in models.items():
-        columns = ["trajectory", *model._needs] if isinstance(model, InverseModel) else list(model._needs)
+        columns = ["trajectory", *model.reads] if isinstance(model, InverseModel) else list(model.reads)
         groups = {"groups": log["trajectory"]} if "PIHM" in name else {}
         model.fit(log[columns], log["P"], **groups)
     return models, lag(log)
@@ -97,7 +97,7 @@ def set_values(model: Any, task: Task, load: float, rest_length: float, lead: fl
             "deps": np.gradient(task.eps, PERIOD)[rows],
         }
     )
-    columns = ["trajectory", *model._needs] if isinstance(model, InverseModel) else list(model._needs)
+    columns = ["trajectory", *model.reads] if isinstance(model, InverseModel) else list(model.reads)
     return np.interp(t + lead, t[rows], model.predict(pairs[columns]))
 
 

@@ -60,7 +60,7 @@ def main() -> int:
     for name, model in rivals(args.seed).items():
         started = time.process_time()
         groups = {"groups": train["trajectory"]} if "PIHM" in name else {}
-        columns = COLUMNS if hasattr(model, "direction") else [c for c in COLUMNS if c in model._needs]
+        columns = COLUMNS if hasattr(model, "direction") else [c for c in COLUMNS if c in model.reads]
         model.fit(train[columns], train["P"], **groups)
         seconds = time.process_time() - started
         found = {

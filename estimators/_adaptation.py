@@ -48,7 +48,7 @@ PUBLISHED_BATCH = 128
 class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
     """Base of the adapters; a subclass says what is trained."""
 
-    _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
+    reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
     __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
     method: ClassVar[str]

@@ -21,13 +21,14 @@ class SignalEstimator(BaseEstimator):
     """Base of every estimator that reads named signals from the columns of X.
 
     In a DataFrame a signal is found by its name (``eps``, ``deps``, ``P``, ``dP``, ...). A plain array must hold
-    exactly the needed signals, in the order of `_needs`. The parameter `signals` overrides both: it maps a signal to
+    exactly the needed signals, in the order of `reads`. The parameter `signals` overrides both: it maps a signal to
     a column, by name or by position, and may send several signals to one column.
 
     A column named ``trajectory`` in a DataFrame is never a signal: it names each row's trajectory.
     """
 
-    _needs: ClassVar[tuple[str, ...]] = ()
+    reads: ClassVar[tuple[str, ...]] = ()
+    """Signals that it reads from X."""
     equations: ClassVar[tuple[str, ...]] = ()
     """Equations of the bench whose measured side this estimator can learn: ``"force"`` (N), ``"flow"`` (kg/s)."""
     joint: ClassVar[bool] = False
@@ -37,8 +38,19 @@ class SignalEstimator(BaseEstimator):
     signals: Signals | None
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
-        """Return the settings in which a comparison fits this estimator, by a short name ("" for the defaults)."""
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
+        """Return the settings in which a comparison fits this estimator.
+
+        Parameters
+        ----------
+        equation : str
+            One of its `equations`.
+
+        Returns
+        -------
+        dict of str to dict
+            Parameters by a short name, "" for the defaults.
+        """
         return {"": {}}
 
     def _read(self, X: Any, y: Any = None, *, reset: bool, **checks: Any) -> tuple[np.ndarray, Any]:
@@ -63,7 +75,7 @@ class SignalEstimator(BaseEstimator):
     def _read_columns(self) -> set[str]:
         """Names of the columns that are read as signals, which must hold numbers."""
         given = self.signals if isinstance(self.signals, Mapping) else {}
-        return {str(given.get(name, name)) for name in self._needs}
+        return {str(given.get(name, name)) for name in self.reads}
 
     def _read_targets(self, X: Any, y: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray]:
         """Validate X and y, the latter as columns; a target of two columns may hold NaN."""
@@ -111,22 +123,22 @@ class SignalEstimator(BaseEstimator):
                 "Pass for instance signals={'eps': 'contraction', 'P': 2}.",
             )
         given = dict(self.signals or {})
-        unknown = sorted(set(given) - set(self._needs))
+        unknown = sorted(set(given) - set(self.reads))
         if unknown:
             raise ParameterError(
                 f"signals maps {', '.join(unknown)}, which {type(self).__name__} does not read.",
-                f"only {', '.join(self._needs)}",
+                f"only {', '.join(self.reads)}",
                 "Remove the surplus entries.",
             )
-        if not names and not given and n_columns != len(self._needs):
+        if not names and not given and n_columns != len(self.reads):
             raise ShapeError(
                 f"X is an array with {n_columns} columns and no names.",
-                f"{len(self._needs)} columns ({', '.join(self._needs)})",
+                f"{len(self.reads)} columns ({', '.join(self.reads)})",
                 "Pass a DataFrame with these names, or signals={name: column}.",
             )
         return {
             signal: self._column(given.get(signal, signal if names else position), names, n_columns, signal)
-            for position, signal in enumerate(self._needs)
+            for position, signal in enumerate(self.reads)
         }
 
     def _column(self, column: str | int, names: list[str], n_columns: int, signal: str) -> int:
@@ -134,7 +146,7 @@ class SignalEstimator(BaseEstimator):
             if column not in names:
                 raise MissingColumnError(
                     f"X has no column '{column}' for the signal {signal}; it has {', '.join(names) or 'no names'}.",
-                    f"the columns {', '.join(self._needs)}",
+                    f"the columns {', '.join(self.reads)}",
                     f"Rename the column, or pass signals={{'{signal}': <its column>}}.",
                 )
             return names.index(column)

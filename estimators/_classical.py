@@ -55,14 +55,14 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
         state = self._state(X)
         law = self._law()
-        signals = {name: self._signal(X, name) for name in self._needs}
+        signals = {name: self._signal(X, name) for name in self.reads}
         check_units(signals | {law.target: y})
         return state, y, weight, clusters
 
     def _state(self, X: np.ndarray) -> State:
         """Return the signals that this estimator reads; what it does not read is zero."""
         zero = np.zeros(X.shape[0])
-        return State(*(self._signal(X, s) if s in self._needs else zero for s in State._fields))
+        return State(*(self._signal(X, s) if s in self.reads else zero for s in State._fields))
 
     # --- the way out ------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:

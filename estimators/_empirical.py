@@ -56,7 +56,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         """Return the force, N, for values that may be complex."""
         raise NotImplementedError
 
-    def _bounds(self) -> dict[str, tuple[float, float]]:
+    def parameter_bounds(self) -> dict[str, tuple[float, float]]:
         """Bounds of every parameter, SI units."""
         return {name: (p.lower, p.upper) for name, p in self._declared().items()}
 
@@ -95,7 +95,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         state = self._state(table)
         if np.abs(state.deps).max(initial=0.0) < _AT_REST:  # rounding of a filter, which a damping must not answer to
             state = state._replace(deps=np.zeros(len(table)))
-        check_units({name: self._signal(table, name) for name in self._needs} | {"F": y})
+        check_units({name: self._signal(table, name) for name in self.reads} | {"F": y})
         warn_of_still_signals(state, self._moving, type(self).__name__)
         self._prepare(state, weight)
         declared = self._declared()
@@ -204,7 +204,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
 
     def _state(self, table: np.ndarray) -> State:
         zero = np.zeros(len(table))
-        return State(*(self._signal(table, s) if s in self._needs else zero for s in State._fields))
+        return State(*(self._signal(table, s) if s in self.reads else zero for s in State._fields))
 
     def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the force with its unit, from signals by name that may be symbols."""

@@ -40,7 +40,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
     max_iter: int
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
         return {name: {"model": name} for name, volume in all_volumes().items() if volume.parameters}
 
     def _nominal(self) -> ClassicalVolume:
@@ -103,7 +103,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
             )
         return float(low), float(high)
 
-    def _bounds(self) -> dict[str, tuple[float, float]]:
+    def parameter_bounds(self) -> dict[str, tuple[float, float]]:
         """Bounds of every parameter that may be fitted, SI units."""
         declared = self._declared()
         return {name: self._bounds_of(name, declared) for name in declared}

@@ -64,7 +64,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     tol: float
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
 
     def __sklearn_tags__(self) -> Any:

@@ -63,11 +63,11 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     random_state: Any
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(self.inputs)
 
     @property
-    def _sequential(self) -> bool:
+    def sequential(self) -> bool:
         return bool(self.direction)
 
     def __sklearn_tags__(self) -> Any:

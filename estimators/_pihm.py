@@ -53,7 +53,7 @@ AUTO_TRAJECTORIES = 5
 class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     """Base of the hybrid estimators; a subclass names its laws and its targets."""
 
-    _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
+    reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
     __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
 

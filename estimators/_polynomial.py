@@ -63,7 +63,7 @@ class PolynomialRegressor(ClassicalRegressor):
             The fitted estimator.
         """
         state, y, weight, clusters = self._training(X, y, sample_weight, groups)
-        warn_of_still_signals(state, self._needs, type(self).__name__)
+        warn_of_still_signals(state, self.reads, type(self).__name__)
         self._start_over()
         self._take_in(state, y, weight)
         if clusters is not None:

@@ -115,7 +115,7 @@ class ForwardModel(OneLayerRegressor):
     equations = ("dynamic",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"": {}, "direction": {"direction": True}}
 
     @property

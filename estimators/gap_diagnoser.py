@@ -11,6 +11,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
+from pamid.signals.roles import ROLES
 
 from ._base import SignalEstimator, Signals
 from ._gap_signals import read_by, run_names, spoken, values_of
@@ -18,11 +19,6 @@ from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
 
-ROLES = {
-    "eps": "position", "deps": "velocity", "q": "position", "dq": "velocity", "P": "pressure", "dP": "pressure_rate",
-    "u": "command", "time": "time", "mdot": "flow", "F": "force",
-}  # fmt: skip
-"""Roles of the columns that pamid names."""
 NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command", "flow", "force")
 EQUATIONS = ("force", "torque", "flow")
 

@@ -98,7 +98,7 @@ class GeometricFlow(GeometricRegressor):
     {'rest_length': 0.2, 'rest_diameter': 0.021, 'braid_angle': 0.45}
     """
 
-    _needs = STATE_SIGNALS
+    reads = STATE_SIGNALS
     equations = ("flow",)
     _moving: ClassVar[tuple[str, ...]] = STATE_SIGNALS
 

@@ -106,8 +106,8 @@ class GeometricForce(GeometricRegressor):
     equations = ("force",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
-        return super()._compared(equation) | {"tondu_lopez, friction": {"model": "tondu_lopez", "friction": True}}
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
+        return super().settings(equation) | {"tondu_lopez, friction": {"model": "tondu_lopez", "friction": True}}
 
     def __init__(
         self,
@@ -137,7 +137,7 @@ class GeometricForce(GeometricRegressor):
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("eps", "deps", "P") if self.friction else ("eps", "P")
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:

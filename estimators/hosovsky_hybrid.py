@@ -94,7 +94,7 @@ class HosovskyHybrid(EmpiricalForce):
     """
 
     _nonlinear = ("a3",)
-    _needs = ("eps", "deps", "P")
+    reads = ("eps", "deps", "P")
 
     def __init__(
         self,

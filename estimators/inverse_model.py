@@ -188,7 +188,7 @@ class InverseModel(OneLayerRegressor):
     _turning = "eps"
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {
             "": {"on_unreachable": "clip"},
             "rates": {"inputs": ("F", "eps", "deps"), "on_unreachable": "clip"},

@@ -9,7 +9,9 @@ import numpy as np
 from sklearn.base import RegressorMixin, clone
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
 
-from pamid.errors import ExtrapolationWarning, IncompatibleError
+from pamid.errors import ExtrapolationWarning
+from pamid.requirements import check_reads, reads_of
+from pamid.signals.state import State
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option
@@ -89,7 +91,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
     equations = ("inverse",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         from .geometric_force import GeometricForce
         from .polynomial_force import PolynomialForce
         from .static_pihm import StaticPIHM
@@ -117,7 +119,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("F", "eps", *(("deps",) if "deps" in self._read_by_model() else ()))
 
     def __sklearn_tags__(self) -> Any:
@@ -133,7 +135,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         return GeometricForce()
 
     def _read_by_model(self) -> tuple[str, ...]:
-        return tuple(getattr(self._own_model(), "_needs", ("eps", "P")))
+        return reads_of(self._own_model(), ("eps", "P"))
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Fit the force model, and note the range of the pressure.
@@ -163,17 +165,14 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         check_option(self, "on_unreachable", POLICIES)
         checked_limits(self.pressure_limits)
         model = self._own_model()
-        reads = self._read_by_model()
-        if (
-            "P" not in reads
-            or set(reads) - {"eps", "deps", "P", "dP"}
-            or getattr(model, "one_trajectory", None) is False
-        ):
-            raise IncompatibleError(
-                f"{type(model).__name__} reads {', '.join(reads)}.",
-                "a force model of single rows of eps, P and perhaps deps, dP",
-                "Choose for instance GeometricForce, PolynomialForce, StaticForceMap or StaticPIHM.",
-            )
+        check_reads(
+            model,
+            State._fields,
+            needed=("P",),
+            sequential=bool(getattr(model, "one_trajectory", True)),
+            otherwise=("eps", "P"),
+            instead="Choose for instance GeometricForce, PolynomialForce, StaticForceMap or StaticPIHM.",
+        )
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, y = self._read(X, y, reset=True)
         pressure = np.asarray(column_or_1d(y, warn=True), dtype=float)
@@ -262,7 +261,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
 
     def _motion(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         eps = self._signal(table, "eps")
-        return eps, self._signal(table, "deps") if "deps" in self._needs else np.zeros_like(eps)
+        return eps, self._signal(table, "deps") if "deps" in self.reads else np.zeros_like(eps)
 
     def _inputs(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> Any:
         """Return the table that the force model reads."""

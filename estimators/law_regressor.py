@@ -65,7 +65,7 @@ class LawRegressor(RegressorMixin, SignalEstimator):
     array([50.])
     """
 
-    _needs: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
+    reads: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
 
     def __init__(
         self,
@@ -168,5 +168,5 @@ class LawRegressor(RegressorMixin, SignalEstimator):
 
     @classmethod
     def _checked_instances(cls) -> list[LawRegressor]:
-        one = dict.fromkeys(cls._needs, 0)
+        one = dict.fromkeys(cls.reads, 0)
         return [cls(signals=one), cls("thermodynamic", signals=one)]

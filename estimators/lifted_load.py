@@ -11,7 +11,9 @@ from sklearn.base import RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
 
 from pamid.constants import GRAVITY
-from pamid.errors import ExcitationWarning, IncompatibleError, ParameterError, TimeOrderError, UnstableRunWarning
+from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError, UnstableRunWarning
+from pamid.requirements import check_reads
+from pamid.signals.state import State
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_sizes
@@ -103,7 +105,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     outputs = ("eps",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         from .geometric_force import GeometricForce
         from .static_pihm import StaticPIHM
         from .three_element import ThreeElement
@@ -140,7 +142,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         named = (self.time, "P", self.load if isinstance(self.load, str) else None, self.start)
         return tuple(dict.fromkeys(name for name in named if name))
 
@@ -187,13 +189,13 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         """
         check_sizes(self, rest_length=0.0, step=0.0, margin=0.0)
         model = self._own_model()
-        reads = tuple(getattr(model, "_needs", ()))
-        if set(reads) - {"eps", "deps", "P", "dP"} or "P" not in reads or "one_trajectory" in model.get_params():
-            raise IncompatibleError(
-                f"{type(model).__name__} reads {', '.join(reads) or 'unknown signals'}.",
-                "a force model of single rows of eps, P and perhaps deps, dP",
-                "Choose for instance ThreeElement, GeometricForce or StaticPIHM.",
-            )
+        reads = check_reads(
+            model,
+            State._fields,
+            needed=("P",),
+            sequential=False,
+            instead="Choose for instance ThreeElement, GeometricForce or StaticPIHM.",
+        )
         table, y = self._read(X, y, reset=True)
         eps = np.asarray(column_or_1d(y, warn=True), dtype=float)
         codes = self._codes(X, table, groups)
@@ -302,7 +304,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     ) -> tuple[np.ndarray, np.ndarray]:
         """Take a step, linearly implicit in stiffness and damping; a negative one is taken for none."""
         many = _state(
-            tuple(self.model_._needs),
+            tuple(self.model_.reads),
             np.concatenate([eps, eps + NUDGE, eps]),
             np.concatenate([v, v, v + NUDGE]),
             np.tile(P, 3),

@@ -109,7 +109,7 @@ class NNARX(NARXRegressor):
     """
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"": {}, "one step": {"horizon": 1}}
 
     def __init__(

@@ -89,7 +89,7 @@ class NonlinearElastic(EmpiricalForce):
     """
 
     _nonlinear = ("contraction",)
-    _needs = ("eps", "P")
+    reads = ("eps", "P")
 
     def __init__(
         self,

@@ -115,7 +115,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     'scale'
     """
 
-    _needs: ClassVar[tuple[str, ...]] = STATE_SIGNALS
+    reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
     __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__predict: ClassVar[dict[str, bool]] = {"groups": True}

@@ -89,11 +89,11 @@ class PolynomialFlow(PolynomialRegressor):
     {'v00': 6e-05, 'v10': 0.0005, 'v20': -0.0009}
     """
 
-    _needs = STATE_SIGNALS
+    reads = STATE_SIGNALS
     equations = ("flow",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"contraction": {}, "contraction, pressure": {"pressure_degree": 1}}
 
     def __init__(

@@ -87,12 +87,12 @@ class PolynomialForce(PolynomialRegressor):
     {'a0': 0.002, 'a1': -0.006, 'a2': 0.001}
     """
 
-    _needs = ("eps", "P")
+    reads = ("eps", "P")
     _level_known = False
     equations = ("force",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"area": {}, "surface": {"form": "surface"}}
 
     def __init__(

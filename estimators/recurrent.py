@@ -160,7 +160,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin,
     equations = ("force", "flow", "dynamic")
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         if equation == "dynamic":  # the comparison says what drives the output
             return {"": {}}
         return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # what the hybrid models see, too
@@ -209,7 +209,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin,
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(self.inputs)
 
     def __sklearn_tags__(self) -> Any:

@@ -13,6 +13,7 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
 from pamid.fitting.epochs import local_generator, standardisation
 from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
+from pamid.requirements import reads_of
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes
@@ -133,7 +134,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(dict.fromkeys((*self.inputs, *self._read_by_model(), *(("P",) if self.vanishing else ()))))
 
     def __sklearn_tags__(self) -> Any:
@@ -149,7 +150,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         return GeometricForce("tondu_lopez", atmospheric_pressure=self.atmospheric_pressure)
 
     def _read_by_model(self) -> tuple[str, ...]:
-        return tuple(getattr(self._own_model(), "_needs", ("eps", "P")))
+        return reads_of(self._own_model(), ("eps", "P"))
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Identify the model, then train the network on what it leaves.

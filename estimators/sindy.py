@@ -114,7 +114,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     equations = ("force", "flow")
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"": {}, "with signs": {"sign_of": ("deps", "dP")}}
 
     def __init__(
@@ -145,7 +145,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(self.inputs)
 
     def __sklearn_tags__(self) -> Any:

@@ -167,7 +167,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return (*self.states, *self.inputs)
 
     def __sklearn_tags__(self) -> Any:
@@ -202,10 +202,10 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             If a trajectory is shorter than the smoothing window.
         """
         columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
-        self._check_library(self._needs)
-        warn_of_still_columns(self._columns(columns), self._needs, type(self).__name__)
+        self._check_library(self.reads)
+        warn_of_still_columns(self._columns(columns), self.reads, type(self).__name__)
         rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._fit_library(self._columns(columns), self._needs, rates, np.ones(len(columns)))
+        self._fit_library(self._columns(columns), self.reads, rates, np.ones(len(columns)))
         return self._named()
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
@@ -374,7 +374,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         return lambda time: np.array([np.interp(time, t, column) for column in table.T])
 
     def _columns(self, X: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(X, name) for name in self._needs])
+        return np.column_stack([self._signal(X, name) for name in self.reads])
 
     def _as_rates(self, y: np.ndarray) -> np.ndarray:
         if len(self.states) == 1 and y.ndim == 2 and y.shape[1] == 1:

@@ -91,7 +91,7 @@ class StaticForceMap(EmpiricalForce):
     """
 
     _nonlinear = ("braid_angle", "thread_compliance")
-    _needs = ("eps", "P")
+    reads = ("eps", "P")
 
     def __init__(
         self,

@@ -105,7 +105,7 @@ class ThermodynamicPIHM(HybridModel):
     equations = ("flow",)
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"": {}, "published network": {"volume_model": "neural"}}
 
     def __init__(

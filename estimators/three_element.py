@@ -127,7 +127,7 @@ class ThreeElement(EmpiricalForce):
     (0.115, False)
     """
 
-    _needs = ("eps", "deps", "P", "dP")
+    reads = ("eps", "deps", "P", "dP")
 
     def __init__(
         self,

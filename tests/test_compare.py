@@ -194,8 +194,8 @@ def test_a_sequence_sees_rows_that_do_not_count_without_learning_them(table):
     seen = []
 
     class Sequence(RegressorMixin, BaseEstimator):
-        _needs = ("eps", "P")
-        _sequential = True
+        reads = ("eps", "P")
+        sequential = True
 
         def fit(self, X, y, sample_weight=None):
             seen.append((y, sample_weight))

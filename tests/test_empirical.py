@@ -60,7 +60,7 @@ def made(cls, X):
 @each_model
 def test_parameters_come_back(cls):
     X = table()
-    fit = cls().fit(X[list(cls()._needs)], made(cls, X))
+    fit = cls().fit(X[list(cls().reads)], made(cls, X))
     for name, true in TRUTHS[cls].items():
         assert fit.parameters_[name] == pytest.approx(true, rel=1e-4, abs=1e-10), name
     assert set(fit.units_) == set(fit.parameters_) == set(fit.intervals_)
@@ -76,7 +76,7 @@ def test_intervals_hold_the_truth(cls):
     held, finite = [], []
     for seed in range(12):
         y = clean + noise * np.random.default_rng(seed).normal(size=len(X))
-        fit = cls().fit(X[list(cls()._needs)], y)
+        fit = cls().fit(X[list(cls().reads)], y)
         for name, true in TRUTHS[cls].items():
             low, high = fit.intervals_[name]
             finite.append(np.isfinite(high - low))
@@ -97,7 +97,7 @@ def test_the_force_is_that_of_a_muscle(cls, lifts):
     rates = log.groupby("trajectory", sort=False)[["eps", "P"]].transform(lambda s: np.gradient(s, 0.04))
     X = log[["trajectory", "eps", "P"]].assign(deps=rates["eps"], dP=rates["P"])
     rows = log["eps"] > 0.01  # not on its stand
-    needs = list(cls()._needs)
+    needs = list(cls().reads)
     fit = cls(**({"rest_length": L0} if "rest_length" in cls().get_params() else {})).fit(
         X.loc[rows, needs], log["F"][rows]
     )

@@ -18,8 +18,8 @@ def fitted_parameters(model: Any) -> dict[str, dict[str, Any]]:
     if any(isinstance(value, dict) for value in values.values()):
         return {}
     errors, units = getattr(model, "standard_errors_", {}), getattr(model, "units_", {})
-    inner = getattr(model, "model_", model) if not hasattr(model, "_bounds") else model
-    bounds = inner._bounds() if hasattr(inner, "_bounds") else {}
+    inner = getattr(model, "model_", model) if not hasattr(model, "parameter_bounds") else model
+    bounds = inner.parameter_bounds() if hasattr(inner, "parameter_bounds") else {}
     names = getattr(inner, "fitted_names_", list(values))
     held = set(getattr(inner, "at_bound_", ()))
     return {

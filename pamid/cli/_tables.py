@@ -14,6 +14,7 @@ from ..errors import (
     ParameterError,
     UnknownOptionError,
 )
+from ..requirements import reads_of
 from ..signals.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _setting_of(name: str, settings: dict[str, Any], known: dict[str, Any]) -> t
         return name, settings
     own: dict[str, Any] = {}
     for equation in set(known[kind].equations) & set(TARGETS):
-        own |= known[kind]._compared(equation)
+        own |= known[kind].settings(equation)
     if setting.removesuffix(")") not in own:
         raise UnknownOptionError(
             f"{kind} has no setting {setting.removesuffix(')')!r}.",
@@ -164,7 +165,7 @@ def _setting_of(name: str, settings: dict[str, Any], known: dict[str, Any]) -> t
 
 def needed_signals(estimator: Any) -> list[str]:
     """Return the signals that an estimator reads."""
-    return list(getattr(estimator, "_needs", ("eps", "P")))
+    return list(reads_of(estimator, ("eps", "P")))
 
 
 def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleError, ParameterError, UnknownOptionError
+from ..requirements import is_sequential, reads_of
 
 EQUATIONS = {"force": ("F", "N"), "flow": ("mdot", "kg/s")}
 """Equations that can be compared: column and unit of their measured side."""
@@ -172,7 +173,7 @@ def _registered(
         accepted = inspect.signature(offered).parameters
         common = {k: v for k, v in {**shared, **run}.items() if k in accepted}
         group = []
-        for setting, own in offered._compared(equation).items():
+        for setting, own in offered.settings(equation).items():
             model = offered(**(common | own))
             inner = {f"model__{k}": v for k, v in shared.items() if f"model__{k}" in model.get_params()}
             model.set_params(**inner)  # what is built around another estimator hands its geometry on
@@ -183,13 +184,8 @@ def _registered(
 
 def _candidate(label: str, model: Any, targets: tuple[str, ...]) -> Candidate:
     sequential = is_sequential(model)
-    columns = tuple(model._needs)
+    columns = reads_of(model)
     return Candidate(label, model, ("trajectory", *columns) if sequential else columns, targets, sequential)
-
-
-def is_sequential(model: Any) -> bool:
-    """Tell whether an estimator reads the sequence of samples, as it says itself or by its parameters."""
-    return bool(getattr(model, "_sequential", "one_trajectory" in model.get_params()))
 
 
 def _own(label: str, model: Any, column: str, columns: tuple[str, ...] = SIGNALS) -> Candidate:
@@ -197,7 +193,7 @@ def _own(label: str, model: Any, column: str, columns: tuple[str, ...] = SIGNALS
         raise IncompatibleError(
             f"{label} is a {type(model).__name__}.", "an estimator with fit and predict", "Pass an instance of one."
         )
-    if hasattr(model, "_needs"):
+    if reads_of(model):
         return _candidate(label, model, (column,))
     return Candidate(label, model, columns, (column,))
 

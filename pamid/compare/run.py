@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import FitError, IncompatibleError, PamidError, ParameterError
+from ..requirements import is_sequential, reads_of
 from .bootstrap import ClusterBootstrap
 from .comparison import BASELINE, Comparison, Score, ranked
-from .entries import EQUATIONS, SIGNALS, Candidate, candidates, is_sequential, parameter_count, target_of
+from .entries import EQUATIONS, SIGNALS, Candidate, candidates, parameter_count, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
 
@@ -422,7 +423,7 @@ def _floor(
         model = fitted.get(score.estimator)
         if model is None or is_sequential(model) or getattr(model, "joint", False):
             continue
-        columns = list(getattr(model, "_needs", SIGNALS))
+        columns = list(reads_of(model, SIGNALS))
 
         def predict(x: np.ndarray, model: Any = model, columns: list[str] = columns) -> np.ndarray:
             return np.asarray(model.predict(pd.DataFrame(x, columns=list(SIGNALS))[columns]), dtype=float)

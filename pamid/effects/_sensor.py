@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..signals.roles import ROLES
 from ..signals.state import Array
 from ._delay import delayed_rows, shift
 from ._memory import relax
 from .base import Effect, Signals
 from .plant import Plant
 
-ROLE = {"q": "position", "P": "pressure", "F": "force", "mdot": "flow"}
+ROLE = {channel: ROLES[channel] for channel in ("q", "P", "F", "mdot")}
 """The role in which each channel's true value reaches a sensor's memory."""
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..signals.roles import STATE_ROLES
 from .base import System
 from .reference import doubts
 
@@ -100,8 +101,7 @@ def diagnose_system(
     say("hold it against the library")
     diagnoser.fit(problem.X, problem.y, groups=problem.groups, where=counted)
     found = diagnoser.diagnosis_
-    own = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate"}
-    names = {name: problem.roles.get(role, role) for name, role in own.items()}
+    names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
     sense = -1 if diagnoser.scaling_.target < 0 else 1

@@ -12,6 +12,7 @@ from ...constants import ATMOSPHERIC_PRESSURE
 from ...effects import Effect, Plant, Signals, all_effects, make_effect
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals
+from ...signals.roles import ROLES, STATE_ROLES
 from .protocol import STATE, Spec
 
 Table = Mapping[str, np.ndarray]
@@ -19,10 +20,10 @@ Table = Mapping[str, np.ndarray]
 
 OUTPUT = {"force": ("F", "force"), "torque": ("F", "force"), "flow": ("mdot", "flow")}
 """For each kind of target the sensor channel that measures it and its role."""
-INPUTS = {"P": "pressure", "q": "position"}
+INPUTS = {channel: ROLES[channel] for channel in ("P", "q")}
 """For each sensor channel of an input its role."""
 WINDOW = 0.02
-_ROLES = {"eps": "position", "deps": "velocity", "P": "pressure", "dP": "pressure_rate", "u": "command"}
+_ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 LEAST_WINDOWS = 400
 MOST_KEPT = 2000
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
