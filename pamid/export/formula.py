@@ -119,7 +119,7 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     """
     if not hasattr(model, "_formulas"):
         return None
-    names = [*model._needs, *(["direction"] if getattr(model, "direction", False) else [])]
+    names = [*model.reads, *(["direction"] if getattr(model, "direction", False) else [])]
     if wrong := [n for n in names if not n.isidentifier() or not n.isascii()]:
         raise ExportError(
             f"The signal {wrong[0]!r} is no C identifier.", "letters, digits and _", "Rename it before the fit."
