@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
-from .sections import Source, all_sections
+from .sections import Section, Source, all_sections
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -55,7 +55,7 @@ def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
         {
             "name": s.name,
             "title": s.heading(),
-            "body": Markup(environment.get_template(f"{s.name}.html").render(s.content())),
+            "body": Markup(_template(environment, s).render(s.content())),
         }
         for s in sections
         if s.shown()
@@ -134,3 +134,9 @@ def _bar(share: Any) -> str:
     except (TypeError, ValueError):
         return "0"
     return f"{100 * min(max(value, 0.0), 1.0):.1f}" if value == value else "0"
+
+
+def _template(environment: Any, section: Section) -> Any:
+    if section.template:
+        return environment.from_string(section.template)
+    return environment.get_template(f"{section.name}.html")

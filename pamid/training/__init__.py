@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+from .._discovery import subclasses
 from ..errors import UnknownOptionError
 from .adam import Adam
 from .levenberg_marquardt import LevenbergMarquardt
@@ -9,7 +12,10 @@ from .problem import Problem
 from .result import Status, TrainingResult
 from .trainer import Trainer
 
-TRAINERS: dict[str, type[Trainer]] = {"adam": Adam, "levenberg_marquardt": LevenbergMarquardt}
+TRAINERS: dict[str, type[Trainer]] = {
+    re.sub(r"(?<=[a-z])(?=[A-Z])", "_", cls.__name__).lower(): cls for cls in subclasses(__name__, Trainer)
+}
+"""Every trainer that a module of this package defines, by its name in small letters."""
 
 
 def trainer_named(trainer: str | Trainer) -> Trainer:

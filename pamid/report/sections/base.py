@@ -86,6 +86,8 @@ class Section(ABC):
     """Heading; empty for none."""
     rank: ClassVar[int]
     """Place on the page."""
+    template: ClassVar[str] = ""
+    """Text of its template (jinja2); by default the file of its name in ``pamid/report/templates``."""
 
     def __init__(self, diagnosis: Diagnosis, source: Source) -> None:
         self.diagnosis = diagnosis
