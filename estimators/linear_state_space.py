@@ -134,7 +134,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         self.signals = signals
 
     @property
-    def _needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
 
     def __sklearn_tags__(self) -> Any:

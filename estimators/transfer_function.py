@@ -117,7 +117,7 @@ class TransferFunction(NARXRegressor):
     alpha = 0.0  # least squares alone: few parameters, and standard errors that mean something
 
     @classmethod
-    def _compared(cls, equation: str) -> dict[str, dict[str, Any]]:
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
 
     def __init__(
