@@ -36,18 +36,22 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--only-rivals", action="store_true", help="the rivals alone")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="write logs, simulators and keys there, too")
     parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
+    parser.add_argument(
+        "--develop", action="store_true", help="name causes however little is to be trusted, and fit what trust is"
+    )
     args = parser.parse_args(argv)
 
-    counts = dict(suites.SHORT if args.short else suites.COUNTS)
+    whole = suites.DEVELOP if args.develop else suites.COUNTS
+    counts = dict(suites.SHORT if args.short else whole)
     if args.cases:
-        total = sum(suites.COUNTS.values())
-        counts = {s: max(1, round(args.cases * n / total)) for s, n in suites.COUNTS.items()}
+        counts = {s: max(1, round(args.cases * n / sum(whole.values()))) for s, n in whole.items()}
     if args.suite:
         counts = {s: n for s, n in counts.items() if s in args.suite}
     listed = suites.batches(counts, args.seed)
-    folder = args.out / f"seed-{args.seed}"
+    folder = args.out / f"{'develop' if args.develop else 'seed'}-{args.seed}"
+    rivals, diagnose = not (args.no_rivals or args.develop), runner.named_always if args.develop else runner.ours
     if not args.report:
-        runner.run(listed, folder / "cases", args.jobs, not args.no_rivals, args.only_rivals, args.keep)
+        runner.run(listed, folder / "cases", args.jobs, rivals, args.only_rivals, args.keep, diagnose)
     names = sorted(s.name for b in listed for s in b.specs)
     there = [n for n in names if (folder / "cases" / f"{n}.json").is_file()]
     if not there:

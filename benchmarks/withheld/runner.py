@@ -16,12 +16,14 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pandas as pd
 
 from .generator import Case, generate
 from .metrics import Answer, Record, Truth
+from .oracle import oracle
 from .suites import Batch
 
 METHODS = ("ours", "ranking", "sindy", "black box")
@@ -76,6 +78,7 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
     names = [n for n in chosen_effects("all", "bench") if n not in case.spec.left_out]
     out: dict[str, Any] = {"name": case.spec.name, "key": case.key, "answers": {}}
     if diagnose is not None:
+        out["oracle"] = oracle(case, params)
         began = time.perf_counter()
         try:
             d = diagnose(case.log, params, names, case.spec.index)
@@ -126,6 +129,12 @@ def ours(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> A
     return diagnose(log, params, effects=list(effects), seed=seed)
 
 
+def named_always(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> Any:
+    """Diagnose with pamid, names being said however little is to be trusted in them: what trust is measured on."""
+    with mock.patch("pamid.gap.diagnosis.open_set.TRUSTED", -1.0):
+        return ours(log, params, effects, seed)
+
+
 def _leave_with(parent: int) -> None:
     """Start a thread that ends this process once its parent is gone, which a waiting worker would never learn."""
 
@@ -137,7 +146,9 @@ def _leave_with(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def run_batch(batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep: Path | None) -> int:
+def run_batch(
+    batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep: Path | None, diagnose: Diagnose = ours
+) -> int:
     """Generate a batch and examine those of its cases that have no file yet; return how many."""
     missing = [s.name for s in batch.specs if not (folder / f"{s.name}.json").is_file()]
     if not missing and keep is None:
@@ -146,7 +157,7 @@ def run_batch(batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep:
         if keep is not None:
             save(case, keep)
         if case.spec.name in missing:
-            result = examine(case, None if only_rivals else ours, rivals)
+            result = examine(case, None if only_rivals else diagnose, rivals)
             write_json(folder / f"{case.spec.name}.json", result)
     return len(missing)
 
@@ -162,7 +173,13 @@ def save(case: Case, folder: Path) -> None:
 
 
 def run(
-    listed: Sequence[Batch], folder: Path, jobs: int, rivals: bool, only_rivals: bool = False, keep: Path | None = None
+    listed: Sequence[Batch],
+    folder: Path,
+    jobs: int,
+    rivals: bool,
+    only_rivals: bool = False,
+    keep: Path | None = None,
+    diagnose: Diagnose = ours,
 ) -> None:
     """Run all batches, with progress on standard error.
 
@@ -178,6 +195,8 @@ def run(
         Whether the rivals run, and whether they alone do.
     keep : Path, optional
         Where the cases themselves are written, too.
+    diagnose : callable, optional
+        What diagnoses, `ours` by default.
     """
     folder.mkdir(parents=True, exist_ok=True)
     total = sum(len(b.specs) for b in listed)
@@ -194,11 +213,11 @@ def run(
 
     if jobs == 1:
         for batch in listed:
-            run_batch(batch, folder, rivals, only_rivals, keep)
+            run_batch(batch, folder, rivals, only_rivals, keep, diagnose)
             progress()
     else:
         with ProcessPoolExecutor(jobs, initializer=_leave_with, initargs=(os.getpid(),)) as pool:
-            waiting = {pool.submit(run_batch, b, folder, rivals, only_rivals, keep) for b in listed}
+            waiting = {pool.submit(run_batch, b, folder, rivals, only_rivals, keep, diagnose) for b in listed}
             try:
                 while waiting:
                     with contextlib.suppress(TimeoutError):

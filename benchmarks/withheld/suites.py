@@ -10,8 +10,10 @@ from .catalogue import CONFUSABLE, FOREIGN, VOCABULARY
 from .generator import Spec
 
 SUITES = ("none", "single", "pairs", "off-library", "confusable")
-COUNTS = {"none": 300, "single": 600, "pairs": 100, "off-library": 100, "confusable": 80}
+COUNTS = {"none": 600, "single": 400, "pairs": 100, "off-library": 400, "confusable": 60}
 """Cases of each suite in a full check."""
+DEVELOP = {"single": 120, "pairs": 40, "off-library": 120, "confusable": 20}
+"""Cases of each suite on which trust in names is measured."""
 SHORT = {"none": 10, "single": 18, "pairs": 4, "off-library": 6, "confusable": 4}
 """Cases of each suite in a short one."""
 LAYOUTS = ((5, 2600), (6, 2800), (4, 4200), (5, 3400))

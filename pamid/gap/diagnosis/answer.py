@@ -19,10 +19,14 @@ from .decide import Verdict
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
 from .remainder import leftover, remainder
-from .result import Cause, Closure, Diagnosis, EquationFinding
+from .result import Cause, Closure, Diagnosis, EquationFinding, HypothesisFinding
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+MOST = 12
+"""Sets of effects that a diagnosis tells of."""
 
 
 def answer(
@@ -97,7 +101,8 @@ def answer(
         windows=_windows(evidence, before, after),
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
         remainder=remainder(evidence, before, after) if verdict.named else {},
-        signs=dict(verdict.trust.signs) if verdict.named and verdict.trust is not None else {},
+        signs=dict(verdict.trust.signs) if verdict.trust is not None else {},
+        hypotheses=_hypotheses(verdict),
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
         not_tested=dict(evidence.skipped),
         cannot_show=[name for name in competition.library if not evidence.touched([name])],
@@ -124,6 +129,16 @@ def untested(evidence: ResidualSource, library: Sequence[str], notes: list[str])
         not_tested=dict(evidence.skipped),
         cannot_show=list(library),
     )
+
+
+def _hypotheses(verdict: Verdict) -> list[HypothesisFinding]:
+    """Return the sets of effects that were refitted, the likeliest first."""
+    base = verdict.outcome.base
+    return [
+        HypothesisFinding(tuple(h.fit.spec), float(h.score - base.score), float(h.plain - base.plain))
+        for h in verdict.outcome.refitted[:MOST]
+        if h.fit.spec
+    ]
 
 
 def _balanced(evidence: ResidualSource, power: np.ndarray) -> np.ndarray:

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inference.competition import Competition, Outcome
-from ..inference.flexible import Flexible
-from ..inference.settings import HALF, NOTICED, SIGNS, TRUSTED
+from ..inference.settings import HALF, SIGNS, TRUSTED
+from .signs import signs_of
 
 
 @dataclass(frozen=True)
@@ -66,47 +66,3 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
     score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
     probability = float(1.0 / (1.0 + np.exp(-score)))
     return Trust(probability, probability > TRUSTED, signs)
-
-
-def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> dict[str, float]:
-    """Return the signs of a cause beyond the library, each from 0 to 1.
-
-    Returns
-    -------
-    dict of str to float
-        ``left``: logarithm of what is left over that of what was there, both in units of noise and inexactness, in the
-        equation where most is left; a half counts as all.
-        ``cancelling``: logarithm of the power of all contributions by themselves over that of their sum: what needs
-        effects that undo each other; a factor of seven counts as all.
-        ``faint``: logarithm of one over the smallest share of a cause; a fiftieth counts as all.
-        ``left_of_gap``: share of the gap's power that is left, beyond the noise.
-        ``predictable``: share of what is left that a flexible function of the state predicts on other trajectories.
-    """
-    evidence, best, base = competition.evidence, outcome.best, outcome.base
-    before, after = evidence.raw(base.fit.z), evidence.raw(best.fit.z)
-    each = [evidence.raw(d) for d in competition.discrepancy.contributions(best.fit).values()]
-    alone = sum(float(np.sum(np.square(d))) for d in each)
-    together = float(np.sum(np.square(np.sum(each, axis=0)))) if each else 0.0
-    room = still = left = predictable = 0.0
-    flexible = Flexible(evidence)
-    for name, part, was, now in zip(evidence.equations, evidence.parts, base.left, best.left, strict=True):
-        room += _excess(before[part])
-        more = _excess(after[part])
-        if more > still and part.stop - part.start > 60:
-            predictable = flexible.remainder(name, best.fit.z).share
-        still = still + more
-        if was > NOTICED[0] and now > NOTICED[1]:
-            left = max(left, float(np.log(now) / np.log(was)))
-    return {
-        "left": min(2.0 * left, 1.0),
-        "cancelling": float(np.clip(0.5 * np.log(alone / together), 0.0, 1.0)) if together > 0 else 0.0,
-        "faint": float(np.clip(-0.25 * np.log(max(min(part_of.values(), default=1.0), 1e-3)), 0.0, 1.0)),
-        "left_of_gap": float(np.clip(still / room, 0.0, 1.0)) if room > 0 else 0.0,
-        "predictable": min(predictable, 1.0),
-    }
-
-
-def _excess(z: np.ndarray) -> float:
-    """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""
-    power = np.square(z)
-    return max(float(np.sum(np.minimum(power, 36.0 * (np.median(power) + 1.0)))) - len(z), 0.0)

@@ -291,6 +291,31 @@ class NextExperiment:
     reason: str = ""
 
 
+@dataclass(frozen=True)
+class HypothesisFinding:
+    """A set of effects that was fitted to the whole of a log, and what speaks for it.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The effects.
+    gain : float
+        Logarithm of its evidence over that of no effect.
+    log_likelihood : float
+        Gain in log-likelihood alone, its forms taken as exact and its parameters as free.
+
+    Examples
+    --------
+    >>> from pamid.gap.diagnosis.result import HypothesisFinding
+    >>> HypothesisFinding(("leakage",), gain=812.0, log_likelihood=818.5).effects
+    ('leakage',)
+    """
+
+    effects: tuple[str, ...]
+    gain: float
+    log_likelihood: float
+
+
 @dataclass
 class Diagnosis:
     """The answer to: where does the gap lie, what causes it, how far does it shrink.
@@ -326,7 +351,10 @@ class Diagnosis:
         What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
     signs : dict of str to float
-        What trust in the names rests on, see `pamid.gap.diagnosis.open_set.signs_of`; empty where nothing is named.
+        What trust in the names of the best hypothesis rests on, see `pamid.gap.diagnosis.signs.signs_of`; empty where
+        no effect explains anything.
+    hypotheses : list of HypothesisFinding
+        The sets of effects that were refitted, the likeliest first.
     deviations : dict of str to float
         How far the parameters with a tolerance were refitted together with the causes, in tolerances.
     not_tested : dict of str to str
@@ -362,6 +390,7 @@ class Diagnosis:
     leftover: dict[str, Any] = field(default_factory=dict)
     remainder: dict[str, Any] = field(default_factory=dict)
     signs: dict[str, float] = field(default_factory=dict)
+    hypotheses: list[HypothesisFinding] = field(default_factory=list)
     deviations: dict[str, float] = field(default_factory=dict)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
@@ -400,6 +429,7 @@ class Diagnosis:
                 "leftover": self.leftover,
                 "remainder": self.remainder,
                 "signs": self.signs,
+                "hypotheses": [vars(h) for h in self.hypotheses],
                 "not_tested": self.not_tested,
                 "cannot_show": self.cannot_show,
                 "notes": self.notes,

@@ -1,0 +1,210 @@
+r"""What a name must show before it is said: that it is one cause, and that nothing is left which it does not explain.
+
+An effect is taken as its contribution d times a factor that is 1 at the fit. The factor of every run, or of every part
+of the state, by itself says whether it is one cause: Cochran's Q, the share I² of it that is no chance, and the spread
+τ of the factors (DerSimonian and Laird),
+
+.. math:: Q = \sum_t h_t (\theta_t - \bar\theta)^2, \qquad I^2 = \max(0, 1 - \tfrac{n-1}{Q}), \qquad
+    \tau^2 = \max\Big(0, \frac{Q - (n - 1)}{\sum h_t - \sum h_t^2 / \sum h_t}\Big)
+
+with h the information of a run about its factor.
+
+References
+----------
+W. G. Cochran, "The combination of estimates from different experiments", Biometrics 10(1), 1954.
+https://doi.org/10.2307/3001666
+
+J. P. T. Higgins, S. G. Thompson, "Quantifying heterogeneity in a meta-analysis", Statistics in Medicine 21(11), 2002.
+https://doi.org/10.1002/sim.1186
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..inference.competition import Competition, Outcome
+from ..inference.flexible import Flexible
+from ..inference.settings import NOTICED
+from ..inference.student_t import NU
+from .closure import Clusters, closures
+
+LAGS = 8
+"""Windows back to which what is left is held against its own past."""
+
+
+class Agreement(NamedTuple):
+    """How well parts of a log agree on the size of an effect.
+
+    Parameters
+    ----------
+    q : float
+        Cochran's Q.
+    i2 : float
+        Share of it beyond chance, I².
+    spread : float
+        Spread τ of the factors beyond chance.
+    half : float
+        Half of the 90 % interval of the factor by the jackknife over the parts; 1 and more: it may as well be nothing.
+    """
+
+    q: float
+    i2: float
+    spread: float
+    half: float
+
+
+def agreement(information: np.ndarray, score: np.ndarray) -> Agreement:
+    """Return how well parts agree on a factor.
+
+    Parameters
+    ----------
+    information : array, shape (n_parts,)
+        Curvature of the likelihood in the factor.
+    score : array, shape (n_parts,)
+        Its slope at a factor of 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.diagnosis.signs import agreement
+    >>> found = agreement(np.full(4, 100.0), np.array([30.0, -30.0, 30.0, -30.0]))  # factors 1.3, 0.7, 1.3, 0.7
+    >>> float(round(found.q, 1)), float(round(found.i2, 2)), float(round(found.spread, 2))
+    (36.0, 0.92, 0.33)
+    """
+    from scipy.special import stdtrit
+
+    known = information > 1e-12 * max(float(np.max(information, initial=0.0)), 1e-300)
+    h, g = information[known], score[known]
+    n, total = len(h), float(h.sum())
+    if n < 2:
+        return Agreement(0.0, 0.0, 0.0, 1.0)
+    factor = g / h
+    q = float(np.sum(h * np.square(factor - g.sum() / total)))
+    room = total - float(np.sum(h * h)) / total
+    spread = float(np.sqrt(max(0.0, q - (n - 1)) / room)) if room > 0 else 0.0
+    without = (g.sum() - g) / np.maximum(total - h, 1e-12 * total)
+    error = float(np.sqrt((n - 1.0) / n * np.sum(np.square(without - without.mean()))))
+    half = float(stdtrit(n - 1, 0.95)) * max(error, total**-0.5)
+    return Agreement(q, max(0.0, 1.0 - (n - 1) / q) if q > 0 else 0.0, spread, half)
+
+
+def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> dict[str, float]:
+    """Return the signs of a cause beyond the library, each from 0 to 1.
+
+    Parameters
+    ----------
+    competition : Competition
+        The library on the log.
+    outcome : Outcome
+        Its hypotheses.
+    part_of : mapping of str to float
+        Each cause's share of what all explain together.
+
+    Returns
+    -------
+    dict of str to float
+        ``left``: logarithm of what is left over that of what was there, both in units of noise and inexactness, in the
+        equation where most is left; a half counts as all.
+        ``cancelling``: logarithm of the power of all contributions by themselves over that of their sum: what needs
+        effects that undo each other; a factor of seven counts as all.
+        ``faint``: logarithm of one over the smallest share of a cause; a fiftieth counts as all.
+        ``left_of_gap``: share of the gap's power that is left, beyond the noise.
+        ``predictable``: share of what is left that a flexible function of the state predicts on other trajectories.
+        ``coloured``: root mean square correlation of what is left with its own past, where that is most.
+        ``disagreeing``, ``uneven``: spread of the factors over runs, and over halves of the state, of the cause for
+        which it is largest.
+        ``uncertain``: half of the 90 % interval of the least certain factor.
+        ``unclosed``: one less the lower end of the 90 % interval of what is closed on unseen runs, where that is least.
+    """
+    evidence, best, base = competition.evidence, outcome.best, outcome.base
+    before, after = evidence.raw(base.fit.z), evidence.raw(best.fit.z)
+    contributions = competition.discrepancy.contributions(best.fit)
+    each = [evidence.raw(d) for d in contributions.values()]
+    alone = sum(float(np.sum(np.square(d))) for d in each)
+    together = float(np.sum(np.square(np.sum(each, axis=0)))) if each else 0.0
+    room = still = left = predictable = coloured = 0.0
+    flexible = Flexible(evidence)
+    for name, part, was, now in zip(evidence.equations, evidence.parts, base.left, best.left, strict=True):
+        room += _excess(before[part])
+        more = _excess(after[part])
+        if more > still and part.stop - part.start > 60:
+            predictable = flexible.remainder(name, best.fit.z).share
+        still = still + more
+        if was > NOTICED[0] and now > NOTICED[1]:
+            left = max(left, float(np.log(now) / np.log(was)))
+        coloured = max(coloured, _colour(competition, best.z, part))
+    found = {
+        "left": 2.0 * left,
+        "cancelling": 0.5 * np.log(alone / together) if together > 0 else 0.0,
+        "faint": -0.25 * np.log(max(min(part_of.values(), default=1.0), 1e-3)),
+        "left_of_gap": still / room if room > 0 else 0.0,
+        "predictable": predictable,
+        "coloured": coloured,
+        **_of_factors(competition, outcome, contributions),
+        "unclosed": _unclosed(competition, outcome),
+    }
+    return {name: float(np.clip(v, 0.0, 1.0)) for name, v in found.items()}
+
+
+def _of_factors(
+    competition: Competition, outcome: Outcome, contributions: Mapping[str, np.ndarray]
+) -> dict[str, float]:
+    """Return how far runs and parts of the state disagree on the causes, and how uncertain the least certain one is."""
+    evidence, fit = competition.evidence, outcome.best.fit
+    weight = np.empty(len(fit.z))
+    for part, s, share in zip(evidence.parts, fit.scales, competition.fitter.weights, strict=True):
+        weight[part] = share * (NU + 1.0) / (NU + np.square(fit.z[part] / s)) / s**2
+    found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0}
+    for d in contributions.values():
+        information, score = weight * d * d, -weight * d * fit.z
+        runs = _summed(evidence.block, information, score)
+        found["disagreeing"] = max(found["disagreeing"], runs.spread)
+        found["uncertain"] = max(found["uncertain"], runs.half)
+        for x in evidence.state.values():
+            known = np.isfinite(x)
+            if known.any() and np.ptp(x[known]) > 0.0:
+                middle = np.average(x[known], weights=information[known]) if information[known].any() else 0.0
+                halves = _summed((x[known] > middle).astype(int), information[known], score[known])
+                found["uneven"] = max(found["uneven"], halves.spread)
+    return found
+
+
+def _summed(label: np.ndarray, information: np.ndarray, score: np.ndarray) -> Agreement:
+    return agreement(np.bincount(label, information), np.bincount(label, score))
+
+
+def _colour(competition: Competition, z: np.ndarray, part: slice) -> float:
+    """Return the root mean square correlation of what is left in an equation with its own past, beyond chance."""
+    evidence = competition.evidence
+    order = np.lexsort((evidence.time[part], evidence.side[part], evidence.run[part]))
+    x = z[part][order]
+    size = float(np.median(np.abs(x))) / 0.6745 if len(x) else 0.0
+    if len(x) < 10 * LAGS or size <= 0.0:
+        return 0.0
+    x = np.clip(x, -4.0 * size, 4.0 * size)
+    lane = (evidence.run[part] * 16 + evidence.side[part])[order]
+    power, total = float(np.mean(x * x)), 0.0
+    for lag in range(1, LAGS + 1):
+        same = lane[lag:] == lane[:-lag]
+        if same.any():
+            total += float(np.mean((x[lag:] * x[:-lag])[same]) / power) ** 2 - 1.0 / float(same.sum())
+    return float(np.sqrt(max(total, 0.0) / LAGS))
+
+
+def _unclosed(competition: Competition, outcome: Outcome) -> float:
+    """Return one less the lower end of what the causes close on unseen runs, of the equations that they act in most."""
+    evidence, fit = competition.evidence, outcome.best.fit
+    clusters = Clusters(competition.fitter, fit)
+    before, after = evidence.raw(outcome.base.fit.z), evidence.raw(clusters.z)
+    found = closures(evidence, before, evidence.raw(clusters.held_out()), after, np.random.RandomState(0))
+    main = {competition.discrepancy.main_part(fit, name) for name in fit.spec}
+    return max((1.0 - found[k].ci90[0] for k in main), default=0.0)
+
+
+def _excess(z: np.ndarray) -> float:
+    """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""
+    power = np.square(z)
+    return max(float(np.sum(np.minimum(power, 36.0 * (np.median(power) + 1.0)))) - len(z), 0.0)
