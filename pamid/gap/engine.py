@@ -13,10 +13,10 @@ from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
-from .inference.settings import MAX_ROWS, SEARCH_ROWS
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
 from .residuals.protocol import ResidualSource
+from .settings import MAX_ROWS, SEARCH_ROWS
 
 if TYPE_CHECKING:
     import pandas as pd

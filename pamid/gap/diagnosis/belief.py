@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..inference.competition import Competition
-from ..inference.settings import FALSE_ALARM
+from ..settings import FALSE_ALARM, NONE_SURE
 from .decide import Verdict
 from .result import Candidate
-
-_QUIET = 0.5, 0.96
-"""Confidence in no gap where evidence of one is only just missing, and where there is no sign of it."""
 
 
 def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
@@ -63,7 +60,7 @@ def _belief(verdict: Verdict, named: list[str]) -> dict[str, float]:
                 belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) * leads[name]
     if verdict.kind == "none":
         calm = float(np.clip(np.log10(max(verdict.p_value, 1e-9) / FALSE_ALARM), 0.0, 1.0))
-        belief["none"] = _QUIET[0] + (_QUIET[1] - _QUIET[0]) * calm
+        belief["none"] = 0.5 + (NONE_SURE - 0.5) * calm
         belief["unknown"] = 0.3 * (1.0 - belief["none"])
         return belief
     belief["unknown"] = verdict.unknown

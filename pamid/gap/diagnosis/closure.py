@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..inference.significance import NOISE_KNOWN
-from ..inference.student_t import NU
 from ..residuals.protocol import ResidualSource
+from ..settings import FORM_LOCAL, NOISE_KNOWN, NU
 from .result import Closure, Interval, ParameterEstimate
 
 DRAWS = 400
@@ -15,8 +14,6 @@ FEW = 2
 """Runs on which a correction is typically tried."""
 LEAST, FAR = 1e-7, 2.0
 """Least share of a gap that counts as left, and how far, in its logarithm, an end may be from the middle."""
-FORM = 0.02
-"""How far, as a share, an inexact form of an effect moves its parameters."""
 
 
 class Clusters:
@@ -94,7 +91,7 @@ class Clusters:
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
             value = self.fit.spec[name][p.name]
-            wide = reach * float(np.hypot(error[m + k], FORM * value))
+            wide = reach * float(np.hypot(error[m + k], FORM_LOCAL * value))
             known = np.isfinite(wide) and np.any(self.A[:, m + k])
             ci: Interval = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
             found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
-from ..inference.settings import DECIDED
 from ..residuals.bench import Evidence
+from ..settings import DECIDED
 from .result import NextExperiment
 
 if TYPE_CHECKING:

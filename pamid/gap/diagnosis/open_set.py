@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inference.competition import Competition, Outcome
-from ..inference.settings import HALF, SIGNS, TRUSTED
+from ..settings import SIGNS, TRUSTED
 from .signs import signs_of
 
 
@@ -62,7 +62,7 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
     if not competition.evidence.exact:
         # Any other model may be wrong in several small ways at once: names are said of what they close.
         closed = 1.0 - signs["left_of_gap"]
-        return Trust(float(1.0 / (1.0 + np.exp(-HALF * (closed - 0.5)))), closed > 0.5, signs)
+        return Trust(closed, closed > 0.5, signs)
     score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
     probability = float(1.0 / (1.0 + np.exp(-score)))
     return Trust(probability, probability > TRUSTED, signs)

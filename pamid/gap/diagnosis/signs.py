@@ -27,8 +27,7 @@ import numpy as np
 
 from ..inference.competition import Competition, Outcome
 from ..inference.flexible import Flexible
-from ..inference.settings import NOTICED
-from ..inference.student_t import NU
+from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 
 LAGS = 8
@@ -133,7 +132,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         if more > still and part.stop - part.start > 60:
             predictable = flexible.remainder(name, best.fit.z).share
         still = still + more
-        if was > NOTICED[0] and now > NOTICED[1]:
+        if min(was, now) > 1.0 + EXCESS:
             left = max(left, float(np.log(now) / np.log(was)))
         coloured = max(coloured, _colour(competition, best.z, part))
     found = {

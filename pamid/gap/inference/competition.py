@@ -11,11 +11,11 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource
+from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, KEPT, MOST_CAUSES, OF_ITS_OWN, ONE_MORE, TOLERANCE
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, joined, slots_of
 from .occam import occam
 from .sensitivity import Template, templates
-from .settings import CLOSE, FORM_SMOOTH, FORM_TIMES, MOST_CAUSES, OF_ITS_OWN, ONE_MORE, REFITS, TOLERANCE
 from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
 
@@ -349,7 +349,7 @@ class Competition:
             place.setdefault(self.templates[t].effect, int(t))
         net = {name: float(gains[t]) - about.cost[name] for name, t in place.items()}
         own = max((net[name] for name in out if name in net), default=0.0)
-        allowed = margin * (CLOSE[0] + CLOSE[1] * max(own, 0.0)) if out else 0.0
+        allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if out else 0.0
         others = sorted((n for n in net if n not in at.fit.spec), key=lambda n: -net[n])
         found = []
         for name in [n for n in others if net[n] > own - allowed][:most]:
@@ -393,7 +393,7 @@ class Competition:
 
     def _alternatives(self, best: Hypothesis, name: str) -> list[Hypothesis]:
         """Return the best set with other effects in the place of one, the highest score first."""
-        self._neighbours(best, frozenset({name}), REFITS)
+        self._neighbours(best, frozenset({name}), KEPT)
         others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
@@ -418,7 +418,7 @@ def _contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
     best = some[0].score
     chosen: list[Subset] = []
     for s in some:
-        if s.score < best - CLOSE[0] - CLOSE[1] * max(best - nothing, 0.0) or len(chosen) == REFITS:
+        if s.score < best - CLOSE - CLOSE_SHARE * max(best - nothing, 0.0) or len(chosen) == KEPT:
             break
         if not any(set(c.templates) < set(s.templates) for c in chosen):
             chosen.append(s)

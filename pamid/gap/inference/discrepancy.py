@@ -24,8 +24,8 @@ import numpy as np
 from ...effects import all_effects
 from ...signals.recursion import recursive
 from ..residuals.protocol import ResidualSource
+from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
 from .gauss_newton import SLACK, Fit
-from .settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
 from .student_t import bounded
 
 AGES = (0.05, 0.3, 1.5)

@@ -20,8 +20,8 @@ import numpy as np
 
 from ..residuals.protocol import ResidualSource
 from .discrepancy import pasts
-from .settings import COSINES
 
+_COSINES = 40  # of each of two widths
 _RIDGES = 10.0 ** np.arange(-1.0, 5.0)
 
 
@@ -76,9 +76,9 @@ class Flexible:
             if s.shape[1]:
                 for size in (0.5, 1.5):
                     # Each cosine reads a few signals: a function of all at once would need far more windows.
-                    omega = rng.standard_normal((s.shape[1], COSINES)) * size
+                    omega = rng.standard_normal((s.shape[1], _COSINES)) * size
                     reads = np.argsort(rng.random_sample(omega.shape), axis=0) < min(3, s.shape[1])
-                    blocks.append(np.cos(s @ (omega * reads) + rng.uniform(0.0, 2.0 * np.pi, COSINES)))
+                    blocks.append(np.cos(s @ (omega * reads) + rng.uniform(0.0, 2.0 * np.pi, _COSINES)))
             self._bases[equation] = np.column_stack(blocks)
         return self._bases[equation]
 

@@ -22,9 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects import Parameter
-
-SHARE = 0.05
-"""How far from either end a share between two forms is expected."""
+from ..settings import OF_ITS_OWN
 
 
 def width(p: Parameter, value: float) -> float:
@@ -33,7 +31,7 @@ def width(p: Parameter, value: float) -> float:
     A share from 0 to 1 chooses between two forms of one effect and is expected near either end.
     """
     if p.share:
-        return SHARE
+        return OF_ITS_OWN
     if p.lower >= 0.0 and value > p.lower:
         return value - p.lower
     return (p.upper - p.lower) / np.sqrt(12.0)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..residuals.protocol import ResidualSource
+from ..settings import FAR, FEW, NOISE_KNOWN, NU
 from .gauss_newton import Fit
 from .sensitivity import Template
-from .student_t import NU
 
 REPLICATES = 199
 ALIKE = 0.01
@@ -123,12 +123,6 @@ class Excess(NamedTuple):
 
     scale: float
     p_value: float
-
-
-FAR, FEW = 8.0, 4
-"""Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
-NOISE_KNOWN = 0.04
-"""How well the noise of an equation is known from its own signals, as a share."""
 
 
 def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) -> Excess:

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-NU = 5.0
-"""Degrees of freedom: tails heavy enough for windows in which a model of first order fails."""
+from ..settings import NU
+
 _GAUSSIAN = 0.8563
 """Scale of a t distribution of that kind fitted to Gaussian noise of unit width."""
 

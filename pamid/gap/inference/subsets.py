@@ -23,9 +23,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..settings import KEPT, OF_ITS_OWN
 from .discrepancy import has_form
 from .sensitivity import Template
-from .settings import BEAM, BRANCHES, OF_ITS_OWN
 from .student_t import bounded
 
 
@@ -197,7 +197,7 @@ class Subsets:
                     outside.append((k, S, g, low, high))
             out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
         # What bounds take away matters only for those that would be chosen without them.
-        for k, S, g, low, high in sorted(outside, key=lambda v: -out[v[0]])[: 4 * BRANCHES]:
+        for k, S, g, low, high in sorted(outside, key=lambda v: -out[v[0]])[: 8 * KEPT]:
             y = bounded(S, -g, low, high)
             out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
         return out
@@ -235,7 +235,7 @@ class Subsets:
                     names = self._names(child.templates)
                     if names not in children or child.score > children[names].score:
                         children[names] = child
-            ranked = sorted(children.values(), key=lambda s: -s.score)[:BEAM]
+            ranked = sorted(children.values(), key=lambda s: -s.score)[:KEPT]
             # The grid matters for what is refitted, and only the first few are.
             beam = [self._regridded(s) if k < 2 and len(s.templates) > 1 else s for k, s in enumerate(ranked)]
             best = max((s.score for s in found.values()), default=-np.inf)
@@ -265,7 +265,7 @@ class Subsets:
             if effect not in names and effect not in best:
                 best[effect] = int(t)
         ranked = sorted(best.values(), key=lambda t: self.cost[self.library[t].effect] - gains[t])
-        return ranked[:BRANCHES]
+        return ranked[: 2 * KEPT]
 
     def _regridded(self, subset: Subset) -> Subset:
         """Return a set with each effect's grid point chosen anew beside the others."""

@@ -14,6 +14,7 @@ from ...equations.joined import joined
 from ...equations.log import columns_of, runs
 from ...equations.run import SIGNS, Model, Run
 from ...equations.stretch import pool_noise
+from ..settings import LEAST_GAIN, ONE_MORE
 from .protocol import STATE, Spec
 from .whitening import Whitening
 
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ...bench.parameters import BenchParameters
-
-
-ELSEWHERE = -10.0
-"""Logarithm of the odds of an effect of other systems, where it is asked for on a bench."""
 
 
 class Evidence:
@@ -69,13 +66,13 @@ class Evidence:
 
     exact = True
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
-    least_gain = 4.0
+    least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
-    decisive = 4.0
+    decisive = LEAST_GAIN
     """Gain that needs no draws to be believed: few windows, such as those of steps, may hold it."""
     fine = 15
     """Samples in a window above which what happens between two samples does not show as a slow error."""
-    coarse = 6.0, 30.0
+    coarse = 1.5 * LEAST_GAIN, 3.0 * ONE_MORE
     """The same gains where windows hold fewer; their noise is then taken as it is."""
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
@@ -143,7 +140,7 @@ class Evidence:
     def prior(name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on a bench."""
         effect = all_effects()[name]
-        return float(effect.prior if "bench" in effect.kinds else min(effect.prior, ELSEWHERE))
+        return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -ONE_MORE))
 
     @staticmethod
     def _piece(i: int, run: Run, residual: Residual) -> tuple[np.ndarray, ...]:

@@ -15,6 +15,7 @@ from ...simulators.base import Simulator
 from ...simulators.catalogue import Survey, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 from .single import _memory
 from .whitening import Whitening
@@ -78,7 +79,7 @@ class PortEvidence(ABC):
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
-    least_gain = 6.0
+    least_gain = 1.5 * LEAST_GAIN
     decisive = np.inf
     undoes = False
     """Whether faults of sensors are undone in what they read, rather than put on what is predicted."""

@@ -13,6 +13,7 @@ from ...effects import Effect, Plant, Signals, all_effects, make_effect
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals
 from ...signals.roles import ROLES, STATE_ROLES
+from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 
 Table = Mapping[str, np.ndarray]
@@ -83,7 +84,7 @@ class SignalEvidence:
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
-    least_gain = 6.0
+    least_gain = 1.5 * LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least: how the noise of any target depends on its past
     is not known."""
     decisive = np.inf

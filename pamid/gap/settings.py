@@ -1,0 +1,71 @@
+"""Every number that the diagnosis decides by: twenty-five, and what follows from them.
+
+``python benchmarks/withheld --develop`` measures what trust rests on, and prints the weights of `SIGNS` and `TRUSTED`
+as they stand here. Every other number is a judgement of how exact models of pneumatic muscles are, or of how much is
+looked at; ``python benchmarks/settings.py`` halves and doubles each and prints what that changes on the same cases.
+What a computation is exact to (rounds of a solver, draws, frequencies) stands where it is computed.
+"""
+
+from __future__ import annotations
+
+from math import log
+
+# --- how much is looked at --------------------------------------------------------------------------------------
+MAX_ROWS = 160_000
+"""Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
+SEARCH_ROWS = 40_000
+"""Most rows in which causes are searched; what is found is fitted to all."""
+MOST_CAUSES = 6
+"""Most effects of one answer."""
+KEPT = 5
+"""Sets of effects that are followed at each size, and that are refitted exactly."""
+CLOSE, CLOSE_SHARE = 12.0, 0.08
+"""How far below the best a set may score to first order and still be refitted: nats, and share of the best's gain."""
+
+# --- how inexact noise and forms are ----------------------------------------------------------------------------
+NU = 5.0
+"""Degrees of freedom of Student's t: tails heavy enough for windows in which a model of first order fails."""
+NOISE_KNOWN = 0.04
+"""How well the noise of an equation is known from its own signals, as a share."""
+FORM_LOCAL = 0.015
+"""Standard deviation of an effect's form, as a share of what it adds in a window."""
+FORM_SMOOTH = 0.3
+"""The same where it goes smoothly with the state."""
+FORM_ROUGH = 3.0
+"""How many times that a rough form may be, if the log speaks for it."""
+FORM_ELSEWHERE = 0.01
+"""What an effect may add in windows and equations of which the library's form says nothing, as a share of its size."""
+OF_ITS_OWN = 0.05
+"""Size of a further effect, and of what it explains, from which it is one of its own: a share of those beside which it
+acts, whose inexact forms could call for it; and how near to one of two forms a share between them is expected."""
+
+# --- what is said -----------------------------------------------------------------------------------------------
+FALSE_ALARM = 0.01
+"""Probability at which the evidence of an effect or of an excess counts as a gap."""
+ONE_MORE = 10.0
+"""Evidence, in nats, that a further effect needs beyond its price, and an effect of other systems at all: there are
+many to choose from."""
+CLASS, CLASS_SHARE = 2.0, 0.004
+"""Difference in score that the form of a candidate is worth: nats, and share of the gain."""
+NONE_SURE = 0.96
+"""Confidence in no gap where there is no sign of one; half where evidence is only just missing."""
+SIGNS = {"constant": 2.5, "left": -3.8, "cancelling": -4.2, "faint": -1.5}
+"""Weights of the signs of a cause beyond the library, by logistic regression on the development cases."""
+TRUSTED = 0.5
+"""Probability from which a name is said: of those said on the development cases one in twenty is wrong."""
+FAR, FEW = 8.0, 4
+"""Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
+
+# --- what follows -----------------------------------------------------------------------------------------------
+TOLERANCE = 3.0
+"""Precision of a parameter within its tolerance: that of a uniform distribution from −1 to 1."""
+FORM_EXACT = FORM_LOCAL / 5.0
+"""The inexactness of faults of sensors and wrong parameters, whose forms are known."""
+FORM_TIMES = 0.0, 1.0, FORM_ROUGH
+"""How many times the inexactness of forms a log may speak for: not at all, as usual, a rough form."""
+LEAST_GAIN = -log(2.0 * FALSE_ALARM)
+"""Gain in log-likelihood that a first effect must bring at least: that of a false alarm, there being two tests."""
+EXCESS = 2.0 * NOISE_KNOWN
+"""Share by which a residual must be above its noise to be a gap, or a sign, by itself."""
+DECIDED = 2.0 * ONE_MORE
+"""Difference in score, in nats, beyond which a rival is out of the question: no further run is about it."""
