@@ -188,9 +188,14 @@ class Competition:
             return Outcome(self.base, self.base, {})
         about = self._about(self.base)
         singles = self._singles(about)
-        found = about.grow(MOST_CAUSES)
-        best = self.base
-        for subset in _contenders(found, about.fit(()).score):
+        nothing, best = about.fit(()).score, self.base
+        for subset in _contenders(about.grow(MOST_CAUSES), nothing):
+            # What one effect explains exactly may need several to first order.
+            if (
+                subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
+                < self._ranked(best)[1] - self.base.score
+            ):
+                continue
             self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
             best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
         best = self._improved(best)
@@ -411,7 +416,10 @@ def _excess(evidence: ResidualSource, z: np.ndarray) -> float:
 
 
 def _contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
-    """Return the sets to refit: those close to the best, and none that a smaller one in it is as good as."""
+    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect.
+
+    A set that a smaller one in it is as good as is none of them.
+    """
     some = [s for s in found if s.templates]
     if not some:
         return []
@@ -422,7 +430,8 @@ def _contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
             break
         if not any(set(c.templates) < set(s.templates) for c in chosen):
             chosen.append(s)
-    return chosen
+    single = [s for s in some if len(s.templates) == 1 and s not in chosen]
+    return sorted([*chosen, *single[:2]], key=lambda s: (len(s.templates), -s.score))
 
 
 def degenerate(fit: Fit, name: str) -> str | None:
