@@ -142,7 +142,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         "left_of_gap": still / room if room > 0 else 0.0,
         "predictable": predictable,
         "coloured": coloured,
-        **_of_factors(competition, outcome, contributions),
+        **_of_factors(competition, outcome, competition.discrepancy.whole(best.fit)),
         "unclosed": _unclosed(competition, outcome),
     }
     return {name: float(np.clip(v, 0.0, 1.0)) for name, v in found.items()}
@@ -153,11 +153,14 @@ def _of_factors(
 ) -> dict[str, float]:
     """Return how far runs and parts of the state disagree on the causes, and how uncertain the least certain one is."""
     evidence, fit = competition.evidence, outcome.best.fit
+    # A parameter at the end of its tolerance takes up nothing: a cause may be what is beyond.
+    J = evidence.J[:, fit.inside]
     weight = np.empty(len(fit.z))
     for part, s, share in zip(evidence.parts, fit.scales, competition.fitter.weights, strict=True):
         weight[part] = share * (NU + 1.0) / (NU + np.square(fit.z[part] / s)) / s**2
     found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0}
-    for d in contributions.values():
+    for whole in contributions.values():
+        d = whole - J @ np.linalg.lstsq(J, whole, rcond=None)[0] if J.shape[1] else whole
         information, score = weight * d * d, -weight * d * fit.z
         runs = _summed(evidence.block, information, score)
         found["disagreeing"] = max(found["disagreeing"], runs.spread)

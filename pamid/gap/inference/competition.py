@@ -19,6 +19,9 @@ from .sensitivity import Template, templates
 from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
 
+ROUNDS = 3
+"""Most times that the search begins anew from a set that it came upon at its end."""
+
 
 @dataclass
 class Hypothesis:
@@ -198,13 +201,18 @@ class Competition:
                 continue
             self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
             best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
-        best = self._improved(best)
-        best = self._merged(best)
-        best = self._pruned(best)
-        if best.fit.spec:
-            best = max(best, self.hypothesis(self.fitter.refine(best.fit.spec, near=best.fit.x)), key=self._ranked)
-            self._done[best.names] = best
-        alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
+        for left in reversed(range(ROUNDS)):
+            best = self._pruned(self._merged(self._improved(best)))
+            if best.fit.spec:
+                best = max(best, self.hypothesis(self.fitter.refine(best.fit.spec, near=best.fit.x)), key=self._ranked)
+                self._done[best.names] = best
+            alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
+            # One in the place of a cause may turn out to be the better one.
+            least = self._ranked(best)[1]
+            better = max([best, *(h for h in self._done.values() if h.score > least)], key=self._ranked)
+            if better is best or not left:
+                break
+            best = better
         return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
 
     def _singles(self, about: Subsets) -> dict[str, Single]:

@@ -58,6 +58,10 @@ class Discrepancy:
         """Return what each effect of a fit adds to the residuals beyond what tolerances take up, in units of noise."""
         return {name: beyond for name, (_, beyond) in self._parts_of(fit).items()}
 
+    def whole(self, fit: Fit) -> dict[str, np.ndarray]:
+        """Return what each effect of a fit adds to the residuals, in units of noise."""
+        return {name: added for name, (added, _) in self._parts_of(fit).items()}
+
     def _parts_of(self, fit: Fit) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
         key, J = f"{fit.spec!r} {fit.x.tobytes()!r}", self.evidence.J
