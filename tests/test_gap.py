@@ -16,8 +16,9 @@ from pamid.equations import evaluate_log
 from pamid.errors import ExcitationError, MissingColumnError, UnknownOptionError
 from pamid.gap import diagnose, state_table
 from pamid.gap.diagnosis.localise import regions
-from pamid.gap.inference.competition import Competition, degenerate
+from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.hypotheses import degenerate
 from pamid.gap.inference.occam import occam
 from pamid.gap.inference.sensitivity import templates
 from pamid.gap.inference.significance import library_test

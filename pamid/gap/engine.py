@@ -102,6 +102,12 @@ def explain(
 ) -> Diagnosis:
     """Decide on evidence and write down what it says.
 
+    Parameters that have a tolerance are fitted together with effects, under one likelihood in which the forms of
+    effects may be inexact. The library is linearised once, and every set of effects scored from products of its
+    columns. The best few sets are refitted exactly, and compete by their evidence. That decides between them, no gap,
+    and something that the library does not hold. The answer is checked where it could be wrong: on runs held out of the
+    fit, over runs and regions, and in what is left.
+
     Parameters
     ----------
     evidence : ResidualSource
@@ -123,7 +129,8 @@ def explain(
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         competition = Competition(searched or evidence, library, say)
-        outcome = competition.run()
+        contenders = competition.screen()
+        outcome = competition.refit(contenders)
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

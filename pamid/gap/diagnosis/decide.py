@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..inference.competition import Competition, Hypothesis, Outcome
+from ..inference.competition import Competition
+from ..inference.hypotheses import Hypothesis, Outcome
 from ..inference.significance import Excess, excess, library_test, outliers
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM
 from .closure import shapley

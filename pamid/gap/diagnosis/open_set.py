@@ -22,7 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inference.competition import Competition, Outcome
+from ..inference.competition import Competition
+from ..inference.hypotheses import Outcome
 from ..settings import SIGNS, TRUSTED
 from .signs import signs_of
 

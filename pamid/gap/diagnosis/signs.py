@@ -25,8 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..inference.competition import Competition, Outcome
+from ..inference.competition import Competition
 from ..inference.flexible import Flexible
+from ..inference.hypotheses import Outcome
 from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +12,7 @@ from ..residuals.protocol import ResidualSource
 from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, KEPT, MOST_CAUSES, OF_ITS_OWN, ONE_MORE, TOLERANCE
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, joined, slots_of
+from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
 from .occam import occam
 from .sensitivity import Template, templates
 from .student_t import form_cost, scale, window_weights
@@ -21,81 +20,6 @@ from .subsets import Subset, Subsets
 
 ROUNDS = 3
 """Most times that the search begins anew from a set that it came upon at its end."""
-
-
-@dataclass
-class Hypothesis:
-    """A set of effects, refitted, with its evidence.
-
-    Parameters
-    ----------
-    fit : Fit
-        Tolerances and effects refitted.
-    score : float
-        Logarithm of its evidence: the likelihood with model discrepancy, less the price of its parameters.
-    plain : float
-        The likelihood with the forms as they are.
-    left : array, shape (n_equations,)
-        Scale of what is left, in units of noise and discrepancy; may be less than 1.
-    z : array, shape (n_windows,)
-        What is left, in the same units.
-    weights : array, shape (n_windows,)
-        What each window counts for at the fit.
-    own : list of float or None
-        How large each of several effects is beside what the others leave open; None before it is asked for.
-    """
-
-    fit: Fit
-    score: float
-    plain: float
-    left: np.ndarray
-    z: np.ndarray
-    weights: np.ndarray
-    own: list[float] | None = None
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Its effects."""
-        return frozenset(self.fit.spec)
-
-
-class Single(NamedTuple):
-    """An effect by itself, to first order.
-
-    Parameters
-    ----------
-    gain : float
-        Gain in log-likelihood less the effect's price.
-    closed : float
-        Share of the excess over the noise, of all equations together, that it closes.
-    """
-
-    gain: float
-    closed: float
-
-
-@dataclass
-class Outcome:
-    """What the competition came to.
-
-    Parameters
-    ----------
-    base, best : Hypothesis
-        No effect, and the set with the highest score.
-    singles : dict of str to Single
-        What each effect explains by itself.
-    alternatives : dict of str to list of Hypothesis
-        For each effect of the best set the same set with another effect in its place, itself among them, the highest
-        score first.
-    refitted : list of Hypothesis
-        All sets that were refitted, the highest score first.
-    """
-
-    base: Hypothesis
-    best: Hypothesis
-    singles: dict[str, Single]
-    alternatives: dict[str, list[Hypothesis]] = field(default_factory=dict)
-    refitted: list[Hypothesis] = field(default_factory=list)
 
 
 class Competition:
@@ -187,20 +111,28 @@ class Competition:
     # --- search -------------------------------------------------------------------------------------------------
     def run(self) -> Outcome:
         """Let sets of effects compete, from the linearised library to exact refits about the best."""
+        return self.refit(self.screen())
+
+    def screen(self) -> Screen:
+        """Score every set of effects to first order, and return those that are worth an exact refit."""
         if not self.templates:
-            return Outcome(self.base, self.base, {})
+            return Screen(None, {}, [])
         about = self._about(self.base)
-        singles = self._singles(about)
-        nothing, best = about.fit(()).score, self.base
-        for subset in _contenders(about.grow(MOST_CAUSES), nothing):
+        found = contenders(about.grow(MOST_CAUSES), about.fit(()).score)
+        return Screen(about, self._singles(about), found)
+
+    def refit(self, screen: Screen) -> Outcome:
+        """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes."""
+        best, about = self.base, screen.about
+        if about is None:
+            return Outcome(self.base, self.base, {})
+        nothing = about.fit(()).score
+        for subset in screen.contenders:
             # What one effect explains exactly may need several to first order.
-            if (
-                subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
-                < self._ranked(best)[1] - self.base.score
-            ):
-                continue
-            self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
-            best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
+            first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
+            if first_order >= self._ranked(best)[1] - self.base.score:
+                self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
+                best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
         for left in reversed(range(ROUNDS)):
             best = self._pruned(self._merged(self._improved(best)))
             if best.fit.spec:
@@ -213,7 +145,9 @@ class Competition:
             if better is best or not left:
                 break
             best = better
-        return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
+        return Outcome(
+            self.base, best, screen.singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score)
+        )
 
     def _singles(self, about: Subsets) -> dict[str, Single]:
         """Return what each effect explains by itself."""
@@ -421,41 +355,3 @@ def _excess(evidence: ResidualSource, z: np.ndarray) -> float:
     """Return by how much residuals exceed their noise, over all equations."""
     raw = np.square(evidence.raw(z))
     return sum(max(float(np.sum(raw[part])) - (part.stop - part.start), 0.0) for part in evidence.parts)
-
-
-def _contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
-    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect.
-
-    A set that a smaller one in it is as good as is none of them.
-    """
-    some = [s for s in found if s.templates]
-    if not some:
-        return []
-    best = some[0].score
-    chosen: list[Subset] = []
-    for s in some:
-        if s.score < best - CLOSE - CLOSE_SHARE * max(best - nothing, 0.0) or len(chosen) == KEPT:
-            break
-        if not any(set(c.templates) < set(s.templates) for c in chosen):
-            chosen.append(s)
-    single = [s for s in some if len(s.templates) == 1 and s not in chosen]
-    return sorted([*chosen, *single[:2]], key=lambda s: (len(s.templates), -s.score))
-
-
-def degenerate(fit: Fit, name: str) -> str | None:
-    """Return the parameter at whose bound an effect of a fit has turned into another one; None if it has not."""
-    if name not in fit.spec:
-        return None
-    values, parameters = fit.spec[name], all_effects()[name].parameters
-    for p in parameters:
-        if not p.essential:
-            continue
-        value = values[p.name]
-        if p.linear:
-            others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
-            if abs(value) < 0.1 * others:
-                return p.name
-        # A lower bound far below what is typical stands for zero, the ideal form of the same effect.
-        elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
-            return p.name
-    return None

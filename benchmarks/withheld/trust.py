@@ -1,0 +1,128 @@
+r"""Fit what names are trusted by: weights of the signs of a cause beyond the library, and the bar they must pass.
+
+Causes of the development cases are named however little is to be trusted in them. A logistic regression, whose weights
+may only speak against a name, says how likely an answer is to be right from its signs; every probability that the bar
+is set by comes from a fit without the cases of the same effects. The bar is the lowest at which, and above which,
+
+.. math:: (\text{wrong answers that pass} + 1) / (\text{answers that pass}) \le \alpha
+
+as conformal selection has it: of the names said on new cases of the same kind at most α are expected to be wrong.
+
+References
+----------
+Y. Jin, E. J. Candès, "Selection by prediction with conformal p-values", Journal of Machine Learning Research 24, 2023.
+
+A. N. Angelopoulos et al., "Conformal risk control", ICLR 2024. https://doi.org/10.48550/arXiv.2208.02814
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+ALPHA = 0.05
+"""Share of wrong answers among those named."""
+RIDGE = 0.5
+"""Precision of the weights' prior about 0."""
+COVERED = (0.25, 0.5, 0.75, 0.9, 1.0)
+
+
+def right(result: Mapping[str, Any]) -> bool:
+    """Tell whether every cause that a case was given holds a true effect of the library."""
+    if result["key"]["suite"] == "off-library":
+        return False
+    true = set(result["key"]["effects"])
+    causes = [set(c["effects"]) for c in result["diagnosis"]["causes"]]
+    return bool(causes) and all(names & true for names in causes)
+
+
+def told(results: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the cases in which something was named."""
+    return [r for r in results if r.get("diagnosis", {}).get("causes")]
+
+
+def design(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
+    """Return the signs of cases, one row each, a one before them."""
+    return np.array([[1.0, *(r["diagnosis"]["signs"][n] for n in names)] for r in results])
+
+
+def fitted(S: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the weights of a logistic regression of which none but the constant is above zero."""
+
+    def cost(w: np.ndarray) -> tuple[float, np.ndarray]:
+        score = S @ w
+        slope = 1.0 / (1.0 + np.exp(-score)) - y
+        prior = RIDGE * np.concatenate([[0.0], w[1:]])
+        value = float(np.sum(np.logaddexp(0.0, score) - y * score)) + 0.5 * float(prior @ w)
+        return value, S.T @ slope + prior
+
+    bounds = [(None, None), *[(None, 0.0)] * (S.shape[1] - 1)]
+    return np.asarray(minimize(cost, np.zeros(S.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x)
+
+
+def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], folds: int = 10) -> np.ndarray:
+    """Return the probability of each case by a fit without those of its fold; cases of one effect are one group."""
+    names = {name: k % folds for k, name in enumerate(sorted(set(groups)))}
+    fold = np.array([names[g] for g in groups])
+    out = np.empty(len(y))
+    for k in range(folds):
+        out[fold == k] = 1.0 / (1.0 + np.exp(-S[fold == k] @ fitted(S[fold != k], y[fold != k])))
+    return out
+
+
+def bar(p: np.ndarray, y: np.ndarray, alpha: float = ALPHA) -> float:
+    """Return the lowest probability from which on the bound holds; 1 where it never does."""
+    order = np.argsort(-p, kind="stable")
+    passing, wrong = np.arange(1, len(p) + 1), np.cumsum(~y[order])
+    holds = (wrong + 1.0) / passing <= alpha
+    return float(p[order][np.flatnonzero(holds)[-1]]) if holds.any() else 1.0
+
+
+def report(results: Sequence[Mapping[str, Any]]) -> str:
+    """Return the weights, the bar and what each share of answered cases risks, as text."""
+    cases = told(results)
+    names = sorted(cases[0]["diagnosis"]["signs"])
+    S, y = design(cases, names), np.array([right(r) for r in cases])
+    groups = ["+".join(sorted(r["key"]["effects"])) for r in cases]
+    p = held_out(S, y, groups)
+    w = fitted(S, y)
+    order = np.argsort(-p, kind="stable")
+    lines = [f"{len(cases)} cases in which something was named, {int(y.sum())} of them right.", "", "SIGNS = {"]
+    lines += [f'    "{n}": {v:.2f},' for n, v in zip(["constant", *names], w, strict=True)]
+    lines += ["}", f"TRUSTED = {bar(p, y):.2f}", "", "answered  wrong  (held out)"]
+    for share in COVERED:
+        n = max(1, round(share * len(cases)))
+        lines.append(f"{share:8.0%}  {np.mean(~y[order[:n]]):5.1%}")
+    named = p >= bar(p, y)
+    wrong = np.mean(~y[named]) if named.any() else 0.0
+    library = np.array([r["key"]["suite"] != "off-library" for r in cases])
+    lines.append(f"at the bar: {named.mean():.1%} answered, {wrong:.1%} of them wrong;")
+    lines.append(f"{np.mean(~named[library]):.1%} of causes in the library are not named,")
+    lines.append(f"{np.mean(named[~library]):.1%} of causes beyond it are")
+    return "\n".join(lines)
+
+
+def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw the risk–coverage curve of cases that were diagnosed as they stand."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    cases = [r for r in results if r.get("diagnosis", {}).get("signs")]
+    p = np.array(
+        [1.0 - next(c["confidence"] for c in r["diagnosis"]["candidates"] if c["effect"] == "unknown") for r in cases]
+    )
+    y = np.array([right(r) for r in cases])
+    order = np.argsort(-p, kind="stable")
+    covered, wrong = np.arange(1, len(p) + 1) / len(p), np.cumsum(~y[order]) / np.arange(1, len(p) + 1)
+    figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    axes.plot(100 * covered, 100 * wrong)
+    axes.axhline(100 * ALPHA, color="0.6", linestyle="--")
+    axes.set(xlabel="gaps with an effect of the library in their best account, %", ylabel="wrong among those named, %")
+    figure.savefig(path)
+    plt.close(figure)

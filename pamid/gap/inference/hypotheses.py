@@ -1,0 +1,145 @@
+"""What competes: sets of effects with their evidence, from the screen of the library to the outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ...effects import all_effects
+from ..settings import CLOSE, CLOSE_SHARE, KEPT
+from .gauss_newton import Fit
+from .subsets import Subset, Subsets
+
+
+@dataclass
+class Hypothesis:
+    """A set of effects, refitted, with its evidence.
+
+    Parameters
+    ----------
+    fit : Fit
+        Tolerances and effects refitted.
+    score : float
+        Logarithm of its evidence: the likelihood with model discrepancy, less the price of its parameters.
+    plain : float
+        The likelihood with the forms as they are.
+    left : array, shape (n_equations,)
+        Scale of what is left, in units of noise and discrepancy; may be less than 1.
+    z : array, shape (n_windows,)
+        What is left, in the same units.
+    weights : array, shape (n_windows,)
+        What each window counts for at the fit.
+    own : list of float or None
+        How large each of several effects is beside what the others leave open; None before it is asked for.
+    """
+
+    fit: Fit
+    score: float
+    plain: float
+    left: np.ndarray
+    z: np.ndarray
+    weights: np.ndarray
+    own: list[float] | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(self.fit.spec)
+
+
+class Single(NamedTuple):
+    """An effect by itself, to first order.
+
+    Parameters
+    ----------
+    gain : float
+        Gain in log-likelihood less the effect's price.
+    closed : float
+        Share of the excess over the noise, of all equations together, that it closes.
+    """
+
+    gain: float
+    closed: float
+
+
+@dataclass
+class Outcome:
+    """What the competition came to.
+
+    Parameters
+    ----------
+    base, best : Hypothesis
+        No effect, and the set with the highest score.
+    singles : dict of str to Single
+        What each effect explains by itself.
+    alternatives : dict of str to list of Hypothesis
+        For each effect of the best set the same set with another effect in its place, itself among them, the highest
+        score first.
+    refitted : list of Hypothesis
+        All sets that were refitted, the highest score first.
+    """
+
+    base: Hypothesis
+    best: Hypothesis
+    singles: dict[str, Single]
+    alternatives: dict[str, list[Hypothesis]] = field(default_factory=dict)
+    refitted: list[Hypothesis] = field(default_factory=list)
+
+
+class Screen(NamedTuple):
+    """The library to first order.
+
+    Parameters
+    ----------
+    about : Subsets or None
+        Its sets about no effect; None where nothing of it changes the residuals.
+    singles : dict of str to Single
+        What each effect explains by itself.
+    contenders : list of Subset
+        The sets that are worth an exact refit, small ones first.
+    """
+
+    about: Subsets | None
+    singles: dict[str, Single]
+    contenders: list[Subset]
+
+
+def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
+    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect.
+
+    A set that a smaller one in it is as good as is none of them.
+    """
+    some = [s for s in found if s.templates]
+    if not some:
+        return []
+    best = some[0].score
+    chosen: list[Subset] = []
+    for s in some:
+        if s.score < best - CLOSE - CLOSE_SHARE * max(best - nothing, 0.0) or len(chosen) == KEPT:
+            break
+        if not any(set(c.templates) < set(s.templates) for c in chosen):
+            chosen.append(s)
+    single = [s for s in some if len(s.templates) == 1 and s not in chosen]
+    return sorted([*chosen, *single[:2]], key=lambda s: (len(s.templates), -s.score))
+
+
+def degenerate(fit: Fit, name: str) -> str | None:
+    """Return the parameter at whose bound an effect of a fit has turned into another one; None if it has not."""
+    if name not in fit.spec:
+        return None
+    values, parameters = fit.spec[name], all_effects()[name].parameters
+    for p in parameters:
+        if not p.essential:
+            continue
+        value = values[p.name]
+        if p.linear:
+            others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
+            if abs(value) < 0.1 * others:
+                return p.name
+        # A lower bound far below what is typical stands for zero, the ideal form of the same effect.
+        elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
+            return p.name
+    return None
