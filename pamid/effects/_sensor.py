@@ -45,32 +45,41 @@ class Gain(Effect):
 
 
 class Lag(Effect):
-    """A reading that follows with a first-order lag: parameter ``time_constant``."""
+    """A reading that follows with a lag, of second order with a second one: ``time_constant``, ``second``."""
 
     time_constant: float
-    n_states = 1
+    second: float
+    n_states = 2
     sampled = True
+
+    def _lags(self) -> tuple[float, float]:
+        first = self.time_constant / (1.0 + self.second)
+        return first, self.second * first
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return a settled sensor."""
-        return np.array(getattr(s, ROLE[self.channel]), dtype=float)[None]
+        value = np.array(getattr(s, ROLE[self.channel]), dtype=float)
+        return np.stack([value, value])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Follow the value."""
-        role = ROLE[self.channel]
-        return relax(x, getattr(s0, role), getattr(s1, role), dt, self.time_constant)
+        role, (first, second) = ROLE[self.channel], self._lags()
+        middle = relax(x[0], getattr(s0, role), getattr(s1, role), dt, first)
+        return np.stack([middle, relax(x[1], x[0], middle, dt, second) if second > 0.0 else middle])
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the lagging reading."""
-        return x[0]
+        return x[1]
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return reading + τ · its rate; noise of the reading is amplified by about τ/dt."""
-        out = np.array(reading, dtype=float)
+        """Return reading + (τ₁ + τ₂) · its rate + τ₁ τ₂ · its bend; noise is amplified by about τ/dt."""
+        out, (first, second) = np.array(reading, dtype=float), self._lags()
         ends = [*list(starts)[1:], len(out)]
         for a, b in zip(starts, ends, strict=True):
             if b - a > 1:
-                out[a:b] += self.time_constant * np.gradient(out[a:b], dt, axis=0)
+                rate = np.gradient(out[a:b], dt, axis=0)
+                bend = first * second * np.gradient(rate, dt, axis=0) if second > 0.0 else 0.0
+                out[a:b] += (first + second) * rate + bend
         return out
 
 

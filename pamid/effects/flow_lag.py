@@ -9,12 +9,15 @@ from .base import Parameter
 class FlowLag(Lag):
     r"""A flow meter that lags.
 
-    .. math:: \tau\,\frac{\mathrm{d}\dot m'}{\mathrm{d}t} = \dot m - \dot m'
+    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = \dot m - x, \qquad
+        \tau_2\,\frac{\mathrm{d}\dot m'}{\mathrm{d}t} = x - \dot m', \qquad
+        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
 
     Parameters
     ----------
     **values : float
-        ``time_constant`` time constant of the meter (s).
+        ``time_constant`` τ, time constant of the meter (s); ``second`` s, its second lag as a share of the first
+        (dimensionless): 0 for a lag of first order.
 
     References
     ----------
@@ -24,7 +27,7 @@ class FlowLag(Lag):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("flow_lag", time_constant=0.01)
-    flow_lag(time_constant=0.01 s)
+    flow_lag(time_constant=0.01 s, second=0)
     """
 
     name = "flow_lag"
@@ -34,5 +37,9 @@ class FlowLag(Lag):
     site = "muscle"
     roles = ("flow",)
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the meter"),)
+    parameters = (
+        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the meter"),
+        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+    )
     time_constant: float
+    second: float

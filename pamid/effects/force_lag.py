@@ -9,12 +9,15 @@ from .base import Parameter
 class ForceLag(Lag):
     r"""A load cell behind a slow amplifier.
 
-    .. math:: \tau\,\dot F' = F - F'
+    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = F - x, \qquad
+        \tau_2\,\frac{\mathrm{d}F'}{\mathrm{d}t} = x - F', \qquad
+        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
 
     Parameters
     ----------
     **values : float
-        ``time_constant`` time constant of the amplifier (s).
+        ``time_constant`` τ, time constant of the amplifier (s); ``second`` s, its second lag as a share of the first
+        (dimensionless): 0 for a lag of first order.
 
     References
     ----------
@@ -24,7 +27,7 @@ class ForceLag(Lag):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("force_lag", time_constant=0.01)
-    force_lag(time_constant=0.01 s)
+    force_lag(time_constant=0.01 s, second=0)
     """
 
     name = "force_lag"
@@ -34,5 +37,9 @@ class ForceLag(Lag):
     site = "muscle"
     roles = ("force",)
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the amplifier"),)
+    parameters = (
+        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the amplifier"),
+        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+    )
     time_constant: float
+    second: float

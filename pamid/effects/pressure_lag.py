@@ -9,12 +9,15 @@ from .base import Parameter
 class PressureLag(Lag):
     r"""A pressure sensor that lags, for instance behind a tube.
 
-    .. math:: \tau\,\dot P' = P - P'
+    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = P - x, \qquad
+        \tau_2\,\frac{\mathrm{d}P'}{\mathrm{d}t} = x - P', \qquad
+        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
 
     Parameters
     ----------
     **values : float
-        ``time_constant`` time constant of sensor and tube (s).
+        ``time_constant`` τ, time constant of sensor and tube (s); ``second`` s, its second lag as a share of the first
+        (dimensionless): 0 for a lag of first order.
 
     References
     ----------
@@ -24,7 +27,7 @@ class PressureLag(Lag):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("pressure_lag", time_constant=0.01)
-    pressure_lag(time_constant=0.01 s)
+    pressure_lag(time_constant=0.01 s, second=0)
     """
 
     name = "pressure_lag"
@@ -34,5 +37,9 @@ class PressureLag(Lag):
     site = "muscle"
     roles = ("pressure",)
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of sensor and tube"),)
+    parameters = (
+        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of sensor and tube"),
+        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+    )
     time_constant: float
+    second: float

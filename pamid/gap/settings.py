@@ -47,8 +47,6 @@ ONE_MORE = 10.0
 many to choose from."""
 CLASS, CLASS_SHARE = 2.0, 0.004
 """Difference in score that the form of a candidate is worth: nats, and share of the gain."""
-NONE_SURE = 0.96
-"""Confidence in no gap where there is no sign of one; half where evidence is only just missing."""
 SIGNS = {"constant": 2.5, "left": -3.8, "cancelling": -4.2, "faint": -1.5}
 """Weights of the signs of a cause beyond the library, by logistic regression on the development cases."""
 TRUSTED = 0.5
@@ -57,12 +55,14 @@ FAR, FEW = 8.0, 4
 """Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
 
 # --- what follows -----------------------------------------------------------------------------------------------
-TOLERANCE = 3.0
+TOLERANCE = 12.0 / (1.0 + 1.0) ** 2
 """Precision of a parameter within its tolerance: that of a uniform distribution from −1 to 1."""
 FORM_EXACT = FORM_LOCAL / 5.0
 """The inexactness of faults of sensors and wrong parameters, whose forms are known."""
 FORM_TIMES = 0.0, 1.0, FORM_ROUGH
 """How many times the inexactness of forms a log may speak for: not at all, as usual, a rough form."""
+NONE_SURE = 1.0 - FALSE_ALARM
+"""Confidence in no gap where there is no sign of one; half where evidence is only just missing."""
 LEAST_GAIN = -log(2.0 * FALSE_ALARM)
 """Gain in log-likelihood that a first effect must bring at least: that of a false alarm, there being two tests."""
 EXCESS = 2.0 * NOISE_KNOWN

@@ -1,0 +1,120 @@
+r"""A learned remainder: what named causes leave, predicted by a function of the signals of no particular form.
+
+.. math:: r(s) = w_0 + \sum_j w_j \cos(\omega_j^\top s + b_j)
+
+over the signals s and how far each is from its exponentially weighted past, with weights by ridge regression. How much
+of what is left it predicts is measured on trajectories that it has not seen; where that is nothing, it is nothing.
+
+References
+----------
+A. Rahimi, B. Recht, "Random features for large-scale kernel machines", Advances in Neural Information Processing
+Systems 20, 2007.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..signals.recursion import recursive
+
+AGES = 0.05, 0.3, 1.5
+"""Ages of the past, s."""
+_COSINES = 120
+_RIDGES = 10.0 ** np.arange(-2.0, 5.0)
+_ROWS = 20_000  # rows that weights are fitted to
+_FOLDS = 5
+
+Model = dict[str, np.ndarray]
+"""A fitted remainder, arrays by name."""
+
+
+def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray, dt: float, seed: int) -> Model:
+    """Fit a remainder.
+
+    Parameters
+    ----------
+    signals : dict of str to array, shape (n,)
+        The signals, by role.
+    left : array, shape (n,)
+        What is left.
+    codes : array of int, shape (n,)
+        Trajectory of each row; the rows of one stand together, in order.
+    dt : float
+        Sampling interval, s.
+    seed : int
+        Seed of the frequencies.
+
+    Returns
+    -------
+    dict of str to array
+        The model; ``share`` is the share of the mean square of what is left that it predicts on unseen trajectories.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.learned import learn, predict
+    >>> t, codes = np.tile(np.arange(0, 4, 0.01), 4), np.repeat(np.arange(4), 400)
+    >>> signals = {"position": np.sin(t * (1 + codes))}
+    >>> model = learn(signals, signals["position"] ** 3, codes, dt=0.01, seed=0)
+    >>> bool(model["share"] > 0.95)
+    True
+    """
+    S = _past_and_present(signals, codes, dt)
+    middle, size = np.median(S, axis=0), np.maximum(np.quantile(S, 0.95, axis=0) - np.quantile(S, 0.05, axis=0), 1e-12)
+    rng = np.random.RandomState(seed)
+    omega = rng.standard_normal((S.shape[1], _COSINES)) * np.where(np.arange(_COSINES) % 2, 1.0, 3.0)
+    reads = np.argsort(rng.random_sample(omega.shape), axis=0) < min(3, S.shape[1])
+    model: Model = {"middle": middle, "size": size, "omega": omega * reads}
+    model["phase"] = rng.uniform(0.0, 2.0 * np.pi, _COSINES)
+    rows = np.arange(len(left))[:: max(1, len(left) // _ROWS)]
+    B, r = _basis(model, S[rows]), left[rows]
+    names, fold = np.unique(codes[rows], return_inverse=True)
+    # One trajectory tells nothing of others: its parts stand for them.
+    fold = fold % _FOLDS if len(names) > 2 else (2 * _FOLDS * np.arange(len(rows)) // len(rows)) % _FOLDS
+    used = np.unique(fold)
+    H = np.array([B[fold == k].T @ B[fold == k] for k in used])
+    g = np.array([B[fold == k].T @ r[fold == k] for k in used])
+    least, ridge = float(np.sum(r * r)), np.inf
+    for trial in _RIDGES:
+        predicted = np.empty(len(r))
+        for k, name in enumerate(used):
+            predicted[fold == name] = B[fold == name] @ _solved(H.sum(axis=0) - H[k], g.sum(axis=0) - g[k], trial)
+        error = float(np.sum(np.square(r - predicted)))
+        if error < least:
+            least, ridge = error, float(trial)
+    power = float(np.sum(r * r))
+    model["share"] = np.array(1.0 - least / power if power > 0 else 0.0)
+    model["weights"] = _solved(H.sum(axis=0), g.sum(axis=0), ridge) if np.isfinite(ridge) else np.zeros(B.shape[1])
+    return model
+
+
+def predict(model: Model, signals: Mapping[str, np.ndarray], codes: np.ndarray, dt: float) -> np.ndarray:
+    """Return the remainder that a model predicts; the arguments are those of `learn`."""
+    return np.asarray(_basis(model, _past_and_present(signals, codes, dt)) @ model["weights"])
+
+
+def _solved(H: np.ndarray, g: np.ndarray, ridge: float) -> np.ndarray:
+    penalty = ridge * np.eye(len(g))
+    penalty[0, 0] = 1e-9  # the mean costs nothing
+    return np.asarray(np.linalg.solve(H + penalty, g))
+
+
+def _basis(model: Model, S: np.ndarray) -> np.ndarray:
+    # Beyond what was seen the function holds its value.
+    x = np.clip((S - model["middle"]) / model["size"], -1.0, 1.0)
+    return np.column_stack([np.ones(len(x)), x, np.cos(x @ model["omega"] + model["phase"])])
+
+
+def _past_and_present(signals: Mapping[str, np.ndarray], codes: np.ndarray, dt: float) -> np.ndarray:
+    starts = np.flatnonzero(np.diff(codes, prepend=codes[0] - 1))
+    found = []
+    for x in signals.values():
+        found.append(x)
+        for age in AGES:
+            keep = float(np.exp(-dt / age))
+            drive = (1.0 - keep) * x
+            drive[starts] = x[starts]
+            found.append(x - recursive(drive, [keep], starts))
+    return np.column_stack(found)
