@@ -24,6 +24,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from .oracle import decidable
+
 ALPHA = 0.05
 """Share of wrong answers among those named."""
 RIDGE = 0.5
@@ -41,8 +43,9 @@ def right(result: Mapping[str, Any]) -> bool:
 
 
 def told(results: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the cases in which something was named."""
-    return [r for r in results if r.get("diagnosis", {}).get("causes")]
+    """Return the cases in which something was named and that can be decided."""
+    known = decidable(results)
+    return [r for r in results if r.get("diagnosis", {}).get("causes") and r["name"] in known]
 
 
 def design(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
@@ -91,7 +94,11 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
     p = held_out(S, y, groups)
     w = fitted(S, y)
     order = np.argsort(-p, kind="stable")
-    lines = [f"{len(cases)} cases in which something was named, {int(y.sum())} of them right.", "", "SIGNS = {"]
+    lines = [
+        f"{len(cases)} decidable cases in which something was named, {int(y.sum())} of them right.",
+        "",
+        "SIGNS = {",
+    ]
     lines += [f'    "{n}": {v:.2f},' for n, v in zip(["constant", *names], w, strict=True)]
     lines += ["}", f"TRUSTED = {bar(p, y):.2f}", "", "answered  wrong  (held out)"]
     for share in COVERED:

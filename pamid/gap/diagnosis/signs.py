@@ -117,6 +117,8 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         ``disagreeing``, ``uneven``: spread of the factors over runs, and over halves of the state, of the cause for
         which it is largest.
         ``uncertain``: half of the 90 % interval of the least certain factor.
+        ``rivalled``: gain of the best set that lacks one of the causes, as a share of that of all.
+        ``many``: number of causes beyond the first; four count as all.
         ``unclosed``: one less the lower end of the 90 % interval of what is closed on unseen runs, where that is least.
     """
     evidence, best, base = competition.evidence, outcome.best, outcome.base
@@ -145,6 +147,8 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         "coloured": coloured,
         **_of_factors(competition, outcome, competition.discrepancy.whole(best.fit)),
         "unclosed": _unclosed(competition, outcome),
+        "rivalled": _rivalled(outcome),
+        "many": (len(best.fit.spec) - 1) / 3.0,
     }
     return {name: float(np.clip(v, 0.0, 1.0)) for name, v in found.items()}
 
@@ -195,6 +199,13 @@ def _colour(competition: Competition, z: np.ndarray, part: slice) -> float:
         if same.any():
             total += float(np.mean((x[lag:] * x[:-lag])[same]) / power) ** 2 - 1.0 / float(same.sum())
     return float(np.sqrt(max(total, 0.0) / LAGS))
+
+
+def _rivalled(outcome: Outcome) -> float:
+    """Return what the best set that lacks one of the causes gains, as a share of what all gain."""
+    best, base = outcome.best, outcome.base.score
+    gain = max((h.score - base for h in outcome.refitted if not best.names <= h.names), default=0.0)
+    return gain / max(best.score - base, 1.0)
 
 
 def _unclosed(competition: Competition, outcome: Outcome) -> float:
