@@ -85,15 +85,33 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
     if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
-        verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
-        verdict.trust = trust(competition, outcome, verdict.part_of)
+        verdict.outcome, verdict.part_of, verdict.trust = _trusted(competition, outcome)
+        best = verdict.outcome.best
         for name in best.fit.spec:
-            verdict.weights[name] = _weights(outcome.alternatives[name], best, name, gain)
+            verdict.weights[name] = _weights(verdict.outcome.alternatives[name], best, name, gain)
             verdict.classes[name] = _class(verdict.weights[name], name)
         verdict.kind = _kind(verdict, list(best.fit.spec))
     elif beyond < FALSE_ALARM:
         verdict.kind = "unknown"
     return verdict
+
+
+def _trusted(competition: Competition, outcome: Outcome) -> tuple[Outcome, dict[str, float], Trust]:
+    """Return the best set of effects, what part each has, and the trust in it.
+
+    Where that is not to be named, the faintest of several causes is left to the remainder as long as the others are
+    then trusted more: what it explains may be an error of their form.
+    """
+    part_of = shapley(competition.fitter, outcome.base.fit, outcome.best.fit)
+    found = trust(competition, outcome, part_of)
+    while not found.named and len(part_of) > 1 and competition.evidence.exact:
+        less = competition.without(outcome, min(part_of, key=lambda name: part_of[name]))
+        parts = shapley(competition.fitter, less.base.fit, less.best.fit)
+        other = trust(competition, less, parts)
+        if other.probability <= found.probability:
+            break
+        outcome, part_of, found = less, parts, other
+    return outcome, part_of, found
 
 
 def _kind(verdict: Verdict, names: Sequence[str]) -> str:
