@@ -145,9 +145,17 @@ class Competition:
             if better is best or not left:
                 break
             best = better
-        return Outcome(
-            self.base, best, screen.singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score)
-        )
+        return self._outcome(best, screen.singles, alternatives)
+
+    def without(self, outcome: Outcome, name: str) -> Outcome:
+        """Return what the competition would have come to without an effect of its best set."""
+        best = self._refined({k: v for k, v in outcome.best.fit.spec.items() if k != name}, outcome.best)
+        return self._outcome(best, outcome.singles, {n: self._alternatives(best, n) for n in best.fit.spec})
+
+    def _outcome(
+        self, best: Hypothesis, singles: dict[str, Single], alternatives: dict[str, list[Hypothesis]]
+    ) -> Outcome:
+        return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
 
     def _singles(self, about: Subsets) -> dict[str, Single]:
         """Return what each effect explains by itself."""
