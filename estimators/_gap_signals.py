@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from pamid.errors import MissingColumnError, ShapeError
+from pamid.errors import MissingColumnError, ShapeError, UnknownOptionError
+from pamid.signals.roles import ROLES
 
 from ._trajectories import has_trajectory_column
+
+NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command", "flow", "force")
+EQUATIONS = ("force", "torque", "flow")
 
 
 def read_by(nominal: Any, X: Any) -> Any:
@@ -61,3 +65,41 @@ def run_names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
 def values_of(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
     """Return the causes, each by its first effect, with the values of their parameters."""
     return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}
+
+
+def sampling_interval(signals: dict[str, np.ndarray], codes: np.ndarray, otherwise: float) -> float:
+    """Return the sampling interval that the times of signals tell, s; another where they do not."""
+    steps = np.diff(signals["time"])[np.diff(codes) == 0] if "time" in signals else np.zeros(0)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else float(otherwise)
+
+
+def located(estimator: Any, n_columns: int) -> dict[str, int]:
+    """Return the column of each role, as an estimator's ``signals`` or the names of the columns tell."""
+    names = [str(n) for n in getattr(estimator, "feature_names_in_", ())]
+    given = dict(estimator.signals or {})
+    if unknown := sorted(set(given) - set(NAMES)):
+        raise UnknownOptionError(
+            f"signals maps {', '.join(unknown)}.", f"roles: {', '.join(NAMES)}", "Name the role of each column."
+        )
+    found: dict[str, int] = {}
+    for k, name in enumerate(names):
+        role = ROLES.get(name, name if name in NAMES else "")
+        if role and role not in found and not given:
+            found[role] = k
+    for role, column in given.items():
+        at = names.index(column) if isinstance(column, str) and column in names else column
+        if isinstance(at, str) or not 0 <= int(at) < n_columns:
+            raise MissingColumnError(
+                f"X has no column {column!r} for {role}; it has {', '.join(names) or f'{n_columns} columns'}.",
+                "a name or position of a column",
+                "Correct signals=.",
+            )
+        found[role] = int(at)
+    if not set(found) - {"time"}:
+        raise MissingColumnError(
+            f"No column of X has a role; it has {', '.join(names) or f'{n_columns} without names'}.",
+            "position, velocity, pressure, ...",
+            "Map them, for instance signals={'position': 'stroke', 'velocity': 'speed', 'time': 't'}.",
+        )
+    return found

@@ -10,17 +10,15 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, MissingColumnError, TimeOrderError, UnknownOptionError
-from pamid.signals.roles import ROLES
+from pamid.errors import ExcitationError, TimeOrderError, UnknownOptionError
+from pamid.gap.learned import learn
+from pamid.gap.learned import predict as remaining
 
 from ._base import SignalEstimator, Signals
-from ._gap_signals import read_by, run_names, spoken, values_of
+from ._gap_signals import EQUATIONS, located, read_by, run_names, sampling_interval, spoken, values_of
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
-
-NAMES = ("time", "position", "velocity", "pressure", "pressure_rate", "command", "flow", "force")
-EQUATIONS = ("force", "torque", "flow")
 
 
 class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstimator):
@@ -65,6 +63,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         so that friction adds to it. "auto" takes whichever explains clearly more.
     one_trajectory : bool, default=False
         Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+    learned_remainder : bool, default=False
+        Whether `predict` also adds what a function of the signals of no particular form says of what the causes leave,
+        see `pamid.gap.learned`; with the verdict ``"unknown"`` that is the whole gap. It explains nothing, and holds
+        for the states that were seen.
     random_state : int, RandomState or None, default=None
         Draws behind p-values and intervals.
 
@@ -90,6 +92,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         The units in which the log looks like that of a muscle.
     findings_, windows_ : dict
         What `diagnosis_` is made of.
+    remainder_ : dict of str to ndarray
+        The learned remainder; empty without one. Its ``share`` is the share of the mean square of what the causes leave
+        that it predicts on trajectories that it has not seen.
     position_scale_ : float
         The length or angle that counts as a strain of one.
     noise_floor_ : float
@@ -146,6 +151,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         units: Mapping[str, str] | None = None,
         sense: str | int = "auto",
         one_trajectory: bool = False,
+        learned_remainder: bool = False,
         random_state: Any = None,
     ) -> None:
         self.nominal = nominal
@@ -158,6 +164,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.units = units
         self.sense = sense
         self.one_trajectory = one_trajectory
+        self.learned_remainder = learned_remainder
         self.random_state = random_state
 
     def fit(self, X: Any, y: Any, groups: Any = None, where: Any = None) -> Self:
@@ -203,7 +210,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             )
         self.position_scale_ = self._strain(signals)
         library = self._library()
-        dt, more = self._interval(signals, codes), self._notes(signals, codes)
+        dt, more = sampling_interval(signals, codes, self.sampling_interval), self._notes(signals, codes)
         moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
         stuck = stuck_beside(y, moving, codes)
         if stuck.any():
@@ -238,6 +245,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
         self._write(outward(found, self.scaling_, self._units()), found)
+        self.remainder_ = {}
+        if self.learned_remainder:
+            left = np.where(without, 0.0, y - self._corrected(table, signals, codes))
+            self.remainder_ = learn(signals, left, codes, dt, seed=int(rng.randint(2**31 - 1)))
         self._remember(X, y, groups=groups)
         return self
 
@@ -342,20 +353,29 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Returns
         -------
         ndarray, shape (n_samples,)
-            Nominal model plus effects, in the unit of y.
+            Nominal model plus effects, and the learned remainder where that is wanted, in the unit of y.
         """
-        from pamid.gap.one_equation import evidence_in
-
         check_is_fitted(self)
         table, _ = self._read(X, reset=False)
         codes = self._codes(X, groups)
-        signals, nominal = self._table(table, codes), self._nominal(table)
+        signals = self._table(table, codes)
+        predicted = self._corrected(table, signals, codes)
+        if self.remainder_:
+            dt = sampling_interval(signals, codes, self.sampling_interval)
+            predicted = predicted + remaining(self.remainder_, signals, codes, dt)
+        return predicted
+
+    def _corrected(self, table: Any, signals: dict[str, np.ndarray], codes: np.ndarray) -> np.ndarray:
+        """Return the nominal model with the causes added."""
+        from pamid.gap.one_equation import evidence_in
+
+        nominal = self._nominal(table)
         modelled = nominal(signals)
         if not self.effects_:
             return modelled
-        dt = self._interval(signals, codes)
+        dt = sampling_interval(signals, codes, self.sampling_interval)
         evidence = evidence_in(self.scaling_, signals, modelled, nominal, codes, dt, self.equation, self.plant)
-        return modelled + self.scaling_.target * evidence.added(self._inward_)
+        return np.asarray(modelled + self.scaling_.target * evidence.added(self._inward_))
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -375,33 +395,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return codes
 
     def _locate(self, n_columns: int) -> dict[str, int]:
-        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
-        given = dict(self.signals or {})
-        if unknown := sorted(set(given) - set(NAMES)):
-            raise UnknownOptionError(
-                f"signals maps {', '.join(unknown)}.", f"roles: {', '.join(NAMES)}", "Name the role of each column."
-            )
-        found: dict[str, int] = {}
-        for k, name in enumerate(names):
-            role = ROLES.get(name, name if name in NAMES else "")
-            if role and role not in found and not given:
-                found[role] = k
-        for role, column in given.items():
-            at = names.index(column) if isinstance(column, str) and column in names else column
-            if isinstance(at, str) or not 0 <= int(at) < n_columns:
-                raise MissingColumnError(
-                    f"X has no column {column!r} for {role}; it has {', '.join(names) or f'{n_columns} columns'}.",
-                    "a name or position of a column",
-                    "Correct signals=.",
-                )
-            found[role] = int(at)
-        if not set(found) - {"time"}:
-            raise MissingColumnError(
-                f"No column of X has a role; it has {', '.join(names) or f'{n_columns} without names'}.",
-                "position, velocity, pressure, ...",
-                "Map them, for instance signals={'position': 'stroke', 'velocity': 'speed', 'time': 't'}.",
-            )
-        return found
+        return located(self, n_columns)
 
     def _labels(self) -> dict[str, str]:
         names = [str(n) for n in getattr(self, "feature_names_in_", ())]
@@ -420,7 +414,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             driving = next((r for r in ("command", "force", "pressure") if r in signals), None)
             if driving and not (driving == "pressure" and self.equation == "flow"):
                 signals["position"] = signals[driving]
-        return with_rates(signals, codes, self._interval(signals, codes))
+        return with_rates(signals, codes, sampling_interval(signals, codes, self.sampling_interval))
 
     def _strain(self, signals: dict[str, np.ndarray]) -> float:
         from pamid.gap.residuals.scaling import strain_scale
@@ -428,13 +422,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         if self.position_scale is not None:
             return float(self.position_scale)
         return strain_scale(signals.get("position", np.zeros(1)), self._contraction())
-
-    def _interval(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> float:
-        if "time" not in signals:
-            return float(self.sampling_interval)
-        steps = np.diff(signals["time"])[np.diff(codes) == 0]
-        steps = steps[steps > 0]
-        return float(np.median(steps)) if len(steps) else float(self.sampling_interval)
 
     def _notes(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> list[str]:
         """Return what a reader must know of the signals; raise where their clock cannot be used."""

@@ -18,7 +18,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[2])  # not this folder, whose modules are a package's
 
-from benchmarks.withheld import metrics, report, runner, suites
+from benchmarks.withheld import metrics, report, runner, suites, trust
+
+TRUSTED = Path(__file__).resolve().parents[2] / "pamid/gap/diagnosis/trusted.py"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -39,6 +41,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--develop", action="store_true", help="name causes however little is to be trusted, and fit what trust is"
     )
+    parser.add_argument("--write", action="store_true", help="with --develop: write what was fitted into the library")
     args = parser.parse_args(argv)
 
     whole = suites.DEVELOP if args.develop else suites.COUNTS
@@ -58,6 +61,12 @@ def main(argv: list[str] | None = None) -> int:
         print(f"There are no results in {folder}.", file=sys.stderr)
         return 1
     results = runner.load(folder / "cases", there)
+    if args.develop:
+        folders = sorted(args.out.glob("develop-*/cases"))
+        runs = [runner.load(f, sorted(path.stem for path in f.glob("*.json"))) for f in folders]
+        print(trust.report([case for run in runs for case in trust.told(run)], TRUSTED if args.write else None))
+        return 0 if len(there) == len(names) else 1
+    trust.draw(results, folder / "risk-coverage.png")
     text = report.report(results, f"python benchmarks/withheld --seed {args.seed}")
     (folder / "report.md").write_text(text, encoding="utf-8")
     measured = {k: {n: asdict(f) for n, f in v.items()} for k, v in report.figures(results).items()}

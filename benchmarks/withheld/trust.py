@@ -2,11 +2,13 @@ r"""Fit what names are trusted by: weights of the signs of a cause beyond the li
 
 Causes of the development cases are named however little is to be trusted in them. A logistic regression, whose weights
 may only speak against a name, says how likely an answer is to be right from its signs; every probability that the bar
-is set by comes from a fit without the cases of the same effects. The bar is the lowest at which, and above which,
+is set by comes from a fit without the cases of the same effects. The bar is the lowest at which
 
 .. math:: (\text{wrong answers that pass} + 1) / (\text{answers that pass}) \le \alpha
 
-as conformal selection has it: of the names said on new cases of the same kind at most α are expected to be wrong.
+with cases weighted such that one gap in five has a cause beyond the library. As conformal selection has it, of the
+names said on new cases of that mixture at most α are expected to be wrong. Cases that even the oracle cannot decide are
+left out.
 
 References
 ----------
@@ -28,9 +30,21 @@ from .oracle import decidable
 
 ALPHA = 0.05
 """Share of wrong answers among those named."""
+BEYOND = 0.2
+"""Share of gaps whose cause the library does not hold."""
 RIDGE = 0.5
 """Precision of the weights' prior about 0."""
-COVERED = (0.25, 0.5, 0.75, 0.9, 1.0)
+MODULE = '''"""What names are trusted by: written by ``python benchmarks/withheld --develop --write``, not by hand."""
+
+from __future__ import annotations
+
+SIGNS = {{
+{rows}}}
+"""Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`."""
+TRUSTED = {bar:.2f}
+"""Probability from which a name is said: of those said, one in twenty is wrong where one gap in five has a cause beyond
+the library."""
+'''
 
 
 def right(result: Mapping[str, Any]) -> bool:
@@ -77,39 +91,38 @@ def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], folds: int = 1
     return out
 
 
-def bar(p: np.ndarray, y: np.ndarray, alpha: float = ALPHA) -> float:
-    """Return the lowest probability from which on the bound holds; 1 where it never does."""
+def weights(results: Sequence[Mapping[str, Any]]) -> np.ndarray:
+    """Return what each case counts for, such that causes beyond the library have their share; 1 for those in it."""
+    beyond = np.array([r["key"]["suite"] == "off-library" for r in results])
+    return np.where(beyond, BEYOND / (1.0 - BEYOND) * np.sum(~beyond) / max(int(beyond.sum()), 1), 1.0)
+
+
+def bar(p: np.ndarray, y: np.ndarray, weight: np.ndarray, alpha: float = ALPHA) -> float:
+    """Return the lowest probability at which the bound holds; 1 where it never does."""
     order = np.argsort(-p, kind="stable")
-    passing, wrong = np.arange(1, len(p) + 1), np.cumsum(~y[order])
+    passing, wrong = np.cumsum(weight[order]), np.cumsum(weight[order] * ~y[order])
     holds = (wrong + 1.0) / passing <= alpha
     return float(p[order][np.flatnonzero(holds)[-1]]) if holds.any() else 1.0
 
 
-def report(results: Sequence[Mapping[str, Any]]) -> str:
-    """Return the weights, the bar and what each share of answered cases risks, as text."""
-    cases = told(results)
+def report(cases: Sequence[Mapping[str, Any]], module: Path | None = None) -> str:
+    """Fit weights and bar to cases that `told` gave, write them as a module if one is named; return them as text."""
     names = sorted(cases[0]["diagnosis"]["signs"])
-    S, y = design(cases, names), np.array([right(r) for r in cases])
-    groups = ["+".join(sorted(r["key"]["effects"])) for r in cases]
-    p = held_out(S, y, groups)
-    w = fitted(S, y)
-    order = np.argsort(-p, kind="stable")
-    lines = [
-        f"{len(cases)} decidable cases in which something was named, {int(y.sum())} of them right.",
-        "",
-        "SIGNS = {",
-    ]
-    lines += [f'    "{n}": {v:.2f},' for n, v in zip(["constant", *names], w, strict=True)]
-    lines += ["}", f"TRUSTED = {bar(p, y):.2f}", "", "answered  wrong  (held out)"]
-    for share in COVERED:
-        n = max(1, round(share * len(cases)))
-        lines.append(f"{share:8.0%}  {np.mean(~y[order[:n]]):5.1%}")
-    named = p >= bar(p, y)
-    wrong = np.mean(~y[named]) if named.any() else 0.0
+    S, y, weight = design(cases, names), np.array([right(r) for r in cases]), weights(cases)
+    p = held_out(S, y, ["+".join(sorted(r["key"]["effects"])) for r in cases])
+    low = bar(p, y, weight)
+    found = dict(zip(["constant", *names], fitted(S, y).round(2).tolist(), strict=True))
+    if module is not None:
+        rows = "".join(f'    "{name}": {value:g},\n' for name, value in found.items())
+        module.write_text(MODULE.format(rows=rows, bar=low), encoding="utf-8")
     library = np.array([r["key"]["suite"] != "off-library" for r in cases])
-    lines.append(f"at the bar: {named.mean():.1%} answered, {wrong:.1%} of them wrong;")
-    lines.append(f"{np.mean(~named[library]):.1%} of causes in the library are not named,")
-    lines.append(f"{np.mean(named[~library]):.1%} of causes beyond it are")
+    lines = [f"{len(cases)} decidable cases in which something was named, {int(y.sum())} right.", ""]
+    lines += [f"{name:14s} {value:6.2f}" for name, value in found.items()]
+    lines += ["", f"bar {low:.2f}", "", "bar   wrong of those named   in the library, not named   beyond it, named"]
+    for at in sorted({0.3, 0.5, 0.7, 0.9, low}):
+        named = p >= at
+        wrong = float(np.sum(weight[named] * ~y[named]) / max(np.sum(weight[named]), 1e-12))
+        lines.append(f"{at:.2f}  {wrong:19.1%}  {np.mean(~named[library]):26.1%}  {np.mean(named[~library]):16.1%}")
     return "\n".join(lines)
 
 

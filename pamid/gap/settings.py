@@ -1,9 +1,9 @@
-"""Every number that the diagnosis decides by: twenty-five, and what follows from them.
+"""Every number that the diagnosis decides by: twenty, and what follows from them.
 
-``python benchmarks/withheld --develop`` measures what trust rests on, and prints the weights of `SIGNS` and `TRUSTED`
-as they stand here. Every other number is a judgement of how exact models of pneumatic muscles are, or of how much is
-looked at; ``python benchmarks/settings.py`` halves and doubles each and prints what that changes on the same cases.
-What a computation is exact to (rounds of a solver, draws, frequencies) stands where it is computed.
+Each is a judgement of how exact models of pneumatic muscles are, or of how much is looked at; ``python
+benchmarks/settings.py`` halves and doubles each and prints what that changes. What trust in names rests on is fitted,
+in `pamid.gap.diagnosis.trusted`. What a computation is exact to (rounds of a solver, draws, frequencies) stands where
+it is computed.
 """
 
 from __future__ import annotations
@@ -47,10 +47,6 @@ ONE_MORE = 10.0
 many to choose from."""
 CLASS, CLASS_SHARE = 2.0, 0.004
 """Difference in score that the form of a candidate is worth: nats, and share of the gain."""
-SIGNS = {"constant": 2.5, "left": -3.8, "cancelling": -4.2, "faint": -1.5}
-"""Weights of the signs of a cause beyond the library, by logistic regression on the development cases."""
-TRUSTED = 0.5
-"""Probability from which a name is said: of those said on the development cases one in twenty is wrong."""
 FAR, FEW = 8.0, 4
 """Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
 

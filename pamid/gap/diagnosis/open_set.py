@@ -24,8 +24,8 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
-from ..settings import SIGNS, TRUSTED
 from .signs import signs_of
+from .trusted import SIGNS, TRUSTED
 
 
 @dataclass(frozen=True)
@@ -66,4 +66,4 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
         return Trust(closed, closed > 0.5, signs)
     score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
     probability = float(1.0 / (1.0 + np.exp(-score)))
-    return Trust(probability, probability > TRUSTED, signs)
+    return Trust(probability, probability >= TRUSTED, signs)

@@ -1,0 +1,119 @@
+"""What a name must show: agreement of runs, the numbers that decide, trust fitted from cases, a learned remainder."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.withheld import trust
+from pamid.bench import BenchParameters, simulate, sine
+from pamid.gap import diagnose, settings
+from pamid.gap.diagnosis.signs import agreement
+from pamid.gap.diagnosis.trusted import SIGNS, TRUSTED
+from pamid.gap.learned import learn, predict
+
+NOMINAL = BenchParameters.for_muscle("B")
+RUNS = [sine(2, 10, 600), sine(5, 12, 600), sine(8, 10, 600)]
+
+
+@pytest.fixture(scope="module")
+def leak():
+    log = simulate(NOMINAL.replace(effects=[("leakage", {"conductance": 2e-10})]), RUNS, seed=0)
+    return diagnose(log, NOMINAL, ["leakage", "flow_bias", "coulomb_friction"])
+
+
+def test_cochrans_q_is_that_of_the_books():
+    # Five studies: effects and variances; Q and I² by hand.
+    theta, variance = np.array([0.1, 0.3, 0.35, 0.65, 0.45]), np.array([0.03, 0.03, 0.05, 0.01, 0.05])
+    h = 1.0 / variance
+    mean = np.sum(h * theta) / h.sum()
+    q = np.sum(h * (theta - mean) ** 2)
+    found = agreement(h, h * theta)
+    assert found.q == pytest.approx(q)
+    assert found.i2 == pytest.approx(1.0 - 4.0 / q)
+    assert found.spread**2 == pytest.approx((q - 4.0) / (h.sum() - np.sum(h**2) / h.sum()))
+
+
+def test_runs_that_agree_have_no_spread_and_one_run_says_nothing():
+    assert agreement(np.full(5, 400.0), np.zeros(5)).spread == 0.0
+    assert agreement(np.array([100.0]), np.array([3.0])).half == 1.0
+
+
+def test_at_most_twenty_five_numbers_decide():
+    tree = ast.parse(Path(settings.__file__).read_text(encoding="utf-8"))
+    plain = [
+        node
+        for assigned in tree.body
+        if isinstance(assigned, ast.Assign)
+        for node in (assigned.value.elts if isinstance(assigned.value, ast.Tuple) else [assigned.value])
+        if isinstance(node, ast.Constant)
+    ]
+    assert 15 <= len(plain) <= 25
+
+
+@pytest.mark.parametrize("module", ["decide", "belief", "open_set", "signs"])
+def test_no_number_that_decides_stands_elsewhere(module):
+    path = Path(settings.__file__).parent / "diagnosis" / f"{module}.py"
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    named = [n for n in tree.body if isinstance(n, ast.Assign) and isinstance(n.value, ast.Constant)]
+    assert {t.id for n in named for t in n.targets if isinstance(t, ast.Name)} <= {"LAGS"}
+
+
+def test_every_sign_is_weighed_and_only_speaks_against_a_name(leak):
+    assert set(SIGNS) == {"constant", *leak.signs}
+    assert all(weight <= 0.0 for name, weight in SIGNS.items() if name != "constant")
+    assert 0.5 <= TRUSTED < 1.0
+    assert all(0.0 <= v <= 1.0 for v in leak.signs.values())
+
+
+def test_a_true_cause_shows_no_sign_and_leads_the_hypotheses(leak):
+    assert leak.verdict == "cause"
+    assert leak.signs["left"] == leak.signs["cancelling"] == 0.0
+    assert leak.signs["disagreeing"] < 0.1
+    first, *others = leak.as_dict()["hypotheses"]
+    assert first["effects"] == ["leakage"]
+    assert all(first["gain"] >= h["gain"] for h in others)
+
+
+def test_weights_are_found_again_and_the_bar_holds_its_bound():
+    rng = np.random.default_rng(0)
+    S = np.column_stack([np.ones(2000), rng.random((2000, 2))])
+    p = 1.0 / (1.0 + np.exp(-(S @ np.array([8.0, -16.0, 0.0]))))
+    y = rng.random(2000) < p
+    assert trust.fitted(S, y) == pytest.approx([8.0, -16.0, 0.0], abs=2.0)
+    low = trust.bar(p, y, np.ones(2000))
+    named = p >= low
+    assert 0.3 < named.mean() < 0.9
+    assert (np.sum(~y[named]) + 1) / named.sum() <= trust.ALPHA
+
+
+def test_a_learned_remainder_predicts_other_runs_and_nothing_where_there_is_nothing():
+    rng = np.random.default_rng(1)
+    t, codes = np.tile(np.arange(0, 4, 0.01), 6), np.repeat(np.arange(6), 400)
+    signals = {"position": np.sin(t * (1 + codes)), "velocity": (1 + codes) * np.cos(t * (1 + codes))}
+    left = signals["position"] ** 2 * np.sign(signals["velocity"]) + 0.05 * rng.standard_normal(2400)
+    model = learn(signals, left, codes, 0.01, seed=0)
+    assert model["share"] > 0.5
+    assert np.mean((left - predict(model, signals, codes, 0.01)) ** 2) < 0.5 * np.mean(left**2)
+    nothing = learn(signals, rng.standard_normal(2400), codes, 0.01, seed=0)
+    assert nothing["share"] < 0.02
+
+
+def test_an_unknown_gap_still_shrinks():
+    from pamid.estimators import GapDiagnoser
+
+    rng = np.random.default_rng(2)
+    t, run = np.tile(np.arange(0, 4, 0.002), 6), np.repeat(np.arange(6), 2000)
+    w = np.repeat([2.0, 4.0, 7.0, 9.0, 5.0, 3.0], 2000)
+    X = pd.DataFrame({"time": t, "eps": 0.1 + 0.05 * np.sin(w * t), "deps": 0.05 * w * np.cos(w * t)})
+    y = 20 * np.sin(60 * X["eps"]) * np.cos(8 * X["deps"]) + 0.2 * rng.standard_normal(len(X))
+    seen = run < 5
+    error = {}
+    for learned in (False, True):
+        model = GapDiagnoser(random_state=0, learned_remainder=learned).fit(X[seen], y[seen], groups=run[seen])
+        assert model.verdict_ == "unknown"
+        assert bool(model.remainder_) is learned
+        error[learned] = np.sqrt(np.mean((model.predict(X[~seen], groups=run[~seen]) - y[~seen]) ** 2))
+    assert error[True] < 0.6 * error[False]
