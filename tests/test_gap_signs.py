@@ -106,15 +106,15 @@ def test_an_unknown_gap_still_shrinks():
     from pamid.estimators import GapDiagnoser
 
     rng = np.random.default_rng(2)
-    t, run = np.tile(np.arange(0, 4, 0.005), 5), np.repeat(np.arange(5), 800)
-    w = np.repeat([2.0, 4.0, 7.0, 9.0, 5.0], 800)
+    t, run = np.tile(np.arange(0, 4, 0.005), 6), np.repeat(np.arange(6), 800)
+    w = np.repeat([2.0, 4.0, 7.0, 9.0, 5.0, 3.0], 800)
     X = pd.DataFrame({"time": t, "eps": 0.1 + 0.05 * np.sin(w * t), "deps": 0.05 * w * np.cos(w * t)})
     y = 20 * np.sin(60 * X["eps"]) * np.cos(8 * X["deps"]) + 0.2 * rng.standard_normal(len(X))
-    seen = run < 4
+    seen = run < 5
     error = {}
     for learned in (False, True):
         model = GapDiagnoser(random_state=0, learned_remainder=learned).fit(X[seen], y[seen], groups=run[seen])
         assert model.verdict_ == "unknown"
         assert bool(model.remainder_) is learned
         error[learned] = np.sqrt(np.mean((model.predict(X[~seen], groups=run[~seen]) - y[~seen]) ** 2))
-    assert error[True] < 0.6 * error[False]
+    assert error[True] < 0.7 * error[False]
