@@ -147,7 +147,7 @@ def _leave_with(parent: int) -> None:
 
 
 def run_batch(
-    batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep: Path | None, diagnose: Diagnose = ours
+    batch: Batch, folder: Path, rivals: bool, only_rivals: bool, keep: Path | None, diagnose: Diagnose | None = None
 ) -> int:
     """Generate a batch and examine those of its cases that have no file yet; return how many."""
     missing = [s.name for s in batch.specs if not (folder / f"{s.name}.json").is_file()]
@@ -157,7 +157,7 @@ def run_batch(
         if keep is not None:
             save(case, keep)
         if case.spec.name in missing:
-            result = examine(case, None if only_rivals else diagnose, rivals)
+            result = examine(case, None if only_rivals else diagnose or ours, rivals)
             write_json(folder / f"{case.spec.name}.json", result)
     return len(missing)
 
@@ -179,7 +179,7 @@ def run(
     rivals: bool,
     only_rivals: bool = False,
     keep: Path | None = None,
-    diagnose: Diagnose = ours,
+    diagnose: Diagnose | None = None,
 ) -> None:
     """Run all batches, with progress on standard error.
 
