@@ -240,6 +240,18 @@ def off_library_named(records: Sequence[Record]) -> Figure:
     return share(bool(a.named) for _, a in of_suite(records, "off-library"))
 
 
+def wrong_names(records: Sequence[Record]) -> Figure:
+    """Share of named causes, whatever is true, none of whose names is an effect of the bench."""
+    kept = [(t, names) for t, a in records if a.verdict in NAMING for names in a.causes]
+    return share(not set(names) & set(t.effects) for t, names in kept)
+
+
+def left_unknown(records: Sequence[Record]) -> Figure:
+    """Share of detectable effects of the library, alone or in pairs, whose log is answered with ``unknown``."""
+    kept = [r for r in of_suite(records, "single", "confusable", "pairs") if r[0].strength >= DETECTABLE]
+    return share(a.verdict == "unknown" for _, a in kept)
+
+
 def _pairs(records: Sequence[Record]) -> list[Record]:
     return [r for r in of_suite(records, "pairs") if r[0].strength >= DETECTABLE]
 

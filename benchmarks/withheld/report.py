@@ -13,6 +13,7 @@ import numpy as np
 
 from . import metrics as m
 from .metrics import Figure, Record
+from .oracle import decidable
 from .runner import METHODS, records
 
 Row = tuple[str, str, Callable[[Sequence[Record]], Figure], Callable[[float], bool], str]
@@ -36,6 +37,8 @@ ROWS: tuple[Row, ...] = (
     ("truth in the named class", "≥ 98 %", m.in_class, _percent(0.98, True), "%"),
     ("mean size of a class", "≤ 1.5", m.class_size, _percent(1.5, False), "2"),
     ("an off-library effect given a library name", "≤ 5 %", m.off_library_named, _percent(0.05, False), "%"),
+    ("named causes that are wrong, all logs", "≤ 5 %", m.wrong_names, _percent(0.05, False), "%"),
+    ("effects of the library answered with unknown", "≤ 4 %", m.left_unknown, _percent(0.04, False), "%"),
     ("two effects: both", "≥ 75 %", m.both, _percent(0.75, True), "%"),
     ("two effects: at least one", "≥ 95 %", m.one_of_two, _percent(0.95, True), "%"),
     ("calibration error of the confidence (ECE)", "≤ 0.04", m.ece, _percent(0.04, False), "3"),
@@ -51,14 +54,16 @@ ROWS: tuple[Row, ...] = (
 """METHOD's table: figure, what is asked, how it is measured, whether it is met, how it is written."""
 
 UNANSWERED = {
-    "ranking": ("region F1", "off", "predicted", "coverage"),
-    "sindy": ("region F1", "predicted", "coverage"),
+    "ranking": ("region F1", "off", "effects of", "predicted", "coverage"),
+    "sindy": ("region F1", "effects of", "predicted", "coverage"),
     "black box": (
         "region F1",
         "right",
         "truth",
         "mean size",
         "an off",
+        "named",
+        "effects of",
         "two",
         "calib",
         "predicted",
@@ -95,6 +100,9 @@ def figures(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Figure]
 def table(results: Sequence[Mapping[str, Any]]) -> str:
     """Return METHOD's table in Markdown."""
     measured = figures(results)
+    if any(r.get("oracle") is not None for r in results):
+        known = decidable(results)
+        measured["ours, decidable"] = figures([r for r in results if r["name"] in known])["ours"]
     methods = list(measured)
     lines = ["| figure | ask | n | " + " | ".join(methods) + " |", "| --- " * (len(methods) + 3) + "|"]
     for name, ask, _, met, style in ROWS:

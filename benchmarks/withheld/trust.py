@@ -41,9 +41,10 @@ from __future__ import annotations
 SIGNS = {{
 {rows}}}
 """Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`."""
-TRUSTED = {bar:.2f}
-"""Probability from which a name is said: of those said, one in twenty is wrong where one gap in five has a cause beyond
-the library."""
+TRUSTED = 0.5
+"""Probability from which a name is said: it is then more likely right than not."""
+SURE = {bar:.2f}
+"""Probability from which at most one name in twenty is wrong, where one gap in five has a cause beyond the library."""
 '''
 
 
