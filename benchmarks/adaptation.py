@@ -50,7 +50,7 @@ EPOCHS = 10_000
 COLUMNS = ["trajectory", "eps", "deps", "P", "dP"]
 SETS = ("target", "tri", "step", "true tri", "true step")
 """Data sets; the true ones are free of the sensors' noise and of errors of estimated rates."""
-CUTOFFS: dict[str, Any] = {}
+CUTOFFS: dict[tuple[str, str], Any] = {}
 
 
 def sizes(muscle: str) -> dict[str, float]:
@@ -64,8 +64,8 @@ def log(name: str, muscle: str, seed: int) -> pd.DataFrame:
     params = BenchParameters.for_muscle(muscle)
     table = unfold(dataset(name, seed=seed, muscle=muscle), params)
     table = table[table["muscle"] == 1].reset_index(drop=True)[["trajectory", "time", "eps", "P", "mdot"]]
-    rates = RateTransformer(columns=("eps", "P"), smooth=True, tuning=CUTOFFS.get(name, "auto")).fit(table)
-    CUTOFFS.setdefault(name, tuple(rates.cutoffs_))
+    rates = RateTransformer(columns=("eps", "P"), smooth=True, tuning=CUTOFFS.get((name, muscle), "auto")).fit(table)
+    CUTOFFS.setdefault((name, muscle), tuple(rates.cutoffs_))
     return rates.transform(table)
 
 
@@ -205,7 +205,7 @@ def show(row: dict[str, Any]) -> None:
 
 def medians(found: list[dict[str, Any]]) -> None:
     """Print medians and ranges over seeds."""
-    d = pd.DataFrame(found).drop(columns="curve", errors="ignore")
+    d = pd.DataFrame(found).drop(columns=["curve", "epochs", "predictions"], errors="ignore")
     print(f"\nmedian [least, greatest] over {d['seed'].nunique()} seeds (n where fewer); 1e-6 kg/s; CPU s")
     print(
         f"{'':2s}{'method':34s}{'params':>8s} {'loss/1e-5':>22s} "

@@ -233,7 +233,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
         split = (problem, None)
-        held_out = model._hold_out(original[0], original[2], len(table), rng)
+        held_out = model._hold_out(original[0], original[2], len(table), rng, trainer)
         if held_out.any():
             split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:

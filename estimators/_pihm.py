@@ -99,7 +99,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         state, laws = self._state(X), self._laws()
         weight = _checked_weight(sample_weight, X)
         self._warn_before(state, Y)
-        held_out = self._hold_out(original[0], groups, len(X), rng)
+        held_out = self._hold_out(original[0], groups, len(X), rng, self._trainer())
         train = weight * ~held_out
         inputs = np.column_stack(state)
         anchored = self.volume_model == "anchored"
@@ -200,6 +200,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         here = [torch.as_tensor(w, dtype=getattr(torch, self.dtype), device=self.device) for w in self.weights_]
         trainer = self._trainer()
         trainer.set_params(max_iter=max(1, int(np.ceil(share * trainer.max_iter))), checkpoint=None)
+        if trainer.keeps_last:
+            trainer.set_params(keep="best")  # the error on the memory must not rise
         result = trainer.run(problem, here, self.activation, rng)
         result.loss_curve = [*self.loss_curve_, *result.loss_curve]
         result.validation_curve = self.validation_curve_
@@ -248,9 +250,11 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             logs.append(np.log(self.target_scale_[k] / rms) if rms > 0 else 0.0)
         return float(np.exp(np.mean(logs)))
 
-    def _hold_out(self, X: Any, groups: Any, n: int, rng: Any) -> np.ndarray:
+    def _hold_out(self, X: Any, groups: Any, n: int, rng: Any, trainer: Any) -> np.ndarray:
         """Draw the whole trajectories that early stopping watches."""
         fraction = AUTO_FRACTION if self.validation_fraction == "auto" else float(self.validation_fraction)
+        if self.validation_fraction == "auto" and trainer.keeps_last:
+            fraction = 0.0  # rows that nothing is decided by are better learnt from
         codes = trajectory_codes(X, groups) if fraction else None
         if codes is None:
             if fraction and self.validation_fraction != "auto":

@@ -56,7 +56,8 @@ class JointPIHM(HybridModel):
     validation_fraction : float or "auto", default="auto"
         Share of whole trajectories held out for early stopping; the model that is best on them is kept, which is what
         keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere.
+        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere and with
+        ``trainer="adam"``, which as printed keeps its last epoch.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
     dtype : {"float64", "float32"}, default="float64"

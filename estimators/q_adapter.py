@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pamid.errors import AdaptationWarning, ParameterError
+from pamid.errors import AdaptationWarning, IncompatibleError, ParameterError
 
 from ._adaptation import AdaptedModel
 from ._base import Signals
@@ -26,8 +26,8 @@ class QAdapter(AdaptedModel):
         Q_0 = \left(\frac{D_\mathrm{target}}{D_\mathrm{source}}\right)^2 \frac{L_\mathrm{target}}{L_\mathrm{source}}
 
     The laws are linear in the volume, so with the default trainer Q is solved for exactly, Q₀ with its uncertainty
-    being its prior; then the network is adapted by `base`. With ``trainer="adam"`` and the published network both are
-    trained together by Algorithm 2, Q at 0.2 of the rate.
+    being its prior; then the network is adapted by `base`. With ``trainer="adam"`` both are trained together by
+    Algorithm 2 as printed, Q at 0.2 of the rate, on a source with ``volume_model="neural"``.
 
     It is a regressor that predicts what the source predicts, and a transformer that appends the adapted volume and its
     derivatives to the signals, for `LawRegressor` as the next step of a pipeline.
@@ -48,7 +48,8 @@ class QAdapter(AdaptedModel):
     rest_length, rest_diameter : float, optional
         L₀ and D₀ of the target muscle, m; those of the source by default.
     trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is the published algorithm with its hyperparameters.
+        ``"adam"`` is Algorithm 2 as printed, with its hyperparameters; an anchored source is refused, whose volume is
+        not the network's alone, so that a factor on its output is not Q.
     max_iter, batch_size : int, optional
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"
@@ -154,8 +155,16 @@ class QAdapter(AdaptedModel):
 
     def _trains_q(self) -> bool:
         """Whether Q is one of the trained parameters, as published, instead of part of the volume's scale."""
-        published = not hasattr(self._trainer_as_given(), "damping")
-        return published and hybrid_of(self.source, type(self).__name__).anchor_ is None
+        return not hasattr(self._trainer_as_given(), "damping")
+
+    def _check_law(self, source: HybridModel, y: Any) -> None:
+        super()._check_law(source, y)
+        if self._trains_q() and source.anchor_ is not None:
+            raise IncompatibleError(
+                f"QAdapter(trainer={self.trainer!r}) on a source with volume_model='anchored'.",
+                "a source whose volume is the network's alone, for Algorithm 2 trains Q as a factor on its output",
+                "Fit the source with volume_model='neural', or leave the trainer at its default, which solves for Q.",
+            )
 
     def _bound_adapter(self) -> Any:
         if not self._trains_q():

@@ -40,13 +40,14 @@ class StaticPIHM(HybridModel):
     activation : {"softplus", "tanh", "silu"}, default="softplus"
         Smooth activation of the hidden layers.
     trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is the published Algorithm 1 with its hyperparameters. A `pamid.training.Trainer` can be given to
+        ``"adam"`` is Algorithm 1 as printed, with its hyperparameters. A `pamid.training.Trainer` can be given to
         set or search all of its parameters.
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
     validation_fraction : float or "auto", default=0
         Share of whole trajectories held out for early stopping; the model that is best on them is kept. Needs
-        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them tells of five trajectories or more.
+        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them tells of five trajectories or more,
+        but 0 with ``trainer="adam"``, which as printed keeps its last epoch.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.

@@ -45,14 +45,15 @@ class ThermodynamicPIHM(HybridModel):
     activation : {"softplus", "tanh", "silu"}, default="softplus"
         Smooth activation of the hidden layers.
     trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is the published Algorithm 1 with its hyperparameters. A `pamid.training.Trainer` can be given to
+        ``"adam"`` is Algorithm 1 as printed, with its hyperparameters. A `pamid.training.Trainer` can be given to
         set or search all of its parameters.
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
     validation_fraction : float or "auto", default="auto"
         Share of whole trajectories held out for early stopping; the model that is best on them is kept, which is what
         keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere.
+        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere and with
+        ``trainer="adam"``, which as printed keeps its last epoch.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.

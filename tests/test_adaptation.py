@@ -153,6 +153,14 @@ def test_algorithm_2_trains_q_with_the_network(published):
     assert model.loss_curve_[-1] < model.loss_curve_[0]
 
 
+def test_algorithm_2_wants_a_volume_of_the_network_alone(flow):
+    """On an anchored source a factor on the network's output is not Q: refused, not left untrained."""
+    few = table(1, rows=8, factor=4.2)
+    for trainer in ("adam", Adam(max_iter=2)):
+        with pytest.raises(IncompatibleError, match="volume_model='neural'"):
+            QAdapter(flow, 4.0, trainer=trainer).fit(few, few["mdot"])
+
+
 def test_adaptation_learns_what_is_not_a_factor(flow):
     def bent(data):
         return data["mdot"] * (1 + 0.3 * np.sin(20 * data["eps"]))

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info
 
 from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
 from pamid.training import Adam, LevenbergMarquardt, Problem, Status, trainer_named
-from pamid.training.adam import device_gradient
+from pamid.training.adam import device_gradient, views
 from pamid.training.host import HostGradient
 from pamid.training.network import (
     ACTIVATIONS,
@@ -206,7 +206,8 @@ def test_adam_on_several_threads_leaves_the_libraries_their_own():
 def test_adam_is_torchs_adam_with_the_decay_in_the_gradient(batch_size, weight_decay):
     """The same batches give the same parameters, epoch by epoch: MSE gradient plus λθ through the moments."""
     p, parameters = problem(64), start()
-    ours = Adam(max_iter=12, learning_rate=3e-3, weight_decay=weight_decay, batch_size=batch_size)
+    written = {"decay": "once", "epsilon_inside": False}  # as Kingma and Ba, and torch, write it
+    ours = Adam(max_iter=12, learning_rate=3e-3, weight_decay=weight_decay, batch_size=batch_size, **written)
     theta = [v.clone().requires_grad_() for v in parameters]
     theirs = torch.optim.Adam(theta, lr=3e-3, betas=(0.9, 0.999), weight_decay=weight_decay)
     rng = np.random.RandomState(4)
@@ -223,6 +224,47 @@ def test_adam_is_torchs_adam_with_the_decay_in_the_gradient(batch_size, weight_d
             total += float((batch.weight * squared).sum().detach())
         torch.testing.assert_close(flat(current), flat(theta).detach(), rtol=1e-8, atol=1e-10)
         assert loss == pytest.approx(total / float(p.weight.sum()), rel=1e-9)
+
+
+def test_adam_by_default_is_algorithm_1_as_printed():
+    """Steps 7 to 12: L = MSE + λ/2 ‖θ‖², g = ∇L + λθ, moments, bias corrections, θ − η M̂/√(V̂ + ε); last epoch kept."""
+    p, theta = problem(60), start()
+    decay, rate, eps, b1, b2 = 0.05, 3e-3, 1e-4, 0.9, 0.999  # an ε that shows
+    ours = Adam(max_iter=9, learning_rate=rate, weight_decay=decay, batch_size=25, epsilon=eps)
+    result = ours.run(p, theta, "softplus", np.random.RandomState(4))
+    rng, k = np.random.RandomState(4), 0
+    shapes = [v.shape for v in theta]
+    printed = flat(theta).clone()
+    M, V = torch.zeros_like(printed), torch.zeros_like(printed)
+    for _ in range(9):
+        order = torch.as_tensor(rng.permutation(60))
+        for i in range(0, 60, 25):
+            batch, k = p.rows(order[i : i + 25]), k + 1
+            leaf = printed.clone().requires_grad_()
+            squared = (plain_law(views(leaf, shapes), batch, "softplus")[0] - batch.y) ** 2
+            loss = (batch.weight * squared).sum() / batch.weight.sum() + decay / 2 * leaf.square().sum()
+            g = torch.autograd.grad(loss, leaf)[0] + decay * printed
+            M, V = b1 * M + (1 - b1) * g, b2 * V + (1 - b2) * g**2
+            printed = printed - rate * (M / (1 - b1**k)) / torch.sqrt(V / (1 - b2**k) + eps)
+    torch.testing.assert_close(flat(result.parameters), printed, rtol=1e-8, atol=1e-10)
+
+
+def test_adam_keeps_the_last_epoch_or_the_best():
+    """A rate at which the loss rises again: as printed the last epoch is kept, held-out runs or not."""
+    p, held_out = problem(60), problem(40, seed=9)
+    for validation in (None, held_out):
+        runs = {
+            keep: Adam(max_iter=8, learning_rate=0.5, keep=keep, patience=100).run(
+                p, start(), "softplus", np.random.RandomState(0), validation=validation
+            )
+            for keep in ("last", "best")
+        }
+        judged = p if validation is None else validation
+        errors = {keep: mean_squared_residual(r.parameters, judged, "softplus") for keep, r in runs.items()}
+        assert errors["best"] < errors["last"]
+        assert len(runs["last"].loss_curve) == 8
+    stopped = Adam(max_iter=200, learning_rate=0.5, keep="best", patience=5)
+    assert stopped.run(p, start(), "softplus", np.random.RandomState(0), validation=held_out).n_iter < 200
 
 
 def test_adam_yields_parameters_that_later_steps_do_not_change():
@@ -308,7 +350,7 @@ def level(y, n=10):
 
 
 def scripted(*script, fails=None, patience=500):
-    trainer = Scripted(patience=patience)
+    trainer = Scripted(patience=patience, keep="best")
     trainer.script, trainer.fails = script, fails
     return trainer
 
@@ -406,6 +448,8 @@ def test_samples_of_zero_weight_are_left_out():
         Adam(learning_rate=-1e-3),
         Adam(learning_rate=float("nan")),
         Adam(patience=0),
+        Adam(keep="first"),
+        Adam(decay="thrice"),
         LevenbergMarquardt(max_iter=-3),
         LevenbergMarquardt(batch_size=0),
         LevenbergMarquardt(weight_decay=-1.0),
@@ -449,7 +493,7 @@ def force():
 
 def test_an_interrupted_estimator_warns_and_predicts(force):
     model = StaticPIHM(volume_model="neural", hidden_layer_sizes=(8,), trainer=Interrupted(), random_state=0)
-    with pytest.warns(InterruptedFitWarning, match="best parameters so far"):
+    with pytest.warns(InterruptedFitWarning, match="parameters so far"):
         model.fit(*force)
     assert model.status_ == "interrupted" and model.n_iter_ == 5
     assert model.score(*force) > 0.9

@@ -1,4 +1,4 @@
-"""Algorithm 1 of the study: Adam with the weight decay inside the gradient."""
+"""Algorithms 1 and 2 of the study as printed: Adam with the decay in loss and gradient, and ε inside the root."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from ..errors import UnknownOptionError
 from .host import BLOCK, HostGradient
 from .network import Parameters, forward, gradient
 from .problem import Problem
@@ -18,11 +19,16 @@ from .trainer import Trainer
 
 
 class Adam(Trainer):
-    r"""Train by Algorithm 1 as published.
+    r"""Train by Algorithm 1 as printed; with an adapter whose rates differ, by Algorithm 2.
 
-    Every epoch visits the samples once, in batches drawn anew; a batch's gradient is that of
-    :math:`\mathrm{MSE} + \frac{\lambda}{2}\lVert\theta\rVert^2`, so the decay passes through Adam's moments (it is
-    not decoupled).
+    Every epoch visits the samples once, in batches drawn anew. A batch gives
+
+    .. math:: \mathcal{L} = \mathrm{MSE} + \frac{\lambda}{2}\lVert\theta\rVert^2, \quad
+        g = \nabla\mathcal{L} + \lambda\theta, \quad
+        \theta \leftarrow \theta - \eta\,\frac{\hat M}{\sqrt{\hat V + \epsilon}}
+
+    so that the decay, 2λθ in all, passes through Adam's moments (it is not decoupled), and the parameters of the last
+    epoch are kept. Three options take Adam as it is more often written instead.
 
     Parameters
     ----------
@@ -31,13 +37,23 @@ class Adam(Trainer):
     learning_rate : float, default=1e-4
         Step size η.
     weight_decay : float, default=1e-5
-        λ, in the gradient.
+        λ.
     batch_size : int, default=2048
         Samples a batch (2048 from scratch, 128 in adaptation, in the study).
     beta1, beta2 : float, default=0.9, 0.999
         Decay of the first and second moment.
+    epsilon : float, default=1e-8
+        ε, whose value the study does not print.
+    decay : {"twice", "once"}, default="twice"
+        Whether λθ is added to the gradient of a loss that holds λ/2 ‖θ‖² already, as printed, or counts once.
+    epsilon_inside : bool, default=True
+        Whether ε stands under the root, as printed, so that gradients below √ε take small steps; or beside it, as in
+        Kingma and Ba.
+    keep : {"last", "best"}, default="last"
+        Which parameters are kept: those of the last epoch, as printed, or those that are best on what is held out, or
+        on the samples where nothing is; with ``"best"`` training ends after `patience`.
     patience : int, default=500
-        Epochs without a new best on held-out trajectories, where there are any, after which training stops.
+        With ``keep="best"``: epochs without a new best on held-out trajectories after which training stops.
     checkpoint : path-like, optional
         Folder in which a training keeps its state, so that one that is killed goes on to the same result.
 
@@ -62,6 +78,10 @@ class Adam(Trainer):
         batch_size: int = 2048,
         beta1: float = 0.9,
         beta2: float = 0.999,
+        epsilon: float = 1e-8,
+        decay: str = "twice",
+        epsilon_inside: bool = True,
+        keep: str = "last",
         patience: int = 500,
         checkpoint: str | None = None,
     ) -> None:
@@ -71,8 +91,23 @@ class Adam(Trainer):
         self.batch_size = batch_size
         self.beta1 = beta1
         self.beta2 = beta2
+        self.epsilon = epsilon
+        self.decay = decay
+        self.epsilon_inside = epsilon_inside
+        self.keep = keep
         self.patience = patience
         self.checkpoint = checkpoint
+
+    def check(self) -> None:
+        """Raise `ParameterError` for a number out of its domain, `UnknownOptionError` for an option that is not one."""
+        super().check()
+        for name, known in (("decay", ("twice", "once")), ("keep", ("last", "best"))):
+            if getattr(self, name) not in known:
+                raise UnknownOptionError(
+                    f"Adam({name}={getattr(self, name)!r}).",
+                    f"{known[0]!r} (as printed) or {known[1]!r}",
+                    "Correct it.",
+                )
 
     def steps(
         self,
@@ -90,6 +125,7 @@ class Adam(Trainer):
         flat = torch.cat([p.reshape(-1) for p in parameters])
         g, first, second = torch.empty_like(flat), torch.zeros_like(flat), torch.zeros_like(flat)
         shapes = [p.shape for p in parameters]
+        pull = self.weight_decay * (2.0 if self.decay == "twice" else 1.0)
         net = _Network(flat, g, shapes, adapter)
         n, step, begun = len(problem), int(state.get("step", 0)), int(state.get("epochs", 0))
         if begun:
@@ -112,14 +148,17 @@ class Adam(Trainer):
                         net.expand()
                         total += host(batch) if host else device_gradient(net.theta, batch, activation, net.slots)
                         net.pull_back()
-                        g.add_(flat, alpha=self.weight_decay)
+                        g.add_(flat, alpha=pull)
                         step += 1
                         first.lerp_(g, 1.0 - self.beta1)
                         second.mul_(self.beta2).addcmul_(g, g, value=1.0 - self.beta2)
                         # Both bias corrections are numbers, so they go into the step size and the division's guard.
-                        unbiased = math.sqrt(1.0 - self.beta2**step)
-                        rate = self.learning_rate * unbiased / (1.0 - self.beta1**step)
-                        torch.sqrt(second, out=g).add_(1e-8 * unbiased)
+                        unbiased = 1.0 - self.beta2**step
+                        rate = self.learning_rate * math.sqrt(unbiased) / (1.0 - self.beta1**step)
+                        if self.epsilon_inside:
+                            torch.add(second, self.epsilon * unbiased, out=g).sqrt_()
+                        else:
+                            torch.sqrt(second, out=g).add_(self.epsilon * math.sqrt(unbiased))
                         flat.addcdiv_(first, g if net.shares is None else g.div_(net.shares), value=-rate)
                 state |= {"epochs": epoch + 1, "step": step, "flat": flat, "first": first, "second": second}
                 yield views(flat.clone(), shapes), float(total) / float(problem.weight.sum())

@@ -26,10 +26,10 @@ class Status(Enum):
     FINISHED = "All iterations were carried out."
     CONVERGED = "No step lowers the loss by more than the tolerance any more."
     STOPPED_EARLY = "The error on the held-out trajectories has not fallen for `patience` iterations; the best is kept."
-    STOPPED_BY_CALLBACK = "A callback asked to stop; the best parameters so far are kept."
-    INTERRUPTED = "The training was interrupted; the best parameters so far are kept. Fit again to go on."
+    STOPPED_BY_CALLBACK = "A callback asked to stop; the parameters so far are kept."
+    INTERRUPTED = "The training was interrupted; the parameters so far are kept. Fit again to go on."
     DIVERGED = (
-        "The loss left the finite numbers; the best parameters so far are kept. The usual causes are signals in wrong "
+        "The loss left the finite numbers; those before are kept. The usual causes are signals in wrong "
         "units, outliers, or a learning rate that is too high."
     )
 
@@ -41,7 +41,7 @@ class TrainingResult:
     Parameters
     ----------
     parameters : list of Tensor
-        The best weights and biases.
+        The weights and biases that are kept: the best ones, or those of the last iteration (`Trainer.keeps_last`).
     status : Status
         Why the training ended.
     n_iter : int
@@ -67,23 +67,26 @@ class TrainingResult:
 
 
 class BestSoFar:
-    """Remember the best parameters of a training and decide when patience ends.
+    """Remember the parameters of a training that are to be kept, and decide when patience ends.
 
     Parameters
     ----------
     patience : int
         Iterations without a new best after which `stale` turns true.
+    last : bool, default=False
+        Whether the latest parameters are kept, whatever their score; patience then never ends.
     """
 
-    def __init__(self, patience: int) -> None:
+    def __init__(self, patience: int, *, last: bool = False) -> None:
         self.patience = patience
+        self.last = last
         self.score = float("inf")
         self.parameters: Parameters = []
         self.since = 0
 
     def offer(self, score: float, parameters: Parameters) -> None:
-        """Take the parameters if their score is the best so far."""
-        if score < self.score or not self.parameters:
+        """Take the parameters if their score is the best so far, or whatever it is."""
+        if self.last or score < self.score or not self.parameters:
             self.score, self.since = score, 0
             self.parameters = [p.clone() for p in parameters]
         else:

@@ -80,6 +80,11 @@ class Trainer(BaseEstimator):
         what = (type(self).__name__, settings, problem, parameters, activation, numbers, others)
         return Resumption(folder, fingerprint(*what)), {}
 
+    @property
+    def keeps_last(self) -> bool:
+        """Whether the parameters of the last iteration are kept, and none are held out to judge them."""
+        return getattr(self, "keep", "best") == "last"
+
     def loss_covers(self, n_samples: int) -> bool:
         """Say whether the losses that `steps` yields are means over all samples, not over a draw of them."""
         return True
@@ -101,7 +106,7 @@ class Trainer(BaseEstimator):
         """Return the rows by whose loss parameters are compared where none are held out."""
         # The loss of a draw says which draw was lucky, not which parameters are good.
         most = EVALUATION_ROWS if self.loss_covers(len(problem)) else DRAW_EVALUATION_ROWS
-        if len(problem) <= most:
+        if len(problem) <= most or self.keeps_last:
             return problem
         rows = random_state.choice(len(problem), most, replace=False)
         return problem.rows(torch.as_tensor(np.sort(rows), device=problem.y.device))
@@ -133,7 +138,8 @@ class Trainer(BaseEstimator):
         prior : list of Tensor, optional
             Parameters toward which a trainer that has a pull draws; zero by default.
         validation : Problem, optional
-            Held-out trajectories: the parameters that are best on them are returned, and training stops early.
+            Held-out trajectories: the parameters that are best on them are returned, and training stops early; a
+            trainer that keeps the last ones is only watched on them.
         callback : callable, optional
             Called with the loss and the parameters after every iteration; returns whether to stop.
         adapter : Reparametrisation, optional
@@ -143,12 +149,12 @@ class Trainer(BaseEstimator):
         Returns
         -------
         TrainingResult
-            The best parameters, and why the training ended.
+            The best or the last parameters, and why the training ended.
         """
         self.check()
         kept, state = self._kept(problem, parameters, activation, random_state, prior, validation, adapter)
         judged = self._judged(problem, random_state) if validation is None else validation
-        best = BestSoFar(self.patience)
+        best = BestSoFar(self.patience, last=self.keeps_last)
         best.offer(mean_squared_residual(adapter.expand(parameters), judged, activation), parameters)
         losses: list[float] = []
         held_out: list[float] = []
@@ -171,7 +177,7 @@ class Trainer(BaseEstimator):
 
         try:
             for current, loss in self.steps(problem, parameters, activation, random_state, prior, **through):
-                own = judged is problem and self.loss_covers(len(problem))
+                own = judged is problem and (self.keeps_last or self.loss_covers(len(problem)))
                 score = loss if own else mean_squared_residual(adapter.expand(current), judged, activation)
                 losses.append(loss)
                 if validation is not None:
