@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from pamid.errors import (
     ShapeError,
     ShortTrajectoryError,
 )
+from pamid.signals.driven import differentiate_driven, fit_gains
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
 from ._streaming import SequenceStreaming
@@ -44,6 +45,10 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
     tuning : "auto", float or sequence of float, default="auto"
         Cut-off frequency, Hz, one for all or one a column; "auto": the one with the least estimated squared error of
         the rate (Stein's unbiased risk estimate for the derivative, DOI 10.1214/aos/1176345632).
+    inputs : mapping of column to sequence of columns, optional
+        Known inputs that make the rate of a column jump, such as ``{"P": ["flow"]}`` with the flow that the valve's law
+        gives at its command. Each holds from a row to the next; how strongly it drives the rate is identified, and what
+        it leaves is smoothed, by any method (`pamid.signals.driven`). The rate is then the one after the jump.
     smooth : bool, default=False
         Whether to replace the columns themselves by their smoothed values.
     second : bool, default=False
@@ -59,6 +64,10 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         Cut-off frequency of each column, Hz.
     column_indices_ : ndarray of int, shape (n_columns,)
         Position of each column.
+    input_indices_ : dict of int to list of int
+        Positions of the inputs of each column that has any, by its place in `columns`.
+    gains_ : dict of int to ndarray
+        What one unit of each input adds to the rate, likewise.
     time_index_ : int or None
         Position of the time column.
     n_features_in_ : int
@@ -99,6 +108,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         time: str | int | None = "time",
         method: str = "savgol",
         tuning: str | float | Sequence[float] = "auto",
+        inputs: Mapping[Any, Sequence[Any]] | None = None,
         smooth: bool = False,
         second: bool = False,
         sampling_period: float | None = None,
@@ -108,6 +118,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         self.time = time
         self.method = method
         self.tuning = tuning
+        self.inputs = inputs
         self.smooth = smooth
         self.second = second
         self.sampling_period = sampling_period
@@ -164,6 +175,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
             self.time_index_ = self._find_time(names, table.shape[1])
         else:
             self.column_indices_, self.time_index_ = self._in_order_of_array(table.shape[1])
+        self.input_indices_ = self._find_inputs(names, table.shape[1])
         doubled = sorted(set(self._new_names(self._names())) & set(names))
         if doubled:
             raise DuplicateColumnError(
@@ -172,8 +184,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
                 "Drop or rename them, or leave their signals out of columns.",
             )
         slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        times = [self._times(table, rows) for rows in slices]
         if isinstance(self.tuning, str) and self.tuning == "auto":
-            times = [self._times(table, rows) for rows in slices]
             self.cutoffs_ = np.array(
                 [
                     tune_cutoff(
@@ -182,20 +194,22 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
                         method=self.method,
                         sampling_period=self.sampling_period,
                     )
-                    for column in self.column_indices_
+                    for place, column in enumerate(self.column_indices_)
+                    if place not in self.input_indices_
                 ]
             )
         else:
             rows = slices[0]
             differentiate(  # words the errors of method, tuning and period
                 table[rows][:, self.column_indices_],
-                self._times(table, rows),
+                times[0],
                 method=self.method,
                 tuning=self.tuning,
                 sampling_period=self.sampling_period,
                 warn=False,
             )
             self.cutoffs_ = np.broadcast_to(np.asarray(self.tuning, float), self.column_indices_.shape).copy()
+        self._fit_gains(table, slices)
         self._remember(X, None, groups=groups)
         return self
 
@@ -271,6 +285,15 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
             smoothed[rows] = results[0]
             for whole, part in zip(rates, results[1:], strict=True):
                 whole[rows] = part
+            for place, columns in self.input_indices_.items():
+                smoothed[rows, place], rates[0][rows, place] = differentiate_driven(
+                    table[rows, self.column_indices_[place]],
+                    table[rows][:, columns],
+                    self._clock(table, rows),
+                    self.gains_[place],
+                    cutoff=self.cutoffs_[place],
+                    method=self.method,
+                )
         asked = getattr(self, "_sklearn_output_config", {}).get("transform")
         if isinstance(X, pd.DataFrame) and asked != "default":
             names = self._names()
@@ -322,6 +345,46 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         names = _check_feature_names_in(self, input_features)
         return np.array([*names, *self._new_names([str(n) for n in names])], dtype=object)
 
+    def _find_inputs(self, names: list[str], n_columns: int) -> dict[int, list[int]]:
+        """Return the positions of the inputs, by the place of their column in `columns`."""
+        found: dict[int, list[int]] = {}
+        for column, inputs in (self.inputs or {}).items():
+            if isinstance(inputs, str) or not len(inputs) or column not in list(self.columns):
+                raise ParameterError(
+                    f"inputs is {self.inputs!r} with columns={list(self.columns)!r}.",
+                    "for some of these columns a sequence of input columns",
+                    "Pass for instance inputs={'P': ['flow']}.",
+                )
+            if self.second:
+                raise ParameterError(
+                    "second=True with inputs.",
+                    "one of them",
+                    "The second rate of a signal whose rate jumps is not finite.",
+                )
+            place = list(self.columns).index(column)
+            found[place] = [self._position(c, names, n_columns, "inputs") for c in inputs]
+        return found
+
+    def _fit_gains(self, table: np.ndarray, slices: list[slice]) -> None:
+        """Identify what the inputs do, and choose the cut-off of what they leave."""
+        self.gains_: dict[int, np.ndarray] = {}
+        automatic = isinstance(self.tuning, str)
+        for place, columns in sorted(self.input_indices_.items()):
+            self.gains_[place], cutoff = fit_gains(
+                [table[rows, self.column_indices_[place]] for rows in slices],
+                [table[rows][:, columns] for rows in slices],
+                [self._clock(table, rows) for rows in slices],
+                method=self.method,
+                tuning="auto" if automatic else float(self.cutoffs_[place]),
+            )
+            if automatic:
+                self.cutoffs_ = np.insert(self.cutoffs_, place, cutoff)
+
+    def _clock(self, table: np.ndarray, rows: slice) -> np.ndarray:
+        """Times of a trajectory, s."""
+        times = self._times(table, rows)
+        return np.arange(rows.stop - rows.start) * float(self.sampling_period or 1.0) if times is None else times
+
     def _names(self) -> list[str]:
         return [str(n) for n in _check_feature_names_in(self)]
 
@@ -371,7 +434,8 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
 
     def _read_columns(self) -> set[str]:
         """Names of the columns that must hold numbers."""
-        return {str(c) for c in (*self.columns, self.time) if isinstance(c, str)}
+        driving = [c for inputs in (self.inputs or {}).values() if not isinstance(inputs, str) for c in inputs]
+        return {str(c) for c in (*self.columns, self.time, *driving) if isinstance(c, str)}
 
     def _in_order_of_array(self, n_columns: int) -> tuple[np.ndarray, int | None]:
         """Return where columns and time stand in an array without names: the columns in their order, time before."""

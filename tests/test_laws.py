@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, TEMPERATURE
-from pamid.errors import UnknownOptionError, VolumeWarning
+from pamid.errors import ExcitationError, ParameterError, ShapeError, UnknownOptionError, VolumeWarning
 from pamid.laws.base import Law
 from pamid.laws.gas import entropic_content, entropic_supply, gas_mass, mass_flow, pressure_rate
 from pamid.laws.joint import AntagonisticJoint
 from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.laws.thermodynamic import ThermodynamicFlow
 from pamid.laws.valve import Valve, flow_function, valve_flow
+from pamid.laws.valve_map import ValveMap
 from pamid.signals.state import State
 from pamid.volume import VolumeJet, all_volumes, check_volume, volume_class
 from pamid.volume.bou_saba import BouSabaVolume, bou_saba
@@ -485,3 +486,35 @@ def test_no_law_of_the_package_is_left_out_of_the_axioms():
         importlib.import_module(f"pamid.laws.{module.name}")
     of_the_package = {c for c in Law.__subclasses__() if c.__module__.startswith("pamid.laws.")}
     assert of_the_package == {type(law) for law in LAWS.values()}
+
+
+# --- the valve's map ------------------------------------------------------------------------------------------
+def measured_valve(n=3000, seed=0, leak=0.0):
+    rng = np.random.default_rng(seed)
+    u, P = rng.uniform(-1, 1, n), rng.uniform(1.4e5, 5.5e5, n)
+    iso = Valve(sonic_conductance=6e-9, critical_pressure_ratio=0.35, supply_pressure=7e5)
+    return u, P, iso.flow(u, P) + leak + rng.normal(0, 3e-6, n), iso
+
+
+def test_a_map_identified_from_flow_is_the_valve_s_and_its_command_its_inverse():
+    u, P, mdot, iso = measured_valve(leak=2e-5)
+    known = ValveMap.fit(u, P, mdot, supply_pressure=7e5)
+    new_u, new_P, _, _ = measured_valve(seed=1)
+    error = known.flow(new_u, new_P) - iso.flow(new_u, new_P) - 2e-5
+    assert np.std(error) < 1e-3 * np.std(mdot)
+    np.testing.assert_allclose(known.command(known.flow(new_u, new_P), new_P), new_u, rtol=1e-9, atol=1e-9)
+    both = known.flow(torch.as_tensor(new_u), torch.as_tensor(new_P))
+    np.testing.assert_allclose(both.numpy(), known.flow(new_u, new_P), rtol=1e-12)
+    assert known.flow(1.0, 9e5) == known.flow(1.0, known.highest)  # held where the polynomials know nothing
+
+
+def test_a_map_is_not_identified_from_one_way_or_one_pressure():
+    u, P, mdot, _ = measured_valve(400)
+    with pytest.raises(ExcitationError, match="venting"):
+        ValveMap.fit(np.abs(u), P, mdot, supply_pressure=7e5)
+    with pytest.raises(ExcitationError, match="coefficients"):
+        ValveMap.fit(u, 0 * P + 3e5, mdot, supply_pressure=7e5)
+    with pytest.raises(ParameterError, match="degree"):
+        ValveMap.fit(u, P, mdot, supply_pressure=7e5, degree=-1)
+    with pytest.raises(ShapeError, match="samples"):
+        ValveMap.fit(u[1:], P, mdot, supply_pressure=7e5)

@@ -19,6 +19,7 @@ from pamid import errors
 from pamid.signals import TrajectoryKFold, differentiate, noise_level, quantisation_step, tune_cutoff
 from pamid.signals import kalman as kalman_module
 from pamid.signals import spline as spline_module
+from pamid.signals.driven import fit_gains, held_integral
 from pamid.signals.rates import METHODS, _method
 
 each_method = pytest.mark.parametrize("method", METHODS)
@@ -414,3 +415,52 @@ def test_fit_transform_is_fit_then_transform(log):
 def test_bad_tables(log, change, options, expected, words):
     with pytest.raises(expected, match=words):
         RateTransformer(**options).fit_transform(change(log))
+
+
+# --- signals that a known input drives --------------------------------------------------------------------------
+def driven_log(runs=3, rows=800, noise=1e-3):
+    """A signal whose rate is a smooth one plus 4 times a command that jumps every now and then."""
+    rng, parts = np.random.default_rng(5), []
+    t = np.arange(rows) * 1e-3
+    for k in range(runs):
+        u = np.repeat(rng.uniform(-1, 1, rows // 50), 50)
+        smooth = 2.0 * np.cos(2.0 * t + k)
+        rate = smooth + 4.0 * u
+        y = np.sin(2.0 * t + k) + 4.0 * held_integral(u[:, None], t)[:, 0] + noise * rng.standard_normal(rows)
+        parts.append(pd.DataFrame({"trajectory": f"run-{k}", "time": t, "y": y, "u": u, "rate": rate}))
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_known_input_takes_the_jumps_of_a_rate(method):
+    log = driven_log()
+    X = log[["trajectory", "time", "y", "u"]]
+    plain = RateTransformer(columns=("y",), method=method).fit(X)
+    driven = RateTransformer(columns=("y",), method=method, inputs={"y": ["u"]}).fit(X)
+    error, left = (np.std(r.transform(X)["dy"] - log["rate"]) for r in (plain, driven))
+    assert left < 0.1 * error
+    assert driven.gains_[0] == pytest.approx([4.0], rel=0.01)
+    assert driven.cutoffs_[0] < 0.5 * plain.cutoffs_[0]  # what is left is smooth
+    again = RateTransformer(columns=("y",), method=method, inputs={"y": ["u"]}, tuning=float(driven.cutoffs_[0])).fit(X)
+    assert again.gains_[0] == pytest.approx([4.0], rel=0.01)
+
+
+def test_an_input_that_never_changes_takes_nothing():
+    log = driven_log(runs=1).assign(u=1.0, v=lambda d: d["u"])
+    gains, _ = fit_gains([log["y"]], [log[["u", "v"]]], [log["time"]])
+    assert gains.tolist() == [0.0, 0.0]
+
+
+def test_inputs_of_a_rate_are_checked():
+    X = driven_log(runs=1)[["trajectory", "time", "y", "u"]]
+    for inputs in ({"y": "u"}, {"y": []}, {"z": ["u"]}):
+        with pytest.raises(errors.ParameterError, match="inputs"):
+            RateTransformer(columns=("y",), inputs=inputs).fit(X)
+    with pytest.raises(errors.MissingColumnError, match="valve"):
+        RateTransformer(columns=("y",), inputs={"y": ["valve"]}).fit(X)
+    with pytest.raises(errors.ParameterError, match="second"):
+        RateTransformer(columns=("y",), inputs={"y": ["u"]}, second=True).fit(X)
+    with pytest.raises(errors.NonFiniteError, match="row 4"):
+        fit_gains([X["y"]], [X[["u"]].mask(X["time"] == X["time"][3])], [X["time"]])
+    with pytest.raises(errors.ShapeError, match="samples"):
+        fit_gains([X["y"]], [X["u"]], [X["time"]])
