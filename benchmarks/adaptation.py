@@ -1,12 +1,12 @@
 """Adaptation from muscle A to B and C on the twin as in the study, and between measured Festo muscles.
 
-Parts: ``table`` (parameters, loss, errors on target, triangles and steps, time, for the published methods and pamid's),
-``samples`` (held-out error over the number of adaptation samples), ``muscles`` (every muscle as source and as target),
-``scaling`` (a step's time and memory over samples and width, against the matrix products alone), ``festo`` (needs
-``--festo FOLDER`` with ``10mm_20cm_Unkink.mat`` and its like in it or below, of
+Parts: ``table`` (parameters, loss, errors on target, triangles and steps, time, of pamid's own methods; the published
+ones stand in ``adaptation_published.py``), ``rates`` (errors where the rate of the pressure is taken with the valve's
+flow at its command as an input), ``samples`` (held-out error over the number of adaptation samples), ``muscles`` (every
+muscle as source and as target), ``scaling`` (a step's time and memory over samples and width, against the matrix
+products alone), ``festo`` (needs ``--festo FOLDER`` with ``10mm_20cm_Unkink.mat`` and its like in it or below, of
 github.com/Agile-and-Adaptive-Robotics/Muscle_Sensory, no licence stated and not part of this package). Times are CPU
-seconds of one thread, so that other work on the machine does not count. ``--epochs`` below the published 10,000 scales
-the published methods' times up to it.
+seconds of one thread, so that other work on the machine does not count.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import os
 import time
 import warnings
 from collections.abc import Callable
-from copy import copy
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,9 +28,6 @@ import numpy as np
 import pandas as pd
 import torch
 from pamid.estimators import (
-    FullFineTuning,
-    LoRA,
-    PartialFineTuning,
     QAdapter,
     RateTransformer,
     ScaleAdapter,
@@ -43,6 +39,7 @@ from sklearn.frozen import FrozenEstimator
 from pamid.bench import BenchParameters, dataset, unfold
 from pamid.laws.gas import mass_flow
 from pamid.laws.thermodynamic import ThermodynamicFlow
+from pamid.laws.valve import Valve
 from pamid.signals import State
 
 EPOCHS = 10_000
@@ -59,11 +56,19 @@ def sizes(muscle: str) -> dict[str, float]:
 
 
 @cache
-def log(name: str, muscle: str, seed: int) -> pd.DataFrame:
-    """Simulate a data set and take the upper muscle with its rates, tuned on the first seed's sines."""
+def log(name: str, muscle: str, seed: int, driven: str = "") -> pd.DataFrame:
+    """Simulate a data set and take the upper muscle with its rates, tuned on the first seed's runs.
+
+    With a method as `driven`, the rate of the pressure is taken with the flow of the valve at its command as an input.
+    """
     params = BenchParameters.for_muscle(muscle)
     table = unfold(dataset(name, seed=seed, muscle=muscle), params)
-    table = table[table["muscle"] == 1].reset_index(drop=True)[["trajectory", "time", "eps", "P", "mdot"]]
+    table = table[table["muscle"] == 1].reset_index(drop=True)
+    flow = Valve(**vars(params.valve), supply_pressure=params.gas.supply_pressure).flow(table["u"], table["P"])
+    table = table[["trajectory", "time", "eps", "P", "mdot"]]
+    if driven:
+        rates = RateTransformer(columns=("eps", "P"), smooth=True, method=driven, inputs={"P": ["flow"]})
+        return rates.fit_transform(table.assign(flow=flow))
     rates = RateTransformer(columns=("eps", "P"), smooth=True, tuning=CUTOFFS.get((name, muscle), "auto")).fit(table)
     CUTOFFS.setdefault((name, muscle), tuple(rates.cutoffs_))
     return rates.transform(table)
@@ -96,19 +101,19 @@ class TrueVolume:
         return ThermodynamicFlow().predict(V, self.plant.volume_slope(state.eps), 0 * V, state)
 
 
-def sets_of(muscle: str, seed: int) -> dict[str, pd.DataFrame]:
+def sets_of(muscle: str, seed: int, driven: str = "") -> dict[str, pd.DataFrame]:
     return {
-        "target": log(f"D_{muscle}", muscle, seed),
-        "tri": log("D_tri", muscle, 0),
-        "step": log("D_step", muscle, 0),
+        "target": log(f"D_{muscle}", muscle, seed, driven),
+        "tri": log("D_tri", muscle, 0, driven),
+        "step": log("D_step", muscle, 0, driven),
         "true tri": truth("D_tri", muscle),
         "true step": truth("D_step", muscle),
     }
 
 
-def errors(model: Any, muscle: str, seed: int) -> dict[str, float]:
+def errors(model: Any, muscle: str, seed: int, driven: str = "") -> dict[str, float]:
     """Root mean square errors, kg/s."""
-    tables = sets_of(muscle, seed)
+    tables = sets_of(muscle, seed, driven)
     out = {}
     for name, d in tables.items():
         X = d[COLUMNS[1:]] if isinstance(model, ThermodynamicPIHM) else d[COLUMNS]
@@ -116,9 +121,9 @@ def errors(model: Any, muscle: str, seed: int) -> dict[str, float]:
     return out
 
 
-def source(kind: str, muscle: str, seed: int, steps: int) -> ThermodynamicPIHM:
+def source(kind: str, muscle: str, seed: int, steps: int, driven: str = "") -> ThermodynamicPIHM:
     """Train a source on all its samples; the published network by second order, to the same loss in less time."""
-    d = log(f"D_{muscle}", muscle, seed)
+    d = log(f"D_{muscle}", muscle, seed, driven)
     model = ThermodynamicPIHM(**sizes(muscle), volume_model=kind, max_iter=steps, random_state=seed)
     return model.fit(d[COLUMNS[1:]], d["mdot"], groups=d["trajectory"])
 
@@ -129,16 +134,10 @@ def timed(fit: Callable[[], Any]) -> tuple[Any, float]:
 
 
 # --- the table -----------------------------------------------------------------------------------------------
-def methods(neural: Any, anchored: Any, muscle: str, epochs: int, seed: int) -> dict[str, Any]:
-    """Return the published methods and pamid's."""
-    adam = {"trainer": "adam", "max_iter": epochs, "random_state": seed}
-    single = FrozenEstimator(copy(neural.estimator).set_params(dtype="float32"))  # as such frameworks train by default
+def methods(neural: Any, anchored: Any, muscle: str, seed: int) -> dict[str, Any]:
+    """Return pamid's adaptations."""
     ours = {**sizes(muscle), "random_state": seed}
     return {
-        "FFT (Adam)": FullFineTuning(single, **adam),
-        "PFT (Adam)": PartialFineTuning(single, **adam),
-        "LoRA (Adam)": LoRA(single, **adam),
-        "Q (Adam)": QAdapter(single, **adam, **sizes(muscle)),
         "Q alone": QAdapter(anchored, base="frozen", **ours),
         "scales": ScaleAdapter(anchored, rest_length=sizes(muscle)["rest_length"], random_state=seed),
         "Q, pull chosen": QAdapter(anchored, **ours),
@@ -159,13 +158,12 @@ def table_part(args: argparse.Namespace) -> list[dict[str, Any]]:
         for muscle in args.targets:
             whole = log(f"D_{muscle}", muscle, seed)
             few = whole.iloc[::100]
-            for name, estimator in methods(networks["neural"], networks["anchored"], muscle, args.epochs, seed).items():
+            for name, estimator in methods(networks["neural"], networks["anchored"], muscle, seed).items():
                 if args.methods and not any(wanted in name for wanted in args.methods):
                     continue
                 model, seconds = timed(lambda e=estimator, d=few: e.fit(d[COLUMNS], d["mdot"]))
-                scale = EPOCHS / args.epochs if "Adam" in name else 1.0
                 row = {"muscle": muscle, "seed": seed, "method": name, "parameters": model.n_parameters_}
-                row |= {"samples": len(few), "loss": loss(model, few), "seconds": seconds * scale}
+                row |= {"samples": len(few), "loss": loss(model, few), "seconds": seconds}
                 row |= errors(model, muscle, seed)
                 if seed == 0 and muscle == "B":
                     row["curve"] = [float(v) for v in model.loss_curve_][:: max(1, len(model.loss_curve_) // 400)]
@@ -398,7 +396,25 @@ def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
     return found
 
 
+def rates_part(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Errors where rates know the valve's command, for every method of rates."""
+    found = []
+    for seed in range(args.first_seed, args.first_seed + args.seeds):
+        for method in args.rates:
+            network = FrozenEstimator(source("anchored", "A", seed, args.steps, method))
+            for muscle in args.targets:
+                few = log(f"D_{muscle}", muscle, seed, method).iloc[::100]
+                adapted = QAdapter(network, **sizes(muscle), random_state=seed).fit(few[COLUMNS], few["mdot"])
+                for name, model in (("QAdapter()", adapted), ("true volume", TrueVolume(muscle))):
+                    row = {"muscle": muscle, "seed": seed, "method": f"{name}, {method or 'savgol, command unknown'}"}
+                    found.append(row | errors(model, muscle, seed, method))
+                    cells = " ".join(f"{1e6 * found[-1][s]:8.2f}" for s in SETS)
+                    print(f"{muscle} seed {seed} {row['method']:40s} {cells}", flush=True)
+    return found
+
+
 PARTS = {
+    "rates": rates_part,
     "table": table_part,
     "samples": samples_part,
     "muscles": muscles_part,
@@ -413,10 +429,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="seeds of noise, weights and draws (default 5)")
     parser.add_argument("--first-seed", type=int, default=0, help="where the seeds start (default 0)")
     parser.add_argument("--targets", nargs="+", default=["B", "C"], choices=["B", "C"], help="target muscles")
-    parser.add_argument("--epochs", type=int, default=EPOCHS, help="epochs of the published methods (default 10000)")
     parser.add_argument("--scratch-seeds", type=int, default=5, help="seeds of the models from scratch (default 5)")
     parser.add_argument("--steps", type=int, default=40, help="steps of a source or from scratch (default 40)")
     parser.add_argument("--repeats", type=int, default=5, help="repeats of a timing (default 5)")
+    methods = ["", "savgol", "spline", "kalman"]
+    parser.add_argument("--rates", nargs="+", choices=methods, default=methods, help="methods of rates ('': unknown)")
     parser.add_argument("--methods", nargs="*", help="only adaptations whose names hold one of these texts")
     parser.add_argument("--festo", metavar="FOLDER", help="folder of measured Festo logs")
     parser.add_argument(

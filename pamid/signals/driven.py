@@ -157,8 +157,10 @@ def differentiate_driven(
 
     Returns
     -------
-    smoothed, rate : ndarray, shape (n_samples,)
-        Unit of y, and unit of y per s. Where an input jumps, the rate is the one after the jump.
+    smoothed : ndarray, shape (n_samples,)
+        The smoothed signal, unit of y.
+    rate : ndarray, shape (n_samples,)
+        Its rate, unit of y per s; where an input jumps, the one after the jump.
 
     Examples
     --------
