@@ -1,4 +1,4 @@
-"""Draw what ``benchmarks/adaptation.py --out FILE.json`` measured, and predictions on triangles and steps."""
+"""Draw what ``adaptation_published.py`` and ``adaptation.py`` measured: losses, predictions, samples, costs."""
 
 from __future__ import annotations
 
@@ -19,26 +19,20 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 SETS = ("target", "tri", "step")
-OURS = ("Q alone", "Q, pull chosen")
-"""Adaptations drawn beside the published ones."""
 
 
 def curves(found: list[dict[str, Any]], folder: Path) -> None:
-    """Loss over the share of each method's own training time: Figure 5 of the study, with time in place of epochs."""
-    fig, axis = plt.subplots(figsize=(6, 3.5), layout="constrained")
-    latest = {(r["seed"], r["muscle"], r["method"]): r for r in found if "curve" in r}  # of two files the later one
-    for row in latest.values():
-        if not ("Adam" in row["method"] or row["method"] in OURS):
-            continue
-        if len(row["curve"]) > 1:
-            seconds = np.linspace(0, row["seconds"], len(row["curve"]) + 1)[1:]
-            axis.loglog(seconds, row["curve"], label=row["method"])
-        else:
-            axis.plot(row["seconds"], row["curve"][0], "k*", label=row["method"])
-    axis.set(
-        xlabel="CPU time of the adaptation / s", ylabel="loss / variance of the target", title="A to B, 315 samples"
-    )
-    axis.legend(fontsize=7)
+    """Loss over the epochs, from scratch and adapted: Figure 5 of the study."""
+    muscles = sorted({r["muscle"] for r in found if r["method"].endswith("as printed")})
+    fig, axes = plt.subplots(1, len(muscles), figsize=(4.5 * len(muscles), 3.4), layout="constrained", squeeze=False)
+    for axis, muscle in zip(axes[0], muscles, strict=True):
+        own = [r for r in found if r["muscle"] == muscle and len(r.get("curve", ())) > 1]
+        for i, method in enumerate(dict.fromkeys(r["method"] for r in own)):
+            for k, row in enumerate(r for r in own if r["method"] == method):
+                label = method.replace(", as printed", "") if k == 0 else None
+                axis.loglog(row["epochs"], row["curve"], color=f"C{i}", lw=0.9, label=label)
+        axis.set(title=f"muscle {muscle}", xlabel="epochs", ylabel="loss / variance of the target")
+    axes[0][0].legend(fontsize=7)
     fig.savefig(folder / "adaptation-loss.png", dpi=120)
 
 
@@ -79,57 +73,45 @@ def scaling(found: list[dict[str, Any]], folder: Path) -> None:
     fig.savefig(folder / "adaptation-scaling.png", dpi=120)
 
 
-def predictions(folder: Path, muscle: str, steps: int) -> None:
-    """Figures 6 and 7 of the study: flow on a triangle and on a step, of the model from scratch and the adapted one."""
-    from adaptation import COLUMNS, log, sizes, source  # the neighbouring benchmark
-    from pamid.estimators import QAdapter
-
-    few = log(f"D_{muscle}", muscle, 0).iloc[::100]
-    scratch = source("neural", muscle, 0, steps)
-    adapted = QAdapter(source("anchored", "A", 0, steps), **sizes(muscle), random_state=0).fit(
-        few[COLUMNS], few["mdot"]
-    )
-    fig, axes = plt.subplots(2, 2, figsize=(9, 4.6), layout="constrained", sharex="col", height_ratios=(3, 2))
-    for column, (name, run, window) in enumerate((("D_tri", 18, (0.0, np.inf)), ("D_step", 4, (0.45, 0.8)))):
-        d = log(name, muscle, 0)
-        d = d[(d["trajectory"] == d["trajectory"].unique()[run]) & d["time"].between(*window)]
-        upper, lower = axes[:, column]
-        upper.plot(d["time"], 1e3 * d["mdot"], color="0.7", lw=2.5, label="measured")
-        for model, columns, style, label in (
-            (scratch, COLUMNS[1:], "-", "published network, from scratch"),
-            (adapted, COLUMNS, "--", f"adapted from A, {len(few)} samples"),
-        ):
-            flow = 1e3 * model.predict(d[columns])
-            upper.plot(d["time"], flow, style, lw=0.9, label=label)
-            lower.plot(d["time"], flow - 1e3 * d["mdot"], style, lw=0.7)
-        upper.set(title=f"{muscle}: {d['trajectory'].iloc[0]}", ylabel="flow / g/s")
-        lower.set(xlabel="time / s", ylabel="error / g/s")
-    fig.legend(*axes[0][0].get_legend_handles_labels(), fontsize=8, ncols=3, loc="outside lower center")
-    fig.savefig(folder / f"adaptation-predictions-{muscle}.png", dpi=120)
+def predictions(found: list[dict[str, Any]], folder: Path) -> None:
+    """Figures 6 and 7 of the study: flow on a triangle and a step, by Algorithm 1 from scratch and by Algorithm 2."""
+    kept = {(r["muscle"], r["method"]): r["predictions"] for r in found if "predictions" in r}
+    for muscle in sorted({m for m, method in kept if method == "Q, as printed"}):
+        fig, axes = plt.subplots(2, 2, figsize=(9, 4.6), layout="constrained", sharex="col", height_ratios=(3, 2))
+        for column, name in enumerate(("D_tri", "D_step")):
+            upper, lower = axes[:, column]
+            for method, style, label in (
+                ("scratch, Algorithm 1", "-", "Algorithm 1, from scratch"),
+                ("Q, as printed", "--", "Algorithm 2, adapted from A"),
+            ):
+                run = kept[muscle, method][name]
+                time, measured, flow = (np.array(run[k]) for k in ("time", "measured", "predicted"))
+                if style == "-":
+                    upper.plot(time, 1e3 * measured, color="0.7", lw=2.5, label="measured")
+                upper.plot(time, 1e3 * flow, style, lw=0.9, label=label)
+                lower.plot(time, 1e3 * (flow - measured), style, lw=0.7)
+                upper.set(title=f"{muscle}: {run['run']}", ylabel="flow / g/s")
+                lower.set(xlabel="time / s", ylabel="error / g/s")
+        fig.legend(*axes[0][0].get_legend_handles_labels(), fontsize=8, ncols=3, loc="outside lower center")
+        fig.savefig(folder / f"adaptation-predictions-{muscle}.png", dpi=120)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("files", nargs="*", help="results of benchmarks/adaptation.py --out")
+    parser.add_argument("files", nargs="*", help="results of --out FILE.json of either benchmark")
     parser.add_argument("--folder", default="docs/images", help="where the pictures go (default docs/images)")
-    parser.add_argument(
-        "--predictions", nargs="*", default=[], choices=["B", "C"], help="draw predictions for these muscles"
-    )
-    parser.add_argument("--steps", type=int, default=40, help="steps of the trained models (default 40)")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     folder = Path(args.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    draw = {"table": curves, "samples": counts, "scaling": scaling}
+    draw = {"published": (curves, predictions), "samples": (counts,), "scaling": (scaling,)}
     kept: dict[str, list[dict[str, Any]]] = {}
     for file in args.files:
         for part, found in json.loads(Path(file).read_text(encoding="utf-8")).items():
             kept.setdefault(part, []).extend(found)
     for part, found in kept.items():
-        if part in draw and found:
-            draw[part](found, folder)
-    for muscle in args.predictions:
-        predictions(folder, muscle, args.steps)
+        for picture in draw.get(part, ()) if found else ():
+            picture(found, folder)
 
 
 if __name__ == "__main__":
