@@ -313,7 +313,10 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
 
     def _outside(self, x: np.ndarray) -> np.ndarray:
         """Rows that lie in no cell of the fit, nor beside one."""
-        here, which = np.unique(np.round(np.clip(x, -1e6, 1e6) / CELL).astype(np.int64), axis=0, return_inverse=True)
+        here = np.round(np.clip(x, -1e6, 1e6) / CELL).astype(np.int64)
+        which = np.zeros(1, dtype=int)
+        if len(here) > 1:
+            here, which = np.unique(here, axis=0, return_inverse=True)
         near = np.zeros(len(here), dtype=bool)
         for start in range(0, len(here), 512):
             part = here[start : start + 512, None, :] - self.cells_[None]

@@ -29,7 +29,7 @@ from pamid.laws.base import Law
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.anchored import AnchoredVolume
-from pamid.volume.base import VolumeJet, VolumeModel
+from pamid.volume.base import VolumeJet, VolumeModel, slope_of
 from pamid.volume.checks import check_volume
 from pamid.volume.neural import InputScale, NeuralVolume
 
@@ -379,10 +379,10 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         seen = getattr(self, "input_range_", None)
         if seen is None:  # a model file of an earlier version
             return
-        x = np.column_stack(self._state(X))
+        x = X[:, [self.signal_columns_[name] for name in STATE_SIGNALS]]
         margin = MARGIN * (seen[1] - seen[0])
         outside = (x < seen[0] - margin) | (x > seen[1] + margin)
-        if np.mean(outside.any(axis=1)) > OUTSIDE:
+        if outside.any() and np.mean(outside.any(axis=1)) > OUTSIDE:
             worst = int(np.argmax(outside.sum(axis=0)))
             warnings.warn(
                 f"{outside.any(axis=1).mean():.0%} of {len(x)} samples lie outside the range of the data of the fit, "
@@ -398,9 +398,10 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self._warn_of_extrapolation(X)
         volume, laws = self.volume_, self._laws()
         out = np.empty((len(X), len(laws)))
+        alone = all(law.slope_alone for law in laws)
         for i in range(0, len(X), CHUNK):
             state = self._state(X[i : i + CHUNK])
-            jet = volume.jet(state)
+            jet = VolumeJet(0.0, slope_of(volume, state), 0.0) if alone else volume.jet(state)
             for k, law in enumerate(laws):
                 out[i : i + CHUNK, k] = law.predict(*jet, state)
         return out

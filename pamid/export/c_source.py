@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..volume.contact import _NODES, _WEIGHTS
+from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
 from .plan import JET, UNITS, Plan
 from .reference import SERIES_BELOW, Reference
@@ -175,7 +175,7 @@ class Writer:
 
     def _anchor(self, anchor: Any) -> list[str]:
         return [
-            f"#define POINTS {len(_NODES) + 1}",
+            f"#define POINTS {len(POINTS)}",
             self.define("CONTACT_SMALL", SERIES_BELOW[self.type.name]),
             self.define("ANCHOR_AMBIENT", anchor.atmospheric_pressure),
             self.define("ANCHOR_LENGTH_AREA", anchor.rest_length * anchor.area),
@@ -186,8 +186,8 @@ class Writer:
             self.define("ANCHOR_CONTACT_WIDTH", anchor.contact_width),
             self.define("ANCHOR_REST_VOLUME", anchor.rest_volume),
             self.define("ANCHOR_STRETCH", anchor._stretch),
-            self.table("anchor_nodes", np.append(_NODES, 1.0)),
-            self.table("anchor_weights", np.append(_WEIGHTS, 0.0)),
+            self.table("anchor_nodes", POINTS),
+            self.table("anchor_weights", SHARES),
         ]
 
     def _network(self, network: Any) -> list[str]:

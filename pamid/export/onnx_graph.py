@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ExportError
-from ..volume.contact import _NODES, _WEIGHTS
+from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
 from .formula import FormulaPlan
 from .plan import JET, UNITS, Plan
@@ -242,20 +242,20 @@ def _anchor(g: _Graph, anchor: Any) -> list[str]:
     """Add the geometric volume; the last point of the quadrature, with no weight, is the contraction itself."""
     eps = g.column(0)
     p = g("Sub", g.column(2), g.constant(anchor.atmospheric_pressure))
-    at = g("Mul", eps, g.constant(np.append(_NODES, 1.0)[None]))
+    at = g("Mul", eps, g.constant(POINTS[None]))
     v = g.scaled(at, 1.0 / anchor.max_contraction)
     braid = g("Mul", g.one_minus(v), g.plus_one(g.scaled(v, anchor.curvature)))
     braid = g.scaled(braid, anchor.rest_length * anchor.area)
     fall = g("Exp", g.scaled(g.ramp(at), -1.0 / anchor.contact_contraction))
     x = g.scaled(g("Sub", fall, g.constant(1.0)), anchor.contact_pressure / anchor.contact_width)
     phi, slope = _contact(g, x, g.scaled(p, 1.0 / anchor.contact_width))
-    weights = np.append(_WEIGHTS, 0.0)[:, None]
+    weights = SHARES[:, None]
     mean = g("MatMul", g("Mul", braid, phi), g.constant(weights))
     # The width goes into the weights: onnxruntime joins a product and a factor after it in single precision.
     rise = g("MatMul", g("Mul", braid, slope), g.constant(weights / anchor.contact_width))
     left = g.scaled(g.one_minus(eps), anchor._stretch)
     V = g("Add", g.constant(anchor.rest_volume), g("Add", g("Mul", left, p), g("Mul", eps, mean)))
-    end = g("Gather", g("Mul", braid, phi), g.constant([len(_NODES)], np.int64), axis=1)
+    end = g("Gather", g("Mul", braid, phi), g.constant([len(POINTS) - 1], np.int64), axis=1)
     V_eps = g("Sub", end, g.scaled(p, anchor._stretch))
     return [V, V_eps, g("Add", left, g("Mul", eps, rise))]
 

@@ -52,6 +52,8 @@ class Law(ABC):
     """Column of a log that holds what the law predicts."""
     unit: ClassVar[str]
     """Unit of the prediction."""
+    slope_alone: ClassVar[bool] = False
+    """Whether the law reads ∂V/∂ε and neither V nor ∂V/∂P, so that these need not be computed."""
 
     @abstractmethod
     def coefficients(self, state: State) -> Coefficients:

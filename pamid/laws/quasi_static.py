@@ -46,6 +46,7 @@ class QuasiStaticForce(Law):
     equation: ClassVar[str] = "force"
     target: ClassVar[str] = "F"
     unit: ClassVar[str] = "N"
+    slope_alone: ClassVar[bool] = True
 
     def coefficients(self, state: State) -> Coefficients:
         """Return (0, p/L₀, 0)."""

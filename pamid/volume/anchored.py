@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..signals.state import State
-from .base import VolumeJet, VolumeModel
+from ..signals.state import Array, State
+from .base import VolumeJet, VolumeModel, slope_of
 
 
 @dataclass(frozen=True)
@@ -40,3 +40,7 @@ class AnchoredVolume:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
         a, b = self.anchor.jet(state), self.correction.jet(state)
         return VolumeJet(a.V + b.V, a.V_eps + b.V_eps, a.V_P + b.V_P)
+
+    def slope_at(self, state: State) -> Array:
+        """Return ∂V/∂ε alone."""
+        return slope_of(self.anchor, state) + slope_of(self.correction, state)

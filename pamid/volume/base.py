@@ -51,3 +51,31 @@ class VolumeModel(Protocol):
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample of ``state``."""
         ...
+
+
+def slope_of(volume: VolumeModel, state: State) -> Array:
+    """Return ∂V/∂ε alone, which a quasi-static force reads: by ``volume.slope_at`` where the volume has it.
+
+    Parameters
+    ----------
+    volume : VolumeModel
+        The volume.
+    state : State
+        Signals of the muscle, SI units, absolute pressure.
+
+    Returns
+    -------
+    array, shape (n_samples,)
+        ∂V/∂ε, m³.
+
+    Examples
+    --------
+    >>> from pamid.signals import State
+    >>> from pamid.volume.base import slope_of
+    >>> from pamid.volume.cylinder import CylinderVolume
+    >>> tube = CylinderVolume(rest_length=0.2, rest_diameter=0.02)
+    >>> bool(slope_of(tube, State(0.1, 0.0, 3e5, 0.0)) == tube.jet(State(0.1, 0.0, 3e5, 0.0)).V_eps)
+    True
+    """
+    own = getattr(volume, "slope_at", None)
+    return volume.jet(state).V_eps if own is None else own(state)

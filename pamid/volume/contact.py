@@ -11,7 +11,8 @@ from ..signals.state import Array, State
 from .base import VolumeJet
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+POINTS, SHARES = np.append(0.5 * (_NODES + 1.0), 1.0), np.append(0.5 * _WEIGHTS, 0.0)
+"""Points of the quadrature as shares of ε, and their weights; the last one, of no weight, is ε itself."""
 _SMALL = 0.05
 """Gauge pressure, in widths of the contact, below which its factor is a series: the quotient would lose digits."""
 
@@ -109,16 +110,22 @@ class ContactVolume:
         pc = self.contact_pressure * -np.expm1(-np.maximum(eps, 0.0) / self.contact_contraction)
         return -pc / self.contact_width, p_gauge / self.contact_width
 
+    def slope_at(self, state: State) -> Array:
+        """Return ∂V/∂ε alone, without the quadrature that V takes."""
+        eps, P = np.asarray(state.eps, dtype=float), np.asarray(state.P, dtype=float)
+        return self.slope(eps, P - self.atmospheric_pressure)
+
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample, V by Gauss–Legendre quadrature over ε."""
         eps, p = np.asarray(state.eps, dtype=float), np.asarray(state.P, dtype=float) - self.atmospheric_pressure
         stretch = self._stretch
-        at = eps[:, None] * _NODES
+        at = eps[:, None] * POINTS
         x, u = self._arguments(at, p[:, None])
         braid, phi = self._braid(at), _contact(x, u)
-        V = self.rest_volume + stretch * p * (1.0 - eps) + eps * ((braid * phi) @ _WEIGHTS)
-        rise = (braid * _contact_slope(x, u, phi)) @ _WEIGHTS / self.contact_width
-        return VolumeJet(V, self.slope(eps, p), stretch * (1.0 - eps) + eps * rise)
+        through, left = braid * phi, stretch * (1.0 - eps)
+        V = self.rest_volume + left * p + eps * (through @ SHARES)
+        rise = (braid * _contact_slope(x, u, phi)) @ SHARES / self.contact_width
+        return VolumeJet(V, through[:, -1] - stretch * p, left + eps * rise)
 
 
 def _logistic(x: Array) -> Array:
@@ -129,9 +136,10 @@ def _logistic(x: Array) -> Array:
 def _contact(x: Array, u: Array) -> Array:
     """Return φ = (ln(1 + e^(x+u)) − ln(1 + e^x))/u."""
     small = np.abs(u) < _SMALL
-    safe = np.where(small, 1.0, u)
+    near = small.any()
+    safe = np.where(small, 1.0, u) if near else u
     phi = (np.logaddexp(0.0, x + safe) - np.logaddexp(0.0, x)) / safe
-    if not small.any():
+    if not near:
         return phi
     # Near u = 0 the quotient is a mean of the logistic function over a short stretch: a series about its middle.
     m = _logistic(x + u / 2.0)
@@ -142,8 +150,9 @@ def _contact(x: Array, u: Array) -> Array:
 def _contact_slope(x: Array, u: Array, phi: Array) -> Array:
     """Return ∂φ/∂u."""
     small = np.abs(u) < _SMALL
-    slope = (_logistic(x + u) - phi) / np.where(small, 1.0, u)
-    if not small.any():
+    near = small.any()
+    slope = (_logistic(x + u) - phi) / (np.where(small, 1.0, u) if near else u)
+    if not near:
         return slope
     m = _logistic(x + u / 2.0)
     a, odd = m * (1.0 - m), 1.0 - 2.0 * m

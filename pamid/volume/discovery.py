@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from .._discovery import subclasses
 from ..errors import UnknownOptionError
 from .classical import ClassicalVolume
@@ -21,6 +23,11 @@ def all_volumes() -> dict[str, type[ClassicalVolume]]:
     >>> sorted(all_volumes())
     ['bou_saba', 'chou_hannaford', 'cylinder', 'hildebrandt', 'polynomial', 'tondu_lopez']
     """
+    return dict(_found())
+
+
+@cache
+def _found() -> dict[str, type[ClassicalVolume]]:
     return dict(sorted((cls.name, cls) for cls in subclasses("pamid.volume", ClassicalVolume)))
 
 

@@ -77,13 +77,15 @@ class InputScale:
         """Return the clamped standardised inputs and their slope dξ/dx, both of shape (n_samples, 4)."""
         z = (x - self.mean) / self.spread
         inside = np.minimum(np.maximum(z, self.lower), self.upper)
-        past = np.tanh((z - inside) / self.fade)
-        bounded = inside + self.fade * past
-        slope = 1.0 - past * past
+        if (z == inside).all():  # a sample of a control loop, as a rule
+            bounded, slope = z, np.ones_like(z)
+        else:
+            past = np.tanh((z - inside) / self.fade)
+            bounded, slope = inside + self.fade * past, 1.0 - past * past
         if self.saturated.any():
             root = np.sqrt(1.0 + z * z)
             bounded = np.where(self.saturated, z / root, bounded)
-            slope = np.where(self.saturated, 1.0 / root**3, slope)
+            slope = np.where(self.saturated, 1.0 / (root * root * root), slope)
         return bounded, slope / self.spread
 
 
@@ -121,14 +123,22 @@ class NeuralVolume:
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
-        x = np.column_stack([np.asarray(s, dtype=float) for s in state])
-        xi, slope = self.scale.apply(x)
+        xi, slope = self._scaled(state)
         value, (d_eps, d_P) = network_jet(self.weights, xi, (0, 2), self.activation)
         return VolumeJet(
             self.volume_scale * value,
             self.volume_scale * d_eps * slope[:, 0],
             self.volume_scale * d_P * slope[:, 2],
         )
+
+    def slope_at(self, state: State) -> Array:
+        """Return ∂V/∂ε alone."""
+        xi, slope = self._scaled(state)
+        _, (d_eps,) = network_jet(self.weights, xi, (0,), self.activation)
+        return self.volume_scale * d_eps * slope[:, 0]
+
+    def _scaled(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        return self.scale.apply(np.array(state, dtype=float).reshape(len(state), -1).T)
 
 
 def network_jet(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..signals.state import State
-from .base import VolumeJet, VolumeModel
+from ..signals.state import Array, State
+from .base import VolumeJet, VolumeModel, slope_of
 
 
 @dataclass(frozen=True)
@@ -41,3 +41,7 @@ class ScaledVolume:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
         V, V_eps, V_P = self.source.jet(state)
         return VolumeJet(self.factor * V + self.dead_volume, self.factor * V_eps, self.factor * V_P)
+
+    def slope_at(self, state: State) -> Array:
+        """Return ∂V/∂ε alone."""
+        return self.factor * slope_of(self.source, state)
