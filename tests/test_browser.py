@@ -34,7 +34,8 @@ FLAGS = [
     "--disable-dev-shm-usage",
     "--remote-debugging-pipe",
 ]
-PHONE = 375
+PHONE = 390
+WIDE = 1400
 
 
 class Page:
@@ -180,12 +181,13 @@ def check_quiet(page: Page) -> None:
     assert [url for url in page.requests if not url.startswith(("file://", "data:", "blob:"))] == []
 
 
-def check_narrow(page: Page) -> None:
+def check_narrow(page: Page, width: int = PHONE) -> None:
+    """Nothing is wider than the screen, and no text is larger than the box that holds it."""
     wide = page.ask(
         "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
         ".slice(0, 3).map(e => e.tagName + '.' + e.className).join(' ')"
     )
-    assert page.ask("document.documentElement.scrollWidth") <= PHONE, f"wider than the screen: {wide}"
+    assert page.ask("document.documentElement.scrollWidth") <= width, f"wider than the screen: {wide}"
 
 
 FOCUSED = """(() => {
@@ -211,9 +213,13 @@ def check_keyboard(page: Page, steps: int) -> None:
 
 @needs_browser
 def test_report(page: Page, report: Path) -> None:
-    page.open(report)
+    page.open(report, WIDE)
     check_quiet(page)
+    check_narrow(page, WIDE)
     assert page.ask("document.title")
+    assert page.ask("document.querySelectorAll('#course svg').length") >= 1
+    empty = "[...document.querySelectorAll('.gallery')].map(g => g.lastElementChild.getBoundingClientRect().right"
+    assert min(page.ask(f"{empty} / innerWidth)")) > 0.4, "more than half of the page is empty beside a picture"
     assert page.ask("document.documentElement.lang")
     assert page.ask("document.querySelectorAll('h1').length") == 1
     assert page.ask(
@@ -231,8 +237,11 @@ def test_what_is_in_a_log(page: Page, tmp_path: Path) -> None:
     runs = ["--trajectory", "sine:frequency=4,amplitude=15,seconds=1"]
     assert main(["simulate", "--muscle", "B", *runs, "--out", str(tmp_path / "log.parquet"), "--quiet"]) == 0
     assert main(["check", str(tmp_path / "log.parquet"), "--html", str(tmp_path / "check.html"), "--quiet"]) == 0
-    page.open(tmp_path / "check.html")
+    page.open(tmp_path / "check.html", WIDE)
     check_quiet(page)
+    check_narrow(page, WIDE)
+    first = "[...document.querySelectorAll('main section')].map(s => s.id).slice(0, 2)"
+    assert page.ask(first) == ["answer", "pictures"], "the pictures come first"
     assert page.ask("document.querySelectorAll('h1').length") == 1
     check_keyboard(page, 6)
     page.open(tmp_path / "check.html", PHONE)
@@ -264,11 +273,10 @@ def test_site(site: Path, request: pytest.FixtureRequest) -> None:
         pytest.skip("the links are right; the rest needs chromium, which is not installed here")
     page = request.getfixturevalue("page")
     for name in ("index", "theory-laws", "models", "auto_gallery/plot_10_cause", "api/pamid.estimators.StaticPIHM"):
-        for width in (1280, PHONE):
+        for width in (WIDE, PHONE):
             page.open(site / f"{name}.html", width)
             check_quiet(page)
-            if width == PHONE:
-                check_narrow(page)
+            check_narrow(page, width)
     page.open(site / "index.html")
     check_keyboard(page, 12)
     assert page.ask("document.querySelectorAll('a[href=\"#main-content\"]').length") == 1, "a way past the navigation"

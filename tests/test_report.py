@@ -28,11 +28,13 @@ from pamid.gap.diagnosis.result import (
 )
 from pamid.report import GapDisplay, answers, report_html, write_report
 from pamid.report.drawings.closure import closure_figure, waterfall
+from pamid.report.drawings.course import course_figure, fit, shared_limits
 from pamid.report.drawings.loops import loop_figure
 from pamid.report.drawings.maps import bounds, map_figure
 from pamid.report.drawings.ranking import ranking_figure
-from pamid.report.drawings.spectrum import spectrum_figure
-from pamid.report.quantities import amount, percent, share_span, span
+from pamid.report.drawings.spectrum import spectrum_figure, worse_bands
+from pamid.report.drawings.windows import telling_trajectories
+from pamid.report.quantities import amount, percent, share_span, span, target
 from pamid.report.sections import Source, all_sections
 from pamid.report.sentences import query_words
 
@@ -63,6 +65,7 @@ def windows_of(log: pd.DataFrame, nominal: BenchParameters, corrected: BenchPara
                         "equation": name,
                         "side": side,
                         **{c: np.interp(after.time, time, v) for c, v in state.items()},
+                        "measured": before.measured[kept, k],
                         "before": before.value[kept, k],
                         "after": after.value[:, k],
                         "noise": after.noise[:, k],
@@ -441,12 +444,40 @@ def test_the_spectrum_agrees_with_the_mean_square(diagnoses):
     assert line["after"].get_ydata().max() < 0.1 * density.max()
 
 
+def test_a_band_in_which_the_causes_do_harm_is_told(diagnoses):
+    d = diagnoses["cause"]
+    assert worse_bands(d, "force") == []
+    time = d.windows["time"].to_numpy()
+    shaken = d.windows["after"] + 2.0 * np.sin(2 * np.pi * 9.0 * time)
+    worse = replace(d, windows=d.windows.assign(after=shaken))
+    [(low, high, factor)] = worse_bands(worse, "force")
+    assert low <= 9.0 <= high and factor > 1.5
+    assert "the error is larger from" in report_html(worse)
+    assert "the error is larger from" not in report_html(d)
+
+
+def test_measured_and_simulated_stand_on_one_scale(diagnoses):
+    d = diagnoses["cause"]
+    runs = telling_trajectories(d, "force", 2)
+    limits = shared_limits(d, "force", runs)
+    for run in runs:
+        figure = course_figure(d, "force", run, limits)
+        assert figure.axes[0].get_ylim() == limits
+        assert figure.axes[0].get_ylabel() == "force / N"
+    part = d.windows[(d.windows["equation"] == "force") & (d.windows["trajectory"].astype(str) == runs[0])]
+    assert fit(part, "after") > fit(part, "before")
+    error = np.sqrt(np.mean(part["before"] ** 2)) / np.std(part["measured"])
+    assert fit(part, "before") == pytest.approx(100 * (1 - error))
+    assert target("torque", "V").label == "drive / V" and target("torque", "N m").label == "torque / N m"
+
+
 def test_the_waterfall_adds_up(diagnoses):
     d = diagnoses["several"]
     bars = waterfall(d, d.closure[0])
     assert bars[0].end == 1.0
     assert bars[1].end == pytest.approx(bars[2].end) == pytest.approx((1.43 / 5.82) ** 2)
-    assert bars[3].end == pytest.approx((0.62 / 5.82) ** 2)
+    assert bars[3].start == bars[2].end  # what no cause explains lies between what is left and its noise
+    assert bars[3].end == bars[4].end == pytest.approx((0.62 / 5.82) ** 2)
     shared = replace(d, causes=[replace(c, equation="force") for c in d.causes])
     falls = [b.start - b.end for b in waterfall(shared, d.closure[0])[1:3]]
     assert falls[0] / falls[1] == pytest.approx(0.62 / 0.31)
@@ -465,7 +496,7 @@ def test_the_ranking_marks_the_answer(diagnoses):
     assert [to_hex(p.get_facecolor()).upper() for p in ax.patches] == [BLUE, BLUE] + [GREY] * 3
 
 
-@pytest.mark.parametrize("kind", ["map", "loop", "ranking", "spectrum", "closure"])
+@pytest.mark.parametrize("kind", ["map", "course", "loop", "ranking", "spectrum", "closure"])
 def test_display_draws_every_kind(diagnoses, kind):
     display = GapDisplay.from_diagnosis(diagnoses["cause"]).plot(kind)
     assert display.axes_
@@ -476,7 +507,7 @@ def test_display_speaks_and_refuses(diagnoses):
     display = GapDisplay.from_diagnosis(diagnoses["cause"])
     assert "One cause: Coulomb friction" in repr(display)
     assert "<dt>" in display._repr_html_()
-    with pytest.raises(UnknownOptionError, match="map, loop"):
+    with pytest.raises(UnknownOptionError, match="map, course"):
         display.plot("pie")
     with pytest.raises(ParameterError, match="diagnosis_"):
         GapDisplay.from_estimator(object())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from ..gap.diagnosis.result import Diagnosis
 
-KINDS = ("map", "loop", "ranking", "spectrum", "closure")
+KINDS = ("map", "course", "loop", "ranking", "spectrum", "closure")
 """What can be drawn."""
 
 
@@ -101,13 +101,13 @@ class GapDisplay:
 
         Parameters
         ----------
-        kind : {"map", "loop", "ranking", "spectrum", "closure"}, default="map"
-            The residual over the state, as loops of one run, the candidates, the residual by frequency, or how far it
-            shrinks.
+        kind : {"map", "course", "loop", "ranking", "spectrum", "closure"}, default="map"
+            The residual over the state, measured and simulated over the time of one run, the residual as loops of one
+            run, the candidates, the residual by frequency, or how far it shrinks.
         equation : str, optional
             Of which equation; the one with most of the gap by default.
         **options
-            ``x`` and ``y`` (signals) of a map, ``trajectory`` of a loop, ``most`` of a ranking.
+            ``x`` and ``y`` (signals) of a map, ``trajectory`` of a course or loop, ``most`` of a ranking.
 
         Returns
         -------
@@ -146,6 +146,7 @@ class GapDisplay:
 
 def _drawn(d: Diagnosis, kind: str, equation: str | None, options: dict[str, Any]) -> Figure:
     from .drawings.closure import closure_figure
+    from .drawings.course import course_figure
     from .drawings.loops import loop_figure
     from .drawings.maps import map_figure
     from .drawings.ranking import ranking_figure
@@ -155,6 +156,7 @@ def _drawn(d: Diagnosis, kind: str, equation: str | None, options: dict[str, Any
         return ranking_figure(d, **options)
     draw: dict[str, Callable[..., Figure]] = {
         "map": map_figure,
+        "course": course_figure,
         "loop": loop_figure,
         "spectrum": spectrum_figure,
         "closure": closure_figure,

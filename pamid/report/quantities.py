@@ -43,6 +43,8 @@ SIGNALS = {
     "q": Quantity("joint angle", 180.0 / math.pi, "deg"),
     "dq": Quantity("joint speed", 180.0 / math.pi, "deg/s"),
     "x": Quantity("stroke", 1e3, "mm"),
+    "dx": Quantity("speed", 1e3, "mm/s"),
+    "drive": Quantity("drive", 1.0, ""),
     "q_ref": Quantity("wanted joint angle", 180.0 / math.pi, "deg"),
     "time": Quantity("time", 1.0, "s"),
 }
@@ -83,8 +85,27 @@ def signal(name: str) -> Quantity:
 
 def residual(equation: str, unit: str) -> Quantity:
     """Return an equation's residual as people read it."""
+    of = target(equation, unit)
+    words = f"{of.words} error" if equation == "torque" else RESIDUALS.get(equation, f"{equation} error")
+    return Quantity(words, of.factor, of.unit)
+
+
+_TARGETS = {
+    "force": "force",
+    "flow": "mass flow",
+    "valve": "mass flow of the valve",
+    "gas_valve": "mass flow of the valve",
+    "joint": "torque",
+    "joint_modelled": "torque",
+    "torque": "torque",
+}
+
+
+def target(equation: str, unit: str) -> Quantity:
+    """Return the measured side of an equation as people read it; a torque in another unit than N m is a drive."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
-    return Quantity(RESIDUALS.get(equation, f"{equation} error"), factor, shown)
+    words = "drive" if equation == "torque" and unit not in ("", "N m") else _TARGETS.get(equation, equation)
+    return Quantity(words, factor, "" if shown == "drive unit" else shown)
 
 
 def effect(name: str) -> str:

@@ -169,7 +169,7 @@ def _band_text(d: Diagnosis, equation: str) -> str:
     band = max(own, key=lambda b: b.share)
     if band.share < 0.4:
         return ", at all frequencies"
-    place = f"below {band.to_hz:g} Hz" if band.from_hz <= 0 else f"from {band.from_hz:g} to {band.to_hz:g} Hz"
+    place = f"below {band.to_hz:.3g} Hz" if band.from_hz <= 0 else f"from {band.from_hz:.3g} to {band.to_hz:.3g} Hz"
     return f", and {percent(band.share)} {place}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -102,10 +103,14 @@ def diagnose_system(
     diagnoser.fit(problem.X, problem.y, groups=problem.groups, where=counted)
     found = diagnoser.diagnosis_
     names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
+    speed = f"d{problem.roles['position']}" if "position" in problem.roles else "velocity"
+    names = {name: speed if label == "velocity" else label for name, label in names.items()}
+    regions = [replace(r, query=re.sub(r"\bvelocity\b", speed, r.query)) for r in found.regions]
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
     sense = -1 if diagnoser.scaling_.target < 0 else 1
     nominal: Any = system
     causes = list(diagnoser.effects_.items())
     corrected: Any = system.corrected(causes, sense, problem.unit) if causes else system
-    return replace(found, nominal=nominal, corrected=corrected, windows=windows, notes=[*notes, *found.notes])
+    told = [*notes, *found.notes]
+    return replace(found, nominal=nominal, corrected=corrected, windows=windows, regions=regions, notes=told)

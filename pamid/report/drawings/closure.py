@@ -60,12 +60,12 @@ def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
     quantity = residual(closure.equation, closure.unit)
     bars = waterfall(d, closure)
     with style():
-        figure, axes = new_figure(4.3, 0.75 + 0.3 * len(bars))
+        figure, axes = new_figure(5.2, 0.75 + 0.3 * len(bars))
         ax = axes[0, 0]
         for place, bar in enumerate(bars):
             left, width = min(bar.start, bar.end), abs(bar.end - bar.start)
             ax.barh(place, 100 * width, left=100 * left, color=bar.colour, height=0.62)
-            if place + 2 < len(bars):
+            if bar.colour in (ORANGE, BLUE) and place + 1 < len(bars):
                 ax.plot([100 * bar.end] * 2, [place, place + 1], color=GREY, linewidth=0.6)
             inside = left + width > 0.7
             ax.annotate(
@@ -104,7 +104,7 @@ def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
 
 
 def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
-    """Return the bars of one equation: before, what each cause takes away, what is left, the noise."""
+    """Return the bars of one equation: before, what each cause takes away, what is left: unexplained and noise."""
     quantity = residual(closure.equation, closure.unit)
 
     def shown(value: float) -> str:
@@ -125,6 +125,9 @@ def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
         bars.append(Bar(f"− {name}", level, level - part, BLUE, f"−{100 * part:.0f} %"))
         level -= part
     bars.append(Bar("after", 0.0, after, SKY, shown(closure.rmse_after)))
+    if after > noise:
+        left = float(np.sqrt(max(closure.rmse_after**2 - closure.noise_floor**2, 0.0)))
+        bars.append(Bar("of which unexplained", after, noise, GREY, shown(left)))
     bars.append(Bar("of which noise", 0.0, noise, FAINT, shown(closure.noise_floor)))
     return bars
 

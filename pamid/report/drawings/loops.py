@@ -30,7 +30,12 @@ _MOST = 1500  # windows drawn of one run
 _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
 
 
-def loop_figure(d: Diagnosis, equation: str | None = None, trajectory: str | None = None) -> Figure:
+def loop_figure(
+    d: Diagnosis,
+    equation: str | None = None,
+    trajectory: str | None = None,
+    limits: tuple[float, float] | None = None,
+) -> Figure:
     """Draw the residual of a run over the state and over time.
 
     Parameters
@@ -41,6 +46,8 @@ def loop_figure(d: Diagnosis, equation: str | None = None, trajectory: str | Non
         Its equation; the one with most of the gap by default.
     trajectory : str, optional
         The run; the most telling one by default.
+    limits : (float, float), optional
+        Ends of the residual's axis in the unit shown, so that several runs have one scale.
 
     Returns
     -------
@@ -60,7 +67,9 @@ def loop_figure(d: Diagnosis, equation: str | None = None, trajectory: str | Non
         loop.set_ylabel(quantity.label)
         _draw(course, part, "time", quantity.factor, states(d))
         course.set_xlabel("time / s")
-        course.set_ylabel(f"/ {quantity.unit}")
+        course.set_ylabel(f"/ {quantity.unit}" if quantity.unit else "")
+        for ax in (loop, course) if limits is not None else ():
+            ax.set_ylim(limits)
         handles, labels = loop.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
@@ -93,7 +102,19 @@ def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple
     for name, colour, width in zip(names, (ORANGE, BLUE), (0.9, 1.6), strict=False):  # told apart in grey as well
         y = np.where(broken, np.nan, factor * part[name].to_numpy(dtype=float))
         ax.plot(x, y, color=colour, linewidth=width, label=name if len(names) > 1 else "error")
-    values = factor * part[list(names)].to_numpy(dtype=float)
-    low, high = np.nanquantile(values, (0.002, 0.998))
+    ax.set_ylim(_ends(part, names, factor))
+
+
+def _ends(part: pd.DataFrame, names: tuple[str, ...], factor: float) -> tuple[float, float]:
+    """Return the ends of an axis with room for the residuals of a run and their noise."""
+    noise = 2 * factor * float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
+    low, high = np.nanquantile(factor * part[list(names)].to_numpy(dtype=float), (0.002, 0.998))
     pad = 0.12 * max(high - low, noise, 1e-12)
-    ax.set_ylim(min(low, -noise) - pad, max(high, noise) + pad)
+    return float(min(low, -noise) - pad), float(max(high, noise) + pad)
+
+
+def shared_scale(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple[float, float]:
+    """Return the ends of one axis for the residuals of several runs, in the unit shown."""
+    factor = residual(equation, unit_of(d, equation)).factor
+    ends = [_ends(_first_stretch(of_trajectory(d, equation, name)), states(d), factor) for name in trajectories]
+    return min(low for low, _ in ends), max(high for _, high in ends)

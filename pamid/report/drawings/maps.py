@@ -77,7 +77,7 @@ def map_figure(d: Diagnosis, equation: str | None = None, x: str | None = None, 
     noise = float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     limit = quantity.factor * max(_limit(grids), 2 * noise)  # what is within the noise must not look like a gap
     with style():
-        figure, axes = new_figure(4.3, 2.6, 1, len(grids), sharex=True, sharey=True)
+        figure, axes = new_figure(5.6, 3.0, 1, len(grids), sharex=True, sharey=True)
         for ax, grid, title in zip(axes[0], grids, states(d), strict=True):
             cells = _draw(ax, quantity.factor * grid, edges, (x, y), limit, title if len(grids) > 1 else "")
             for region in [r for r in d.regions if r.equation == equation][:1]:

@@ -132,3 +132,40 @@ def _stretches(part: pd.DataFrame) -> Iterator[pd.DataFrame]:
         for rows in np.split(np.arange(len(run)), cuts):
             if len(rows) >= _SHORTEST:
                 yield run.iloc[rows]
+
+
+def worse_bands(d: Diagnosis, equation: str) -> list[tuple[float, float, float]]:
+    """Return the bands in which the causes make the error larger: from, to (Hz), and by which factor.
+
+    A band counts where the mean power after exceeds that before, and the noise, by more than two standard deviations of
+    a spectral estimate.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        Where causes were added.
+    equation : str
+        Its equation.
+
+    Returns
+    -------
+    list of (float, float, float)
+        Empty where the error shrinks at all frequencies.
+
+    Raises
+    ------
+    ShortTrajectoryError
+        No run is long enough for a spectrum.
+    """
+    part = d.windows[d.windows["equation"] == equation]
+    frequency, before, after, noise = spectra(part)
+    averaged = max(1.0, len(part) / (len(frequency) + 1))  # overlapping halves of twice as many windows
+    found = []
+    for band in (b for b in d.bands if b.equation == equation):
+        rows = (frequency > band.from_hz) & (frequency <= band.to_hz)
+        if not rows.any():
+            continue
+        old, new, floor = (float(np.mean(x[rows])) for x in (before, after, noise))
+        if new > max(old, floor) * (1.0 + 2.0 / np.sqrt(averaged * int(rows.sum()))):
+            found.append((band.from_hz, band.to_hz, float(np.sqrt(new / old)) if old > 0 else np.inf))
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..drawings.loops import loop_figure
+from ..drawings.loops import loop_figure, shared_scale
 from ..drawings.windows import equations, telling_trajectories
 from ..quantities import RESIDUALS
 from .base import Section
@@ -26,7 +26,9 @@ class LoopsSection(Section):
         d = self.diagnosis
         name = d.causes[0].equation if d.causes and d.causes[0].equation in equations(d) else equations(d)[0]
         pictures = []
-        for place, trajectory in enumerate(telling_trajectories(d, name, 3 if d.gap else 2)):
+        runs = telling_trajectories(d, name, 3 if d.gap else 2)
+        limits = shared_scale(d, name, runs)
+        for place, trajectory in enumerate(runs):
             caption = f"{RESIDUALS.get(name, name).capitalize()} in the run {trajectory}."
-            pictures.append(self.picture(loop_figure(d, name, trajectory), str(place), caption))
+            pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
         return {"pictures": pictures, "added": bool(d.causes)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ...errors import ShortTrajectoryError
-from ..drawings.spectrum import spectrum_figure
+from ..drawings.spectrum import spectrum_figure, worse_bands
 from ..drawings.windows import equations
 from ..quantities import RESIDUALS, cell
 from .base import Picture, Section
@@ -30,16 +30,21 @@ class SpectrumSection(Section):
         try:
             caption = f"Spectrum of the {RESIDUALS.get(name, name)}."
             pictures.append(self.picture(spectrum_figure(d, name), name, caption))
+            worse = worse_bands(d, name) if d.causes else []
         except ShortTrajectoryError:
-            pass  # a log of very short runs has no spectrum
+            worse = []  # a log of very short runs has no spectrum
         bands = [
             {
                 "equation": b.equation,
-                "band": f"{b.from_hz:g} to {b.to_hz:g} Hz",
+                "band": f"{b.from_hz:.3g} to {b.to_hz:.3g} Hz",
                 "share": b.share,
                 "text": cell(b.share),
             }
             for b in d.bands
             if b.equation == name
         ]
-        return {"pictures": pictures, "bands": bands if d.gap else []}
+        return {
+            "pictures": pictures,
+            "bands": bands if d.gap else [],
+            "worse": [f"from {a:.3g} to {b:.3g} Hz ({k:.2g} times)" for a, b, k in worse],
+        }

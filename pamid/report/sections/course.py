@@ -1,0 +1,36 @@
+"""Measured against simulated."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..drawings.course import course_figure, fit, fit_words, shared_limits
+from ..drawings.windows import equations, of_equation, states, telling_trajectories
+from .base import Section
+
+
+class CourseSection(Section):
+    """What was measured and what the simulator says, in the most telling runs, on one scale."""
+
+    name: ClassVar[str] = "course"
+    title: ClassVar[str] = "Measured and simulated"
+    rank: ClassVar[int] = 15
+
+    def shown(self) -> bool:
+        """Whether there are windows with what was measured."""
+        return bool(equations(self.diagnosis)) and "measured" in self.diagnosis.windows
+
+    def content(self) -> dict[str, Any]:
+        """Return the pictures and the fits."""
+        d = self.diagnosis
+        name = d.causes[0].equation if d.causes and d.causes[0].equation in equations(d) else equations(d)[0]
+        runs = telling_trajectories(d, name, 2)
+        limits = shared_limits(d, name, runs)
+        pictures = [
+            self.picture(course_figure(d, name, run, limits), str(k), f"The run {run}.") for k, run in enumerate(runs)
+        ]
+        rows = []
+        for one in equations(d):
+            part = of_equation(d, one)
+            rows.append({"equation": one, "fits": [fit_words(fit(part, state)) for state in states(d)]})
+        return {"pictures": pictures, "rows": rows, "added": bool(d.causes)}
