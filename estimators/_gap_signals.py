@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from pamid.errors import MissingColumnError, ShapeError, UnknownOptionError
+from pamid.errors import MissingColumnError, ShapeError, TimeOrderError, UnknownOptionError
 from pamid.signals.roles import ROLES
 
 from ._trajectories import has_trajectory_column
@@ -103,3 +103,27 @@ def located(estimator: Any, n_columns: int) -> dict[str, int]:
             "Map them, for instance signals={'position': 'stroke', 'velocity': 'speed', 'time': 't'}.",
         )
     return found
+
+
+def notes_on(signals: Mapping[str, np.ndarray], codes: np.ndarray, columns: Collection[str]) -> list[str]:
+    """Return what a reader must know of the signals; raise where their clock cannot be used."""
+    notes = []
+    if codes[-1] == 0:
+        notes.append("One trajectory only: intervals over trajectories cannot be given; stretches of it are held out.")
+    if "time" in signals:
+        steps, same = np.diff(signals["time"]), np.diff(codes) == 0
+        if np.any(steps[same] < 0):
+            raise TimeOrderError(
+                "Time runs backwards within a trajectory.", "rows in the order of time", "Sort each trajectory."
+            )
+        each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
+        if each and max(each) > 1.1 * min(each):
+            notes.append(
+                f"The trajectories are sampled every {min(each):.3g} to {max(each):.3g} s; their median counts, so "
+                "that time constants are uncertain by as much."
+            )
+    if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
+        notes.append(f"Constant, and so no cause can rest on it: {', '.join(still)}.")
+    if "position" in signals and not {"position", "velocity"} & set(columns):
+        notes.append("No column is a position: effects that follow one follow what drives the system instead.")
+    return notes

@@ -10,12 +10,12 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, TimeOrderError, UnknownOptionError
+from pamid.errors import ExcitationError, UnknownOptionError
 from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
 
 from ._base import SignalEstimator, Signals
-from ._gap_signals import EQUATIONS, located, read_by, run_names, sampling_interval, spoken, values_of
+from ._gap_signals import EQUATIONS, located, notes_on, read_by, run_names, sampling_interval, spoken, values_of
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
@@ -85,7 +85,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     candidates_, causes_, closure_ : list
         The library with confidences; the causes with shares, parameters and intervals; how far the gap closes.
     next_experiment_ : NextExperiment or None
-        What to record next.
+        The run to record next: each signal held, or moved as a sine (amplitude in its unit, rad/s), within what the log
+        visited, such that the two likeliest explanations differ most; None where nothing is undecided.
     effects_ : dict
         The causes with the values of their parameters, in the units of y, position and pressure.
     scaling_ : pamid.gap.residuals.scaling.Scaling
@@ -201,6 +202,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
+        self._usual = np.median(table, axis=0)
         rng = check_random_state(self.random_state)
         signals, notes = self._table(table, codes), []
         driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
@@ -210,7 +212,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             )
         self.position_scale_ = self._strain(signals)
         library = self._library()
-        dt, more = sampling_interval(signals, codes, self.sampling_interval), self._notes(signals, codes)
+        dt, more = (
+            sampling_interval(signals, codes, self.sampling_interval),
+            notes_on(signals, codes, self.signal_columns_),
+        )
         moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
         stuck = stuck_beside(y, moving, codes)
         if stuck.any():
@@ -244,7 +249,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             more.append("Effects add to y what they take from the motion: y is what moves it, not what it delivers.")
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
-        self._write(outward(found, self.scaling_, self._units()), found)
+        told = outward(found, self.scaling_, self._units())
+        told.next_experiment = self._designed(found, signals, codes, dt)
+        self._write(told, found)
         self.remainder_ = {}
         if self.learned_remainder:
             left = np.where(without, 0.0, y - self._corrected(table, signals, codes))
@@ -281,6 +288,21 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         return self._codes(X, groups)
+
+    def _designed(self, found: Any, signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> Any:
+        """Return the run that would tell the two likeliest explanations apart."""
+        from pamid.gap.design.one_equation import evidence_maker, next_for_equation
+
+        def nominal(made: dict[str, np.ndarray]) -> np.ndarray:
+            # Columns without a role stay where they usually are.
+            usual = np.zeros((len(next(iter(made.values()))), self.n_features_in_)) + self._usual
+            return self._nominal(usual)(made)
+
+        driven = [role for role in ("position", "pressure", "command") if role in self.signal_columns_]
+        evidence = evidence_maker(self.scaling_, nominal, dt, self.equation, self.plant)
+        noise = self.noise_floor_ / abs(self.scaling_.target)
+        seconds = float(np.median(np.bincount(codes))) * dt
+        return next_for_equation(found.rivals, signals, driven, evidence, noise, dt, seconds)
 
     def _write(self, found: Any, inward: Any) -> None:
         from pamid.gap.one_equation import plain
@@ -422,31 +444,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         if self.position_scale is not None:
             return float(self.position_scale)
         return strain_scale(signals.get("position", np.zeros(1)), self._contraction())
-
-    def _notes(self, signals: dict[str, np.ndarray], codes: np.ndarray) -> list[str]:
-        """Return what a reader must know of the signals; raise where their clock cannot be used."""
-        notes = []
-        if codes[-1] == 0:
-            notes.append(
-                "One trajectory only: intervals over trajectories cannot be given; stretches of it are held out."
-            )
-        if "time" in signals:
-            steps, same = np.diff(signals["time"]), np.diff(codes) == 0
-            if np.any(steps[same] < 0):
-                raise TimeOrderError(
-                    "Time runs backwards within a trajectory.", "rows in the order of time", "Sort each trajectory."
-                )
-            each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
-            if each and max(each) > 1.1 * min(each):
-                notes.append(
-                    f"The trajectories are sampled every {min(each):.3g} to {max(each):.3g} s; their median counts, so "
-                    "that time constants are uncertain by as much."
-                )
-        if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
-            notes.append(f"Constant, and so no cause can rest on it: {', '.join(still)}.")
-        if "position" in signals and not {"position", "velocity"} & set(self.signal_columns_):
-            notes.append("No column is a position: effects that follow one follow what drives the system instead.")
-        return notes
 
     def _nominal(self, table: np.ndarray) -> Callable[[Any], np.ndarray]:
         names = getattr(self, "feature_names_in_", None)

@@ -18,7 +18,7 @@ from pamid.signals import write_log
 
 FRICTION = ("coulomb_friction", {"amplitude": 8.0, "presliding": 5e-4})
 QUICK = ["--effects", "coulomb_friction,viscous_friction,leakage"]
-FILES = ["corrected.toml", "diagnosis.json", "report.html"]
+FILES = ["corrected.toml", "diagnosis.json", "logs.parquet", "report.html", "state.json"]
 
 
 @pytest.fixture(scope="module")

@@ -22,11 +22,20 @@ class Reference:
         rad, every millisecond.
     lead : int
         Samples at its start that are not logged.
+    offset : array, shape (n,), optional
+        Added to the mean pressure of both muscles, Pa.
+    share : tuple of float
+        What each muscle takes of the pressure that turns the joint.
+    shut : array of bool, shape (n,), optional
+        Where both valves are shut.
     """
 
     name: str
     q: np.ndarray
     lead: int
+    offset: np.ndarray | None = None
+    share: tuple[float, float] = (1.0, 1.0)
+    shut: np.ndarray | None = None
 
 
 def sine(t: np.ndarray, omega: float, amplitude: float) -> np.ndarray:

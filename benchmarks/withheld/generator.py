@@ -13,7 +13,7 @@ import pandas as pd
 
 from .catalogue import VOCABULARY, catalogue
 from .excitation import DT, Reference, draw_plan
-from .loop import Control, as_columns, draw_control, record
+from .loop import Control, as_columns, draw_control, record, told_by
 from .plant import Ingredient, Plant
 from .quantities import Noise, Numbers, draw_noise, draw_offsets, nominal
 from .strength import EQUATIONS, WINDOW, Readings, Strength, strength
@@ -98,6 +98,8 @@ class Case:
         What the effects leave in each equation's windows after a refit, shape (windows, sides).
     centres : dict of str to array
         Row of the log at the centre of each window.
+    drawn : object
+        The bench itself, for `record_more`.
     """
 
     spec: Spec
@@ -108,6 +110,7 @@ class Case:
     key: dict[str, Any]
     contributions: dict[str, np.ndarray]
     centres: dict[str, np.ndarray]
+    drawn: _Draw
 
 
 def draw(spec: Spec, runs: int, samples: int) -> _Draw:
@@ -193,7 +196,8 @@ def simulate(draws: list[_Draw], future: bool) -> list[list[_Run]]:
             steps.append(step)
     split, lag = _delays(draws, repeats)
     control = as_columns([d.control for d in draws], repeats)
-    done = record(plant, q_ref, np.stack(noise, -1), np.stack(steps, -1), control, split, lag)
+    told = told_by([run for plan in plans for run in plan])
+    done = record(plant, q_ref, np.stack(noise, -1), np.stack(steps, -1), control, split, lag, told)
     out: list[list[_Run]] = []
     column = 0
     for plan in plans:
@@ -335,9 +339,34 @@ def generate(specs: Sequence[Spec], layout: tuple[int, int]) -> list[Case]:
                 _key(d, total, single),
                 total.contribution,
                 {e: np.concatenate([m[e] + a for m, a in zip(middle, rows, strict=False)]) for e in EQUATIONS},
+                d,
             )
         )
     return cases
+
+
+def record_more(cases: Sequence[Case], plans: Sequence[list[Reference]], seed: int) -> list[list[pd.DataFrame]]:
+    """Record further runs on the benches of cases, with noise of their own.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        The cases.
+    plans : sequence of list of Reference
+        For each case its runs, all of one length.
+    seed : int
+        Seed of the noise, beside the case's own.
+
+    Returns
+    -------
+    list of list of DataFrame
+        For each case a log a run.
+    """
+    draws = [
+        replace(c.drawn, plan=plan, future=[], noise_seed=(*c.drawn.noise_seed, seed))
+        for c, plan in zip(cases, plans, strict=True)
+    ]
+    return [[_frame([run], False) for run in runs] for runs in simulate(draws, False)]
 
 
 def _key(d: _Draw, total: Strength, single: dict[str, Strength]) -> dict[str, Any]:

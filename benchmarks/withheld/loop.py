@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .excitation import DT
+from .excitation import DT, Reference
 from .plant import Plant, sample_interval_parts
 
 CHANNELS = ("q", "P1", "P2", "F1", "F2", "mdot1", "mdot2")
@@ -85,6 +85,37 @@ class Recording:
     mdot_end: np.ndarray
 
 
+@dataclass(frozen=True)
+class Told:
+    """What the controller is told beside the wanted angle.
+
+    Parameters
+    ----------
+    offset : array, shape (samples, runs)
+        Added to the mean pressure of both muscles, Pa.
+    share : array, shape (2, runs)
+        What each muscle takes of the pressure that turns the joint.
+    shut : array of bool, shape (samples, runs)
+        Where both valves are shut.
+    """
+
+    offset: np.ndarray
+    share: np.ndarray
+    shut: np.ndarray
+
+
+def told_by(runs: list[Reference]) -> Told | None:
+    """Return what runs tell the controller beside the wanted angle; None where that is nothing."""
+    if all(r.offset is None and r.shut is None and r.share == (1.0, 1.0) for r in runs):
+        return None
+    n = len(runs[0].q)
+    return Told(
+        np.column_stack([np.zeros(n) if r.offset is None else r.offset for r in runs]),
+        np.array([r.share for r in runs]).T,
+        np.column_stack([np.zeros(n, dtype=bool) if r.shut is None else r.shut for r in runs]),
+    )
+
+
 def record(
     plant: Plant,
     q_ref: np.ndarray,
@@ -93,6 +124,7 @@ def record(
     control: dict[str, np.ndarray],
     split: np.ndarray,
     lag: np.ndarray,
+    told: Told | None = None,
 ) -> Recording:
     """Run the loop.
 
@@ -111,6 +143,8 @@ def record(
     split, lag : array, shape (runs,)
         The command changes ``lag`` whole samples late, and within the sample at the fraction ``split``; ``lag`` 0
         means no delay.
+    told : Told, optional
+        What else the controller is told.
     """
     samples, runs = q_ref.shape
     c = SimpleNamespace(**control)
@@ -139,9 +173,12 @@ def record(
         wanted_speed = wanted_speed + (DT / (c.filter + DT)) * (wanted - wanted_speed)
         swing = c.forward * q_ref[k] + c.kp * (q_ref[k] - read[0]) + c.kd * (c.lead * wanted_speed - speed)
         swing = np.clip(swing, -1.3, 1.3) * 1e5
-        u = c.hold * (c.cocontraction + np.stack([swing, -swing]) - read[1:3]) / 1e5
+        turn = np.stack([swing, -swing]) if told is None else told.share * np.stack([swing, -swing]) + told.offset[k]
+        u = c.hold * (c.cocontraction + turn - read[1:3]) / 1e5
         u = np.where((u < 0) & (c.even > 0), 2.2 * u, u)
         u = np.clip(u, -1.0, 1.0)
+        if told is not None:
+            u = np.where(told.shut[k], 0.0, u)
         u_all[k] = u
         if delayed:
             early = np.where(lag > 0, u_all[np.maximum(k - lag, 0), :, columns].T, u)

@@ -210,7 +210,8 @@ def _moves(x: np.ndarray, a: int, b: int) -> bool:
 
 def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return a diagnosis without its table, and the table's columns as arrays."""
-    fields = {k: v for k, v in vars(found).items() if k not in ("windows", "nominal", "corrected")}
+    out = ("windows", "nominal", "corrected", "rivals", "logs", "changes", "rounds")
+    fields = {k: v for k, v in vars(found).items() if k not in out}
     columns = {
         str(k): np.asarray(v.to_numpy(), dtype=str if v.dtype == object else None) for k, v in found.windows.items()
     }

@@ -318,7 +318,7 @@ def experiment(e: NextExperiment) -> str:
         for name, value in e.trajectory.items()
         if name not in ("kind", "name")
     ]
-    text = f"Record a run of the kind {kind}"
+    text = "Record a run" if kind == "run" else f"Record a run of the kind {kind}"
     if numbers:
         text += f" ({', '.join(numbers)})"
     if e.separates:
@@ -337,8 +337,10 @@ def experiment_reason(e: NextExperiment) -> str:
 
 
 def experiment_option(e: NextExperiment) -> str:
-    """Return the run as ``pamid simulate --trajectory`` takes it."""
+    """Return the run as ``pamid simulate --trajectory`` takes it; empty for one of a single equation."""
     kind = str(e.trajectory.get("kind", ""))
+    if kind == "run":
+        return ""
     values = [f"{k}={_plain(v)}" for k, v in e.trajectory.items() if k not in ("kind", "name")]
     return f"{kind}:{','.join(values)}" if values else kind
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
+from .._several import HISTORY, add_options, diagnosed, logs_of, wanted
 from .._simulators import CORRECTED, add_trust_option, port_simulator_of, write_corrected
 from ..common import (
     DONE,
@@ -32,14 +33,14 @@ from ..rows import add_where, readings_where, rows_where
 
 if TYPE_CHECKING:
     from ...gap.diagnosis.result import Diagnosis
+    from ...gap.several.history import History
     from ...report.sections import Source
 
-FILES = ("diagnosis.json", *CORRECTED, "report.html")
+FILES = ("diagnosis.json", *CORRECTED, *HISTORY, "report.html")
 """What --out receives."""
 
 _CANDIDATES = 6
 _ROOM = 1 << 20
-_JUDGED = ("F", "F1", "F2", "mdot", "mdot1", "mdot2")
 _DESCRIPTION = """\
 Diagnose the gap between a simulator and a log: where it lies (equation, region of the state, frequencies, runs), which
 effect that the simulator lacks is the cause, and how far the gap shrinks once it is added, on runs that the fit has not
@@ -59,6 +60,10 @@ itself, .xml or .fmu: effects then act at its ports, and the corrected simulator
 
 With --where only windows of 20 ms count whose rows all meet the condition; what effects remember still runs through the
 others. On a bench it is the readings of force and flow that count, since a condition says nothing of joint and valve.
+
+Several LOGs of a bench that hold several runs each are diagnosed together: causes are shared, valves, friction and gas
+are each day's own, and a cause may come or go between two days. DIR then also holds what a later diagnosis goes on from
+(--since DIR), and 'pamid next DIR' designs the run to record next.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
@@ -67,6 +72,8 @@ _EXAMPLES = """\
   pamid diagnose log.csv --sim motor.toml --trust --out diagnosis      a function of your own, or an FMU
   pamid diagnose log.csv --sim arm.xml --out diagnosis                 a MuJoCo model
   pamid diagnose muscle.mat --columns columns.toml --sim sim.toml --where 'F > 5' --out diagnosis
+  pamid diagnose monday.parquet friday.parquet --sim sim.toml --out diagnosis
+  pamid diagnose next.parquet --since diagnosis --sim sim.toml --out second
   pamid evaluate other.parquet --sim diagnosis/corrected.toml
 """
 
@@ -87,12 +94,13 @@ def add_parser(subparsers: Any) -> None:
         "--without", metavar="A,B,...", action="append", default=[], help="effects to leave out; repeatable"
     )
     add_where(parser)
+    add_options(parser)
     add_trust_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...gap import diagnose, diagnose_simulator
+    from ...gap import diagnose_simulator
     from ...report import answers
     from ...systems import diagnose_system
 
@@ -101,9 +109,18 @@ def run(args: argparse.Namespace) -> int:
     system = system_of(args) if ported is None else None
     kind = "" if ported is not None else "bench" if system is None else system.library
     effects = _effects(args.effects, args.without, kind)
-    log = load_log(args, check_units=ported is None)  # a port says itself which unit it is in
-    params = simulator_of(args) if system is None and ported is None else None
-    if params is None and system is None and ported is None:
+    bench = system is None and ported is None
+    if wanted(args) and not bench:
+        raise ParameterError(
+            "--conditions or --since is given, and the simulator is none of the bench.",
+            "logs of the antagonistic bench",
+            "Diagnose the logs of other systems one by one.",
+        )
+    logs = logs_of(args) if bench else None
+    history: History | None = None
+    log = load_log(args, check_units=ported is None) if not bench else None  # a port says itself which unit it is in
+    params = simulator_of(args) if bench else None
+    if params is None and bench:
         raise ParameterError(
             "No simulator is named, and none lies beside the log.",
             "a simulator file",
@@ -112,18 +129,19 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     with progress(args, "Diagnosing") as step:
         if ported is not None:
+            assert log is not None
             measured = [p.source for p in ported.ports if p.kind != "input"]
-            kept = readings_where(log, args.where, measured)
-            d = diagnose_simulator(kept, ported, effects=effects, seed=args.seed, progress=step)
+            log = readings_where(log, args.where, measured)
+            d = diagnose_simulator(log, ported, effects=effects, seed=args.seed, progress=step)
         elif system is not None:
+            assert log is not None
             rows = rows_where(log, args.where)
             d = diagnose_system(log, system, effects=effects, rows=rows, seed=args.seed, progress=step)
         else:
             assert params is not None
-            kept = readings_where(log, args.where, _JUDGED)
-            d = diagnose(kept, params, effects=effects, seed=args.seed, progress=step)
+            d, history, log = diagnosed(args, params, effects, logs, step)
         step("report")
-        files = write(d, folder, _source(args, log))
+        files = write(d, folder, _source(args, log), history)
     if args.json:
         print_json({**d.as_dict(), "files": {file.name: str(file) for file in files}})
         return DONE if d.tested else UNTESTED
@@ -134,6 +152,8 @@ def run(args: argparse.Namespace) -> int:
     if d.candidates:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
+    if history is not None and d.gap and len(d.rivals) > 1:
+        print(_paragraph("next", f"'pamid next {folder}' designs the run that tells the explanations apart."))
     print()
     for file in files:
         print(f"wrote {file}")
@@ -141,7 +161,7 @@ def run(args: argparse.Namespace) -> int:
     return DONE if d.tested else UNTESTED
 
 
-def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
+def write(d: Diagnosis, folder: Path, source: Source, history: History | None = None) -> list[Path]:
     """Write report, diagnosis and simulator into a folder, all of them or none.
 
     Parameters
@@ -152,6 +172,8 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
         Where to; made if it is not there.
     source : Source
         Where the diagnosis comes from.
+    history : History, optional
+        What a later diagnosis goes on from.
 
     Returns
     -------
@@ -174,6 +196,8 @@ def write(d: Diagnosis, folder: Path, source: Source) -> list[Path]:
             write_corrected(d.corrected, stage, folder)
         elif d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
+        if history is not None:
+            history.write(stage)
         written = [name for name in FILES if (stage / name).exists()]
     return [folder / name for name in written]
 
@@ -250,8 +274,10 @@ def _ranking(d: Diagnosis) -> str:
 
 def _print_notes(d: Diagnosis) -> None:
     from ...report.sentences import experiment
+    from ...report.several import changed
 
-    lines = [("note", text) for text in d.notes]
+    lines = [("changed", changed(c)) for c in d.changes]
+    lines += [("note", text) for text in d.notes]
     if d.next_experiment is not None:
         lines.append(("next", experiment(d.next_experiment)))
     if lines:

@@ -50,6 +50,7 @@ def add_parser(subparsers: Any) -> None:
         default=[],
         help="an effect that the bench has and its simulator lacks; repeatable",
     )
+    parser.add_argument("--runs", metavar="RUNS.toml", help="runs of a file, as 'pamid next' writes it")
     parser.add_argument("--out", metavar="LOG", required=True, help="log to write: .parquet, .csv or .h5")
 
 
@@ -68,10 +69,11 @@ def run(args: argparse.Namespace) -> int:
     files = {"log": out, "sim": _beside(out, "sim"), "true": _beside(out, "true")}
     for kind in ("sim", "true"):
         checked_output(str(files[kind]), [args.sim])
-    if bool(args.dataset) == bool(args.trajectory):
+    own_runs = bool(args.trajectory or args.runs)
+    if bool(args.dataset) == own_runs:
         raise ParameterError(
-            "Both --dataset and --trajectory are given." if args.dataset else "Nothing says what to simulate.",
-            "one of --dataset and --trajectory",
+            "Both --dataset and runs of your own are given." if args.dataset else "Nothing says what to simulate.",
+            "one of --dataset and --trajectory or --runs",
             "Pass for instance --dataset D_B, or --trajectory sine:frequency=4,amplitude=10.",
         )
     if args.dataset and args.dataset not in DATASETS:
@@ -87,6 +89,10 @@ def run(args: argparse.Namespace) -> int:
     nominal = params.replace(effects=())
     actual = params.replace(effects=(*params.effects, *effects))
     runs = [_trajectory(text) for text in args.trajectory]
+    if args.runs:
+        from ...gap.design.runs_file import read_runs
+
+        runs += read_runs(args.runs)
     started = time.perf_counter()
     with progress(args, "Simulating"):
         if args.dataset:

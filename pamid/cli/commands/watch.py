@@ -177,6 +177,7 @@ class _Watcher:
         self.watched = 0
         self.found = 0
         self.last: tuple[str, float] = ("", -1e9)
+        self.confirmed: dict[str, dict[str, Any]] = {}
 
     def blind(self, why: str) -> Iterator[dict[str, Any]]:
         """Take whether no samples come."""
@@ -222,7 +223,19 @@ class _Watcher:
                 continue  # the same goes on
             self.last = (finding.effect, finding.time)
             self.found += 1
-            yield {"event": "finding", **vars(finding)}
+            yield {"event": "finding", **vars(finding), **self._confirming(finding)}
+
+    def _confirming(self, finding: Any) -> dict[str, Any]:
+        """Return the run that would confirm a finding, designed when its effect is named first."""
+        from ...effects import all_effects
+        from ...gap.design.confirm import confirming
+
+        name = finding.effect
+        if name not in self.confirmed and name in all_effects():
+            linear = next((p.name for p in all_effects()[name].parameters if p.linear), "")
+            run = confirming(name, self.params, {linear: finding.value}, seed=self.args.seed)
+            self.confirmed[name] = {} if run is None else {"confirm": run.words, "run": run.as_dict()}
+        return self.confirmed.get(name, {})
 
     def finish(self) -> Iterator[dict[str, Any]]:
         """Take the end of the stream."""
@@ -319,6 +332,7 @@ def _said(event: dict[str, Any]) -> str:
         return (
             f"{event['time']:9.2f} s  {event['effect']} has appeared in the {event['equation']} equation{value} "
             f"(evidence {event['strength']:.1f} times its threshold)"
+            + (f"; to confirm it, record {event['confirm']}" if "confirm" in event else "")
         )
     problems = ", ".join(f"{k} {v}" for k, v in event["problems"].items()) or "none"
     watched = f"watched: {event['watched']:.1f} s"

@@ -20,6 +20,7 @@ from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
 from .remainder import leftover, remainder
 from .result import Cause, Closure, Diagnosis, EquationFinding, HypothesisFinding
+from .rivals import rivals_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,6 +107,7 @@ def answer(
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
         not_tested=dict(evidence.skipped),
         cannot_show=[name for name in competition.library if not evidence.touched([name])],
+        rivals=rivals_of(competition, verdict),
     )
 
 

@@ -11,6 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..several.history import Round
+    from ..several.result import Change, LogFinding
+    from .rivals import Rival
+
 SCHEMA = 1
 VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
 """One effect is the cause; one of a class that the data can't split; several causes; a gap that no effect of the
@@ -361,6 +365,14 @@ class Diagnosis:
         Equations that were left out, and why.
     cannot_show : list of str
         Effects of the library that change no equation that was tested: nothing is said about them.
+    rivals : list of Rival
+        The explanations that are not out of the question, refitted, the likeliest first: what a next run is about.
+    logs : list of LogFinding
+        Of several logs each one with the causes' parameters in it; empty for a single log.
+    changes : list of Change
+        Causes that changed between logs, the clearest first.
+    rounds : list of Round
+        What was said after each further log, where this went on from an earlier diagnosis.
 
     Examples
     --------
@@ -394,6 +406,10 @@ class Diagnosis:
     deviations: dict[str, float] = field(default_factory=dict)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
+    rivals: list[Rival] = field(default_factory=list)
+    logs: list[LogFinding] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
+    rounds: list[Round] = field(default_factory=list)
 
     @property
     def tested(self) -> bool:
@@ -432,6 +448,10 @@ class Diagnosis:
                 "hypotheses": [vars(h) for h in self.hypotheses],
                 "not_tested": self.not_tested,
                 "cannot_show": self.cannot_show,
+                "rivals": [vars(r) for r in self.rivals],
+                "logs": [{**vars(f), "parameters": _estimates(f.parameters)} for f in self.logs],
+                "changes": [vars(c) for c in self.changes],
+                "rounds": [vars(r) for r in self.rounds],
                 "notes": self.notes,
             }
         )
@@ -439,6 +459,10 @@ class Diagnosis:
     def to_json(self) -> str:
         """Return the content of ``diagnosis.json``."""
         return json.dumps(self.as_dict(), indent=1, allow_nan=False)
+
+
+def _estimates(found: dict[str, dict[str, ParameterEstimate]]) -> dict[str, dict[str, Any]]:
+    return {effect: {k: vars(p) for k, p in parameters.items()} for effect, parameters in found.items()}
 
 
 def _plain(value: Any) -> Any:

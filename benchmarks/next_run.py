@@ -1,0 +1,347 @@
+"""The loop diagnose, record, diagnose again on withheld benches: designed runs against random ones and a standard list.
+
+Run with ``python benchmarks/next_run.py --cases 30``. Each case leaves one file in ``--out``, so that a stopped run
+goes on where it was; ``--report`` only prints what is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+
+from benchmarks.withheld.catalogue import CONFUSABLE, VOCABULARY
+from benchmarks.withheld.excitation import Reference
+from benchmarks.withheld.generator import Case, Spec, generate, record_more
+from benchmarks.withheld.judge import simulator
+from benchmarks.withheld.runner import write_json
+
+ARMS = ("designed", "random", "standard")
+SUITES = ("confusable", "weak", "pairs")
+SHARES = {"confusable": 0.5, "weak": 0.25, "pairs": 0.25}
+LAYOUT = (3, 2000)
+"""Runs of the first log, and samples a run with its lead."""
+SECONDS, ROUNDS = 4.0, 2
+DESIGNS = 60
+"""Designs that are looked at for each run."""
+GROUP = 4
+"""Cases that are generated together."""
+WEAK, LOUD = (0.17, 1.0), (1.0, 30.0)
+
+
+def specs(suite: str, count: int, root: int) -> list[Spec]:
+    """Return the cases of a suite; more of them keep those that are there already."""
+    return [_spec(suite, k, root) for k in range(count)]
+
+
+def _spec(suite: str, index: int, root: int) -> Spec:
+    entropy = (root, 100 + SUITES.index(suite), index)
+    rng = np.random.default_rng((*entropy, 0))
+    muscle = str(rng.choice(["A", "B", "B", "C", "C"]))
+
+    def size(span: tuple[float, float]) -> float:
+        return float(np.exp(rng.uniform(math.log(span[0]), math.log(span[1]))))
+
+    names = sorted(VOCABULARY)
+    if suite == "confusable":
+        pair = CONFUSABLE[index // 2 % len(CONFUSABLE)]
+        return Spec(suite, index, entropy, muscle, {pair[index % 2]: size(LOUD)}, poor=True)
+    if suite == "weak":
+        return Spec(suite, index, entropy, muscle, {names[7 * index % len(names)]: size(WEAK)})
+    rivals = {frozenset(pair) for pair in CONFUSABLE}
+    while True:
+        one, two = map(str, rng.choice(names, 2, replace=False))
+        if frozenset((one, two)) not in rivals:
+            return Spec(suite, index, entropy, muscle, {one: size(LOUD), two: size(LOUD)})
+
+
+# --- one arm --------------------------------------------------------------------------------------------------
+class Arm:
+    """One way of choosing runs, on one case."""
+
+    def __init__(self, name: str, case: Case, first: Any, history: Any) -> None:
+        self.name, self.case, self.found = name, case, first
+        self.history = history
+        self.rng = np.random.default_rng((*case.spec.entropy, 77))
+        self.rounds: list[dict[str, Any]] = []
+        self.plan: Any = None
+        self.planned = 0.0
+
+    def next_run(self) -> Reference:
+        """Return the run to record next."""
+        from pamid.gap.design.family import DesignedRun, Limits, draw
+        from pamid.gap.design.search import plan_next
+
+        k = len(self.rounds)
+        limits = Limits(seconds=SECONDS)
+        run = STANDARD[k] if self.name == "standard" else draw(self.rng, limits)
+        if self.name == "designed":
+            began = time.process_time()
+            self.plan = plan_next(
+                self.found.rivals, self.history.logs, self.history.params, limits, designs=DESIGNS, seed=k
+            )
+            self.planned = time.process_time() - began
+            if self.plan.runs:
+                run = self.plan.runs[0]
+            elif self.plan.purpose != "none":  # nothing tells within the limits: what comes closest is recorded anyhow
+                run = draw(self.rng, limits)
+        assert isinstance(run, DesignedRun)
+        told = run.trajectory(f"{self.name}-{k + 1}-{run.kind}")
+        self.run = run
+        return Reference(told.name, told.q_ref, told.lead, told.pressure_offset, told.share, told.sealed)
+
+    def take(self, log: Any) -> None:
+        """Diagnose with the run that was recorded."""
+        from pamid.gap.several.go_on import go_on
+
+        before, logs = self.found, dict(self.history.logs)
+        self.found = go_on(self.history, {f"round-{len(self.rounds) + 1}": log})
+        said = _said(self.found, self.case)
+        said["run"] = self.run.as_dict()
+        if self.name == "designed":
+            said["next_seconds"] = self.planned
+            said["tells"] = bool(self.plan.tells)
+            said["realised"] = _realised(before, self.plan, logs, self.history.logs, self.history.params, self.case)
+        self.rounds.append(said)
+
+    @property
+    def done(self) -> bool:
+        """Whether an engineer would stop: names that are no class, or all rounds are over."""
+        if len(self.rounds) >= ROUNDS:
+            return True
+        return (
+            bool(self.rounds)
+            and self.found.verdict in ("cause", "several")
+            and all(len(c.effects) == 1 for c in self.found.causes)
+        )
+
+
+def _standard() -> list[Any]:
+    from pamid.gap.design.family import DesignedRun
+
+    return [
+        DesignedRun("sine", SECONDS, frequency=10.0, amplitude=15.0),
+        DesignedRun("steps", SECONDS, frequency=3.0, amplitude=20.0),
+        DesignedRun("multisine", SECONDS, frequency=3.0, amplitude=15.0),
+    ]
+
+
+STANDARD: list[Any] = _standard()
+"""What docs/recording.md asks for first, in its order: a fast sine, steps, a multisine."""
+
+
+def _said(found: Any, case: Case) -> dict[str, Any]:
+    true = set(case.spec.targets)
+    heads = [c.effects[0] for c in found.causes]
+    best = found.candidates[0].effect if found.candidates else ""
+    return {
+        "verdict": found.verdict,
+        "causes": [list(c.effects) for c in found.causes],
+        "first": best,
+        "right": best in true and (len(true) > 1 or found.verdict != "none"),
+        "named": set(heads) == true,
+        "one": found.verdict == "cause" and len(found.causes[0].effects) == 1,
+    }
+
+
+def _realised(before: Any, plan: Any, logs: dict[str, Any], more: dict[str, Any], params: Any, case: Case) -> list[Any]:
+    """Return predicted and realised differences in log-likelihood of the true explanation to its rivals."""
+    from pamid.gap.inference.competition import Competition
+    from pamid.gap.residuals.bench import Evidence
+    from pamid.gap.several.stacked import Log, StackedEvidence
+
+    known = {frozenset(r.names): r for r in before.rivals}
+    true = frozenset(case.spec.targets)
+    if true not in known or plan.purpose != "discriminate" or not plan.runs:
+        return []
+
+    def scores(tables: dict[str, Any]) -> dict[frozenset[str], float]:
+        stack = StackedEvidence([Log(n, Evidence(t, params), "one") for n, t in tables.items()], lambda *_: True)
+        competition, out = Competition(stack, []), {}
+        for names, r in known.items():
+            x = np.array([r.deviations.get(k, 0.0) for k in stack.free])
+            fit = competition.fitter.refine(r.effects, near=x) if r.effects else competition.fitter.base()
+            out[names] = competition.hypothesis(fit).score
+        return out
+
+    a, b = scores(logs), scores(more)
+    pairs = [e for e in plan.expected if frozenset(e.truth) == true]
+    return [
+        [list(e.rival), e.nats, (b[true] - b[frozenset(e.rival)]) - (a[true] - a[frozenset(e.rival)])] for e in pairs
+    ]
+
+
+# --- all cases ------------------------------------------------------------------------------------------------
+def examine(group: Sequence[Spec], write: Callable[[str, dict[str, Any]], None]) -> None:
+    """Run all arms on some cases, and write what came of each."""
+    from pamid.effects.registry import chosen_effects
+    from pamid.gap.several.go_on import go_on
+    from pamid.gap.several.history import History
+
+    cases = generate(group, LAYOUT)
+    arms: list[Arm] = []
+    firsts = []
+    for case in cases:
+        history = History(simulator(case.sim_toml), chosen_effects("all", "bench"))
+        began = time.process_time()
+        first = go_on(history, {"first": case.log})
+        firsts.append((_said(first, case), time.process_time() - began))
+        for name in ARMS:
+            own = History(history.params, history.library, dict(history.logs), dict(history.held), list(history.rounds))
+            arms.append(Arm(name, case, first, own))
+    for turn in range(ROUNDS):
+        live = [a for a in arms if not a.done]
+        if not live:
+            break
+        with_runs = [c for c in cases if any(a.case is c for a in live)]
+        plans = [[a.next_run() for a in live if a.case is c] for c in with_runs]
+        longest = max(len(p) for p in plans)
+        padded = [p + [p[-1]] * (longest - len(p)) for p in plans]
+        for c, logs in zip(with_runs, record_more(with_runs, padded, turn), strict=True):
+            for arm, log in zip([a for a in live if a.case is c], logs, strict=False):
+                arm.take(log)
+    for case, (said, seconds) in zip(cases, firsts, strict=True):
+        result = {
+            "suite": case.spec.suite,
+            "name": case.spec.name,
+            "true": case.key["effects"].keys() and {k: v["strength"] for k, v in case.key["effects"].items()},
+            "first": said,
+            "seconds": seconds,
+            "arms": {a.name: a.rounds for a in arms if a.case is case},
+        }
+        write(case.spec.name, result)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the benchmark; return 0 when it is complete."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cases", type=int, default=30, metavar="N", help="cases an arm")
+    parser.add_argument("--seed", type=int, default=417, help="seed of the cases")
+    parser.add_argument("--suite", choices=SUITES, action="append", help="only this suite; may be repeated")
+    parser.add_argument("--out", type=Path, default=Path("results/next_run"), metavar="DIR", help="where results go")
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no further case after this")
+    parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
+    args = parser.parse_args(argv)
+    folder = args.out / f"seed-{args.seed}"
+    suites = args.suite or SUITES
+    total = sum(SHARES[s] for s in suites)
+    listed = [specs(s, max(1, round(args.cases * SHARES[s] / total)), args.seed) for s in suites]
+    groups = [cases[k : k + GROUP] for cases in listed for k in range(0, len(cases), GROUP)]
+    # The suites take turns, so that a run that is stopped has cases of each.
+    groups.sort(key=lambda g: g[0].index)
+    began = time.monotonic()
+    for group in groups if not args.report else []:
+        missing = [s for s in group if not (folder / f"{s.name}.json").is_file()]
+        if missing and time.monotonic() - began < 60.0 * args.minutes:
+            examine(missing, lambda name, result: write_json(folder / f"{name}.json", result))
+            print(f"{group[0].suite} to {group[-1].index}, {(time.monotonic() - began) / 60:.1f} min", file=sys.stderr)
+    names = {s.name for cases in listed for s in cases}
+    found = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*.json")) if p.stem in names]
+    if not found:
+        print(f"There are no results in {folder}.", file=sys.stderr)
+        return 1
+    print(report(found, f"python benchmarks/next_run.py --cases {len(found)} --seed {args.seed}"))
+    return 0 if len(found) == len(names) else 1
+
+
+# --- the report -----------------------------------------------------------------------------------------------
+def share(flags: Sequence[bool]) -> str:
+    """Return a share with Wilson's 95 % interval."""
+    n, k = len(flags), sum(flags)
+    if not n:
+        return "–"
+    z, p = 1.96, k / n
+    middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low, high = ((middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n))
+    return f"{100 * p:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+
+
+def seconds_to_one(rounds: Sequence[dict[str, Any]]) -> float:
+    """Return the seconds of recording after which one cause, the right one, is named alone; infinite if never."""
+    return next((SECONDS * k for k, r in enumerate(rounds, 1) if r["one"] and r["right"]), math.inf)
+
+
+def report(found: Sequence[dict[str, Any]], command: str) -> str:
+    """Return the table of all arms."""
+    single = [f for f in found if f["suite"] != "pairs"]
+    pairs = [f for f in found if f["suite"] == "pairs"]
+
+    def after(f: dict[str, Any], arm: str, turn: int) -> dict[str, Any]:
+        rounds = f["arms"][arm]
+        return dict(rounds[min(turn, len(rounds)) - 1]) if turn else dict(f["first"])
+
+    def row(text: str, ask: str, cases: Sequence[Any], cell: Callable[[str], str]) -> str:
+        return f"| {text} | {ask} | {len(cases)} | " + " | ".join(cell(arm) for arm in ARMS) + " |"
+
+    open_ones = [f for f in single if not (f["first"]["one"])]
+    lines = [
+        f"`{command}`",
+        "",
+        "| figure | target | n | " + " | ".join(ARMS) + " |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    before = share([f["first"]["right"] for f in single])
+    lines.append(row("right effect first, before", "–", single, lambda _: before))
+    for turn in (1, 2):
+        ask = "≥ 97 %" if turn == 1 else "–"
+        cell = lambda a, turn=turn: share([after(f, a, turn)["right"] for f in single])  # noqa: E731
+        lines.append(row(f"right effect first after {turn} runs", ask, single, cell))
+    lines.append(
+        row("a class of one, right, after 1 run", "–", single, lambda a: share([_one(after(f, a, 1)) for f in single]))
+    )
+    lines.append(
+        row(
+            "mean seconds to a class of one (never: 12 s), where the first log left none",
+            "≤ ⅓ of random, ≤ ½ of standard",
+            open_ones,
+            lambda a: (
+                f"{np.mean([min(seconds_to_one(f['arms'][a]), 12.0) for f in open_ones]):.1f}" if open_ones else "–"
+            ),
+        )
+    )
+    lines.append(
+        row("two causes: both named, before", "–", pairs, lambda a: share([f["first"]["named"] for f in pairs]))
+    )
+    for turn in (1, 2):
+        cell = lambda a, turn=turn: share([after(f, a, turn)["named"] for f in pairs])  # noqa: E731
+        lines.append(row(f"two causes: both named after {turn} runs", "≥ 97 %" if turn == 2 else "–", pairs, cell))
+    told = [p for f in found for r in f["arms"]["designed"] for p in r.get("realised", [])]
+    ratios = np.array([max(p[2], 1e-9) / max(p[1], 1e-9) for p in told])
+    close = share([bool(0.5 <= r <= 2.0) for r in ratios])
+    lines.append(f"| predicted and realised difference within a factor of two | 80 % | {len(told)} | {close} | – | – |")
+    if told:
+        low, mid, high = np.quantile(ratios, (0.1, 0.5, 0.9))
+        spread = f"{mid:.2f} ({low:.2f}–{high:.2f})"
+        lines.append(f"| realised over predicted: median (10 to 90 %) | – | {len(told)} | {spread} | – | – |")
+    cpu = [r["next_seconds"] for f in found for r in f["arms"]["designed"] if "next_seconds" in r]
+    if cpu:
+        took = f"{np.median(cpu):.1f} ({max(cpu):.1f})"
+        lines.append(
+            f"| CPU time of `next`, {DESIGNS} designs, s: median (largest) | – | {len(cpu)} | {took} | – | – |"
+        )
+    kinds: dict[str, int] = {}
+    for f in found:
+        for r in f["arms"]["designed"]:
+            kinds[r["run"]["kind"]] = kinds.get(r["run"]["kind"], 0) + 1
+    chosen = ", ".join(f"{k} {n}" for k, n in sorted(kinds.items(), key=lambda i: -i[1]))
+    return "\n".join([*lines, "", f"Kinds of designed runs: {chosen}."])
+
+
+def _one(said: dict[str, Any]) -> bool:
+    return bool(said["one"] and said["right"])
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,94 @@
+"""The run that would confirm what a monitor named during operation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...bench import simulate, sine
+from ...effects import all_effects
+from ..diagnosis.rivals import Rival
+from .family import DesignedRun, Limits
+from .search import plan_next
+
+if TYPE_CHECKING:
+    from ...bench.parameters import BenchParameters
+
+LIKE = {
+    "force": ("coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity", "force_bias"),
+    "flow": ("leakage", "flow_bias", "dead_volume", "gas_temperature"),
+    "valve": ("valve_conductance", "supply_droop", "valve_dead_zone"),
+    "joint": ("joint_damping", "gravity", "inertia"),
+}
+"""Effects of each equation that a change is most often mistaken for."""
+MOST = 3
+
+
+def confirming(
+    effect: str,
+    params: BenchParameters,
+    values: Mapping[str, float] | None = None,
+    *,
+    seconds: float = 2.0,
+    designs: int = 16,
+    seed: int = 0,
+) -> DesignedRun | None:
+    """Return the run that best tells an effect from those that it is most often mistaken for.
+
+    Parameters
+    ----------
+    effect : str
+        What was named.
+    params : BenchParameters
+        The healthy simulator.
+    values : mapping of str to float, optional
+        Parameters of the effect as far as they are known; typical ones otherwise.
+    seconds : float, default=2
+        Length of the run, s.
+    designs : int, default=16
+        Designs to look at.
+    seed : int, default=0
+        Seed of the designs.
+
+    Returns
+    -------
+    DesignedRun or None
+        The run; None where no run of that length tells, or for a name that is no effect of the library.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.gap.design.confirm import confirming
+    >>> confirming("leakage", BenchParameters.for_muscle("B"), seconds=1.0, designs=8).seconds  # s
+    1.0
+    """
+    library = all_effects()
+    if effect not in library:
+        return None
+    equation = next((e for e in library[effect].equations if e in LIKE), "flow")
+    others = [name for name in LIKE[equation] if name != effect and name in library][:MOST]
+    rivals = [
+        Rival({name: _values(name, values if name == effect else None)}, {}, 0.0, 1.0) for name in [effect, *others]
+    ]
+    healthy = simulate(params, [sine(4.0, 10.0, 600), sine(1.0, 15.0, 600)], seed=seed)
+    plan = plan_next(
+        rivals,
+        {"healthy": healthy},
+        params,
+        Limits(seconds=seconds),
+        designs=designs,
+        purpose="discriminate",
+        seed=seed,
+    )
+    return plan.runs[0] if plan.runs else None
+
+
+def _values(name: str, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the parameters of an effect: given ones within their bounds, typical ones else."""
+    found = {}
+    for p in all_effects()[name].parameters:
+        value = float((given or {}).get(p.name, p.nominal))
+        found[p.name] = float(np.clip(value, p.lower, p.upper)) if np.isfinite(value) else float(p.nominal)
+    return found

@@ -1,0 +1,319 @@
+"""The continuous family of runs that a design chooses from, and the limits of the bench that they keep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from ...bench.references import LEAD, PERIOD, Trajectory
+from ...errors import ParameterError, UnknownOptionError, UnknownParameterError
+
+KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
+"""A sine, a triangle, steps to and fro, four sines, the joint held, a sine during which one muscle stays at constant
+pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
+TONES = np.array([1.0, 1.9, 3.1, 4.3])
+"""Frequencies of a multisine, as multiples of the lowest."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the bench allows.
+
+    Parameters
+    ----------
+    seconds : float, default=4
+        Time of all runs together, s.
+    runs : int, default=1
+        Most runs, 1 to 5.
+    angle : float, default=25
+        Largest wanted angle, degrees to either side.
+    rate : float, default=200
+        Largest rate of the wanted angle, degrees/s.
+    frequency : float, default=15
+        Largest frequency, rad/s.
+    pressure : float, default=8e4
+        How far the mean pressure of both muscles may be from its usual value, Pa.
+    rise : float, default=1.2e5
+        How far both pressures may rise and fall together, Pa.
+    shut : bool, default=True
+        Whether the valves may be shut.
+    single : bool, default=True
+        Whether one muscle may be kept at constant pressure while the other one moves the joint.
+
+    Raises
+    ------
+    ParameterError
+        A limit allows no run.
+
+    Examples
+    --------
+    >>> from pamid.gap.design.family import Limits
+    >>> Limits(seconds=6.0, runs=3).each  # s
+    2.0
+    """
+
+    seconds: float = 4.0
+    runs: int = 1
+    angle: float = 25.0
+    rate: float = 200.0
+    frequency: float = 15.0
+    pressure: float = 8e4
+    rise: float = 1.2e5
+    shut: bool = True
+    single: bool = True
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
+            raise ParameterError(f"runs is {self.runs!r}.", "1 to 5 runs", "Ask for fewer; diagnose after each set.")
+        if not 0.5 <= self.each <= 600.0:
+            raise ParameterError(
+                f"{self.seconds:g} s shared by {self.runs} runs are {self.each:g} s each.",
+                "0.5 to 600 s a run",
+                "Give more seconds, or ask for fewer runs.",
+            )
+        for name in ("angle", "rate", "frequency"):
+            if not 0.0 < getattr(self, name) < 1e5:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}.", "a positive number", "Correct the limit.")
+        for name in ("pressure", "rise"):
+            if not 0.0 <= getattr(self, name) < 1e7:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}.", "Pa, 0 or more", "Correct the limit.")
+
+    @property
+    def each(self) -> float:
+        """Length of each run, s."""
+        return self.seconds / self.runs
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of runs that are allowed."""
+        out = {*(() if self.shut else ("sealed",)), *(() if self.single else ("isobaric",))}
+        out |= set() if self.rise > 0.0 else {"isometric"}
+        return tuple(k for k in KINDS if k not in out)
+
+
+@dataclass(frozen=True)
+class DesignedRun:
+    """One run of the family.
+
+    Parameters
+    ----------
+    kind : str
+        Of `KINDS`.
+    seconds : float
+        Length, s.
+    frequency : float, default=4
+        rad/s; the lowest of a multisine, half the turns of steps.
+    amplitude : float, default=10
+        Of the motion, degrees.
+    offset : float, default=0
+        Angle about which it moves, degrees.
+    pressure : float, default=0
+        Added to the mean pressure of both muscles, Pa.
+    rise : float, default=0
+        Of an isometric run, how far both pressures rise and fall, Pa.
+    muscle : int, default=1
+        Of an isobaric run, the muscle at constant pressure.
+    shut : float, default=0.4
+        Of a sealed run, when the valves shut, as a share of its length.
+    seed : int, default=0
+        Of a multisine, the seed of its phases.
+    rate : float, default=200
+        Largest rate of the wanted angle, degrees/s, which rounds steps.
+
+    Examples
+    --------
+    >>> from pamid.gap.design.family import DesignedRun
+    >>> run = DesignedRun("sine", seconds=2.0, frequency=6.0, amplitude=12.0, offset=5.0)
+    >>> run.trajectory("next-1").n_samples
+    2000
+    """
+
+    kind: str
+    seconds: float
+    frequency: float = 4.0
+    amplitude: float = 10.0
+    offset: float = 0.0
+    pressure: float = 0.0
+    rise: float = 0.0
+    muscle: int = 1
+    shut: float = 0.4
+    seed: int = 0
+    rate: float = 200.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise UnknownOptionError(
+                f"There is no kind of run {self.kind!r}.", f"one of {', '.join(KINDS)}", "Correct it."
+            )
+        if self.muscle not in (1, 2):
+            raise UnknownOptionError(f"There is no muscle {self.muscle!r}.", "1 or 2", "Correct it.")
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name != "kind" and not (isinstance(value, (int, float)) and math.isfinite(value)):
+                raise ParameterError(f"{f.name} of a run is {value!r}.", "a finite number", "Correct it.")
+        if not (0.1 <= self.seconds <= 600.0 and self.frequency > 0.0 and self.rate > 0.0 and 0.0 < self.shut < 1.0):
+            raise ParameterError(
+                f"A run has seconds {self.seconds:g}, frequency {self.frequency:g}, rate {self.rate:g} and shut "
+                f"{self.shut:g}.",
+                "0.1 to 600 s, a positive frequency and rate, and shut between 0 and 1",
+                "Correct it.",
+            )
+
+    def trajectory(self, name: str) -> Trajectory:
+        """Return what the controller is told, from rest at the angle 0 through a lead-in that is not recorded."""
+        lead, n = round(LEAD / PERIOD), round(self.seconds / PERIOD)
+        t = (np.arange(n + lead) - lead) * PERIOD
+        ease = np.clip(1.0 + t / (0.7 * LEAD), 0.0, 1.0)
+        ease = ease * ease * (3.0 - 2.0 * ease)
+        q = np.radians(ease * (self.offset + self._motion(t)))
+        q = _slewed(q, math.radians(self.rate) * PERIOD) if self.kind == "steps" else q
+        offset = ease * self.pressure
+        if self.kind == "isometric":
+            offset = offset + 0.5 * self.rise * (1.0 - np.cos(self.frequency * np.maximum(t, 0.0)))
+        share = {"isobaric": ((0.0, 2.0), (2.0, 0.0))[self.muscle - 1]}.get(self.kind, (1.0, 1.0))
+        sealed = t >= self.shut * self.seconds if self.kind == "sealed" else None
+        return Trajectory(name, q, lead, offset if np.any(offset) else None, share, sealed)
+
+    def _motion(self, t: np.ndarray) -> np.ndarray:
+        w, a = self.frequency, self.amplitude
+        if self.kind in ("sine", "isobaric", "sealed"):
+            return a * np.sin(w * t)
+        if self.kind == "triangle":
+            return a * 2.0 / math.pi * np.arcsin(np.sin(w * t))
+        if self.kind == "steps":
+            return a * np.where(np.sin(w * np.maximum(t, 0.0)) > 0.0, 1.0, 0.0) * np.where(t > 0.0, 1.0, 0.0)
+        if self.kind == "multisine":
+            phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * math.pi, len(TONES))
+            x = (np.sin(w * TONES[:, None] * t + phases[:, None]) / np.sqrt(TONES)[:, None]).sum(axis=0)
+            return np.asarray(a * x / np.max(np.abs(x)))
+        return np.zeros(len(t))
+
+    @property
+    def words(self) -> str:
+        """What the run is, for a reader."""
+        w, a = f"{self.frequency:.3g} rad/s", f"{abs(self.amplitude):.3g} degrees"
+        about = f" about {self.offset:.3g} degrees" if abs(self.offset) > 0.5 else ""
+        mean = f", mean pressure {self.pressure / 1e5:+.2g} bar" if abs(self.pressure) > 1e3 else ""
+        said = {
+            "sine": f"a sine of {w} and {a}{about}",
+            "triangle": f"a triangle of {w} and {a}{about}",
+            "steps": f"steps of {a} from {self.offset:.3g} degrees and back every {math.pi / self.frequency:.2g} s",
+            "multisine": f"four sines from {w} on, of {a} together{about}",
+            "hold": f"the joint held at {self.offset:.3g} degrees",
+            "isobaric": f"a sine of {w} and {a}{about} with muscle {self.muscle} at constant pressure",
+            "isometric": f"the joint held at {self.offset:.3g} degrees while both pressures rise by "
+            f"{self.rise / 1e5:.2g} bar and fall again at {w}",
+            "sealed": f"a sine of {w} and {a}{about}, both valves shut after {self.shut * self.seconds:.2g} s",
+        }[self.kind]
+        return f"{said}{mean}, {self.seconds:.3g} s"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers of the run that its kind reads."""
+        read = {"kind", "seconds", "offset", "pressure"}
+        read |= set() if self.kind == "hold" else {"frequency"}
+        read |= set() if self.kind in ("hold", "isometric") else {"amplitude"}
+        read |= {"steps": {"rate"}, "multisine": {"seed"}, "isobaric": {"muscle"}}.get(self.kind, set())
+        read |= {"isometric": {"rise"}, "sealed": {"shut"}}.get(self.kind, set())
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name in read}
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> DesignedRun:
+        """Return the run that numbers say; one that does not exist raises."""
+        known = {f.name for f in fields(cls)}
+        if strange := sorted(set(found) - known):
+            raise UnknownParameterError(
+                f"A run has no {', '.join(strange)}.", f"any of {', '.join(sorted(known))}", "Correct the name."
+            )
+        if not {"kind", "seconds"} <= set(found):
+            raise ParameterError(
+                "A run lacks kind or seconds.", "both", "Write for instance kind = 'sine', seconds = 4."
+            )
+        return cls(**found)
+
+
+def draw(rng: np.random.Generator, limits: Limits, kind: str | None = None) -> DesignedRun:
+    """Draw a run within the limits.
+
+    Parameters
+    ----------
+    rng : Generator
+        Source of randomness.
+    limits : Limits
+        What the bench allows.
+    kind : str, optional
+        Its kind; any by default.
+    """
+    kind = kind or str(rng.choice(limits.kinds))
+    slowest = min(2.0 * math.pi / limits.each, limits.frequency)
+    top = limits.frequency / (TONES[-1] if kind == "multisine" else 1.0)
+    run = DesignedRun(
+        kind,
+        limits.each,
+        frequency=float(np.exp(rng.uniform(math.log(0.7 * slowest), math.log(max(top, slowest))))),
+        amplitude=float(limits.angle * rng.uniform(0.15, 1.0)),
+        offset=float(limits.angle * rng.uniform(-0.7, 0.7)) if rng.random() < 0.6 or kind == "hold" else 0.0,
+        pressure=float(limits.pressure * rng.uniform(-1.0, 1.0)) if rng.random() < 0.5 else 0.0,
+        rise=float(limits.rise * rng.uniform(0.2, 1.0)),
+        muscle=int(rng.integers(1, 3)),
+        shut=float(rng.uniform(0.2, 0.6)),
+        seed=int(rng.integers(0, 10_000)),
+        rate=limits.rate,
+    )
+    return within(run, limits)
+
+
+def near(rng: np.random.Generator, run: DesignedRun, limits: Limits, width: float = 0.25) -> DesignedRun:
+    """Draw a run of the same kind close to another one.
+
+    Parameters
+    ----------
+    rng : Generator
+        Source of randomness.
+    run : DesignedRun
+        The other one.
+    limits : Limits
+        What the bench allows.
+    width : float, default=0.25
+        How close, as a share of each limit.
+    """
+    step = rng.normal(0.0, width, 6)
+    moved = replace(
+        run,
+        frequency=run.frequency * math.exp(1.5 * step[0]),
+        amplitude=run.amplitude + limits.angle * step[1],
+        offset=run.offset + limits.angle * step[2],
+        pressure=run.pressure + limits.pressure * step[3],
+        rise=float(np.clip(run.rise + limits.rise * step[4], 0.05 * limits.rise, limits.rise)),
+        shut=float(np.clip(run.shut + 0.5 * step[5], 0.15, 0.8)),
+        seed=int(rng.integers(0, 10_000)) if run.kind == "multisine" and rng.random() < 0.3 else run.seed,
+    )
+    return within(moved, limits)
+
+
+def within(run: DesignedRun, limits: Limits) -> DesignedRun:
+    """Return the run closest to one that keeps the limits."""
+    fastest = TONES[-1] if run.kind == "multisine" else 1.0
+    w = float(np.clip(run.frequency, 0.1, limits.frequency / fastest))
+    offset = float(np.clip(run.offset, -0.9 * limits.angle, 0.9 * limits.angle))
+    room = limits.angle - abs(offset)
+    if run.kind not in ("steps", "hold", "isometric"):
+        room = min(room, limits.rate / (w * (fastest if run.kind == "multisine" else 1.0)))
+    a = float(np.clip(abs(run.amplitude), 0.0, room))
+    if run.kind == "steps":
+        a = -a if offset > 0.0 else a  # away from where there is no room
+        a = float(np.clip(a, -limits.angle - offset, limits.angle - offset))
+    pressure = float(np.clip(run.pressure, -limits.pressure, limits.pressure))
+    return replace(run, frequency=w, offset=offset, amplitude=a, pressure=pressure)
+
+
+def _slewed(q: np.ndarray, step: float) -> np.ndarray:
+    """Return a wanted angle that moves by no more than a step from sample to sample."""
+    out, now = np.empty(len(q)), float(q[0])
+    for k, x in enumerate(q.tolist()):
+        now += min(max(x - now, -step), step)
+        out[k] = now
+    return out

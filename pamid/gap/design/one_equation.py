@@ -1,0 +1,147 @@
+"""The next run for one equation: motions and pressures within what the log has visited."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ..diagnosis.result import NextExperiment
+from ..diagnosis.rivals import Rival
+from ..one_equation import evidence_in
+from ..residuals.rates import with_rates
+from ..residuals.scaling import Scaling
+from ..residuals.single import SignalEvidence
+from .plan import TELLS
+
+MOVED = ("position", "pressure", "command")
+"""Signals that a run may move."""
+WITHIN = 0.05, 0.95
+"""Quantiles of the log between which a run stays."""
+Signals = dict[str, np.ndarray]
+
+
+def next_for_equation(
+    rivals: Sequence[Rival],
+    signals: Mapping[str, np.ndarray],
+    driven: Sequence[str],
+    evidence: Callable[[Signals, np.ndarray], SignalEvidence],
+    noise: float,
+    dt: float,
+    seconds: float,
+    *,
+    designs: int = 60,
+    seed: int = 0,
+) -> NextExperiment | None:
+    r"""Return the run that best tells the two likeliest explanations of one equation apart.
+
+    Each signal that is driven is held, or moves as a sine, within what the log has visited. What the explanations add
+    differs by d; what the second one's own size could make of it is taken off:
+
+    .. math:: D = \tfrac{n}{2} \log\Big(1 + \frac{\min_a \|d - a\,g_2\|^2}{n \sigma^2}\Big)
+
+    Parameters
+    ----------
+    rivals : sequence of Rival
+        The explanations, the likeliest first.
+    signals : mapping of str to array, shape (n_samples,)
+        The log, by role.
+    driven : sequence of str
+        Roles that a run may move.
+    evidence : callable
+        Takes signals and the run of each row, returns them as evidence without a gap.
+    noise : float
+        Standard deviation of a window's noise, in the unit of the evidence.
+    dt : float
+        Sampling interval, s.
+    seconds : float
+        Length of the run, s.
+    designs : int, default=60
+        Designs to look at.
+    seed : int, default=0
+        Seed of the designs.
+
+    Returns
+    -------
+    NextExperiment or None
+        The run; None where nothing is undecided or none would tell.
+    """
+    two = list(rivals)[:2]
+    moved = [role for role in MOVED if role in driven and np.ptp(signals[role]) > 0.0]
+    n = round(seconds / dt)
+    if len(two) < 2 or not moved or n < 50:
+        return None
+    rng = np.random.default_rng(seed)
+    plans = [_drawn(rng, signals, moved, seconds) for _ in range(designs)]
+    t = np.arange(n) * dt
+    made: Signals = {role: np.full(designs * n, float(np.median(x))) for role, x in signals.items()}
+    for role in moved:
+        made[role] = np.concatenate([_wave(p[role], t) for p in plans])
+    if "time" in made:
+        made["time"] = np.tile(t, designs)
+    codes = np.repeat(np.arange(designs), n)
+    for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
+        if rate in made and of in moved:
+            made[rate] = with_rates({of: made[of]}, codes, dt)[rate]
+    source = evidence(made, codes)
+    first, second = (_averaged(source, source.added(r.effects)) for r in two)
+    run = source.run
+    told = np.array([_difference(first[run == k], second[run == k], noise) for k in range(designs)])
+    best = int(np.argmax(told))
+    if not told[best] >= TELLS:
+        return None
+    names = tuple(" and ".join(r.names) or "no effect" for r in two)
+    trajectory: dict[str, object] = {"kind": "run", "seconds": seconds}
+    for role in moved:
+        middle, amplitude, frequency = plans[best][role]
+        trajectory |= {role: middle}
+        trajectory |= {f"{role}_amplitude": amplitude, f"{role}_frequency": frequency} if amplitude else {}
+    reason = (
+        f"{names[0]} and {names[1]} would differ by a log-likelihood of about {told[best]:.0f} in {seconds:.3g} s of it"
+    )
+    return NextExperiment(trajectory, names, float(told[best]), reason)
+
+
+def evidence_maker(
+    scaling: Scaling, nominal: Callable[[Signals], np.ndarray], dt: float, equation: str, plant: object
+) -> Callable[[Signals, np.ndarray], SignalEvidence]:
+    """Return what makes evidence without a gap of signals in the user's units."""
+
+    def made(signals: Signals, codes: np.ndarray) -> SignalEvidence:
+        modelled = nominal(signals)
+        return evidence_in(scaling, signals, modelled, nominal, codes, dt, equation, plant)  # type: ignore[arg-type]
+
+    return made
+
+
+def _drawn(
+    rng: np.random.Generator, signals: Mapping[str, np.ndarray], moved: Sequence[str], seconds: float
+) -> dict[str, tuple[float, float, float]]:
+    """Return for each signal its middle, its amplitude (0: held) and its frequency, rad/s."""
+    found, moves = {}, rng.random(len(moved)) < 0.6
+    moves[int(rng.integers(len(moved)))] = True
+    slowest = 2.0 * np.pi / seconds
+    for role, moving in zip(moved, moves, strict=True):
+        low, high = np.quantile(signals[role], WITHIN)
+        middle = float(rng.uniform(low, high))
+        amplitude = float(rng.uniform(0.3, 1.0) * min(middle - low, high - middle)) if moving else 0.0
+        found[role] = middle, amplitude, float(np.exp(rng.uniform(np.log(slowest), np.log(20.0 * slowest))))
+    return found
+
+
+def _wave(numbers: tuple[float, float, float], t: np.ndarray) -> np.ndarray:
+    middle, amplitude, frequency = numbers
+    return middle + amplitude * np.sin(frequency * t)
+
+
+def _averaged(source: SignalEvidence, x: np.ndarray) -> np.ndarray:
+    """Return the mean of a signal over each window."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    return np.asarray((total[source.first + source.n] - total[source.first]) / source.n)
+
+
+def _difference(first: np.ndarray, second: np.ndarray, noise: float) -> float:
+    d, size = first - second, float(second @ second)
+    left = d - second * (float(second @ d) / size) if size > 0.0 else d
+    n = max(len(d), 1)
+    return 0.5 * n * float(np.log1p(np.mean(np.square(left)) / max(noise, 1e-300) ** 2)) if len(d) else 0.0

@@ -1,0 +1,163 @@
+"""The plan of the next runs: what to record, what it is expected to tell, and what each outcome would mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .family import DesignedRun, Limits
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TELLS = 3.0
+"""Expected difference in log-likelihood, in nats, from which a run tells two explanations apart: odds of twenty."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What is expected of two explanations, the first one true.
+
+    Parameters
+    ----------
+    truth, rival : tuple of str
+        Their effects.
+    nats : float
+        Expected difference in log-likelihood, the rival refitted.
+    low, high : float
+        80 % interval: the noise of one recording, and what is uncertain of the parameters.
+    belief : float
+        Expected belief in the first one after the run, of these two.
+    equation : str
+        Where the rival is furthest off.
+    size : float
+        Root mean square of that, the rival refitted, in units of the noise.
+
+    Examples
+    --------
+    >>> from pamid.gap.design.plan import Expected
+    >>> Expected(("leakage",), ("flow_bias",), 40.0, 28.0, 53.0, 1.0, "flow", 1.6).rival
+    ('flow_bias',)
+    """
+
+    truth: tuple[str, ...]
+    rival: tuple[str, ...]
+    nats: float
+    low: float
+    high: float
+    belief: float
+    equation: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to record next.
+
+    Parameters
+    ----------
+    purpose : str
+        ``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"none"``, where there is
+        nothing to ask.
+    runs : list of DesignedRun
+        The runs; empty where none would help.
+    limits : Limits
+        What the bench allows.
+    explanations : list of tuple of str
+        What is undecided, the likeliest first.
+    beliefs : list of float
+        Their probabilities today.
+    expected : list of Expected
+        Each pair of explanations, either one true.
+    clarity : float
+        What the runs were chosen by, in nats: about the expected difference of the pair that is hardest to tell apart;
+        for parameters, half the gain in the logarithm of the determinant of their precision.
+    tells : bool
+        Whether the runs would tell the explanations apart.
+    alike : list of (tuple of str, tuple of str)
+        Pairs that no run within the limits tells apart.
+    needed : float
+        Seconds that such runs would have to last to tell them apart; NaN where they would not.
+    shrinks : dict of str to float
+        For parameters, how much narrower their intervals become, as a factor.
+    designs : int
+        Designs that were looked at.
+
+    Examples
+    --------
+    >>> from pamid.gap.design.family import Limits
+    >>> from pamid.gap.design.plan import Plan
+    >>> Plan("none", [], Limits(), [], [], [], 0.0, tells=False).runs
+    []
+    """
+
+    purpose: str
+    runs: list[DesignedRun]
+    limits: Limits
+    explanations: list[tuple[str, ...]]
+    beliefs: list[float]
+    expected: list[Expected]
+    clarity: float
+    tells: bool
+    alike: list[tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=list)
+    needed: float = float("nan")
+    shrinks: dict[str, float] = field(default_factory=dict)
+    designs: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the runs in a log."""
+        return [f"next-{k}-{run.kind}" for k, run in enumerate(self.runs, start=1)]
+
+    def trajectories(self) -> list[Any]:
+        """Return the runs for `pamid.bench.simulate`."""
+        return [run.trajectory(name) for name, run in zip(self.names, self.runs, strict=True)]
+
+    def set_points(self) -> pd.DataFrame:
+        """Return the set points of the runs, sample by sample, for a real bench.
+
+        Returns
+        -------
+        DataFrame
+            ``trajectory``; ``time`` (s, below 0 while the bench comes to its first state, which need not be recorded);
+            ``q_ref`` (rad); ``p_offset`` (Pa, to add to the usual mean pressure of both muscles); ``share1`` and
+            ``share2`` (what each muscle takes of the pressure that turns the joint); ``shut`` (1 where both valves
+            are).
+        """
+        import pandas as pd
+
+        from ...bench.references import PERIOD
+
+        parts = []
+        for run in self.trajectories():
+            n = len(run.q_ref)
+            parts.append(
+                pd.DataFrame(
+                    {
+                        "trajectory": run.name,
+                        "time": np.round((np.arange(n) - run.lead) * PERIOD, 6),
+                        "q_ref": np.round(run.q_ref, 7),
+                        "p_offset": 0.0 if run.pressure_offset is None else np.round(run.pressure_offset, 2),
+                        "share1": run.share[0],
+                        "share2": run.share[1],
+                        "shut": 0 if run.sealed is None else run.sealed.astype(int),
+                    }
+                )
+            )
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan as plain numbers and text."""
+        from ..diagnosis.result import _plain
+
+        found: dict[str, Any] = _plain(
+            {
+                **vars(self),
+                "runs": [{**run.as_dict(), "words": run.words} for run in self.runs],
+                "limits": vars(self.limits),
+                "expected": [vars(e) for e in self.expected],
+            }
+        )
+        return found

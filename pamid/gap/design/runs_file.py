@@ -1,0 +1,76 @@
+"""The file of designed runs: one table of TOML a run, for ``pamid simulate --runs``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...bench.references import Trajectory
+from ...errors import LogFormatError, ParameterError
+from .family import DesignedRun
+
+_LIMIT = 1 << 20
+
+
+def runs_text(runs: Sequence[DesignedRun], names: Sequence[str]) -> str:
+    """Return runs as the text of a file.
+
+    Parameters
+    ----------
+    runs : sequence of DesignedRun
+        The runs.
+    names : sequence of str
+        Their names in a log.
+    """
+    lines = ["# Runs for 'pamid simulate --runs': seconds, rad/s, degrees, Pa.", ""]
+    for run, name in zip(runs, names, strict=True):
+        lines += ["[[run]]", f'name = "{name}"']
+        for key, value in run.as_dict().items():
+            lines.append(f"{key} = {_literal(value)}")
+        lines += [f"# {run.words}", ""]
+    return "\n".join(lines)
+
+
+def _literal(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def read_runs(path: str | Path) -> list[Trajectory]:
+    """Read the runs of a file.
+
+    Parameters
+    ----------
+    path : path-like
+        What `runs_text` made, or a table ``[[run]]`` with ``kind`` and ``seconds`` and what the kind reads.
+
+    Returns
+    -------
+    list of Trajectory
+        The runs for `pamid.bench.simulate`.
+
+    Raises
+    ------
+    LogFormatError, ParameterError, UnknownOptionError, UnknownParameterError
+        The file is no such file, or a run does not exist.
+    """
+    import tomllib
+
+    file = Path(path)
+    try:
+        if file.stat().st_size > _LIMIT:
+            raise ValueError("it is larger than 1 MiB")
+        found = tomllib.loads(file.read_text(encoding="utf-8"))
+        tables = [dict(t) for t in found["run"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LogFormatError(
+            f"{file} cannot be read: {type(error).__name__}: {error}.",
+            "a file of runs, as 'pamid next' writes it: tables [[run]] with kind and seconds",
+            "Correct it, or let 'pamid next' write it anew.",
+        ) from error
+    runs = []
+    for k, entry in enumerate(tables, start=1):
+        name = entry.pop("name", f"run-{k}")
+        if not isinstance(name, str):
+            raise ParameterError(f"Run {k} of {file.name} has the name {name!r}.", "a text", "Put it in quotes.")
+        runs.append(DesignedRun.from_dict(entry).trajectory(name))
+    return runs

@@ -1,0 +1,101 @@
+"""The explanations of a log that are not out of the question: what a further run would be about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..inference.competition import Competition
+from ..inference.hypotheses import Hypothesis, degenerate
+from ..settings import CLASS, CLASS_SHARE, DECIDED, ONE_MORE
+from .decide import Verdict
+
+MOST = 6
+"""Most explanations that are kept."""
+LEAST = 3
+"""Explanations that are kept of a gap without a name, however far apart they are."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One explanation of a log, refitted.
+
+    Parameters
+    ----------
+    effects : dict of str to dict of str to float
+        Its effects with their values; none for a simulator that needs none.
+    deviations : dict of str to float
+        How far the parameters with a tolerance were refitted with it, in tolerances.
+    score : float
+        Logarithm of its evidence.
+    belief : float
+        Probability among the explanations that are kept.
+
+    Examples
+    --------
+    >>> from pamid.gap.diagnosis.rivals import Rival
+    >>> Rival({"leakage": {"conductance": 2e-10}}, {}, score=812.0, belief=0.9).names
+    ('leakage',)
+    """
+
+    effects: Mapping[str, Mapping[str, float]]
+    deviations: Mapping[str, float]
+    score: float
+    belief: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its effects."""
+        return tuple(self.effects)
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> Rival:
+        """Return an explanation that was written as plain numbers and text."""
+        effects = {str(k): {str(p): float(v) for p, v in values.items()} for k, values in found["effects"].items()}
+        deviations = {str(k): float(v) for k, v in found["deviations"].items()}
+        return cls(effects, deviations, float(found["score"]), float(found["belief"]))
+
+
+def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
+    """Return the explanations that are not out of the question, the likeliest first.
+
+    Parameters
+    ----------
+    competition : Competition
+        The hypotheses about the log.
+    verdict : Verdict
+        What was decided.
+    """
+    outcome = verdict.outcome
+    scored = {h.names: (_comparable(h), h) for h in [outcome.base, *outcome.refitted] if _stands(h)}
+    best = outcome.best
+    scored[best.names] = (_comparable(best), best)
+    ranked = sorted(scored.values(), key=lambda s: (s[1] is not best, -s[0]))
+    gain = max(best.score - outcome.base.score, 0.0)
+    top = ranked[0][0]
+    kept = [s for s in ranked if s[0] > top - DECIDED][:MOST]
+    if verdict.kind == "unknown" and len(kept) < LEAST:
+        kept = ranked[:LEAST]
+    width = CLASS + CLASS_SHARE * gain
+    odds = np.exp(np.clip(np.array([min(s - top, 0.0) for s, _ in kept]) / width, -30.0, 0.0))
+    return [
+        Rival(
+            {k: dict(v) for k, v in h.fit.spec.items()},
+            dict(zip(competition.evidence.free, map(float, h.fit.x), strict=True)),
+            float(s),
+            float(w),
+        )
+        for (s, h), w in zip(kept, odds / odds.sum(), strict=True)
+    ]
+
+
+def _comparable(h: Hypothesis) -> float:
+    """Return the score that sets of different size are compared by."""
+    return h.score - ONE_MORE * max(len(h.names) - 1, 0)
+
+
+def _stands(h: Hypothesis) -> bool:
+    return not any(degenerate(h.fit, name) for name in h.names)

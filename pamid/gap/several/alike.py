@@ -1,0 +1,65 @@
+"""Whether several logs can be of one bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+
+from ...errors import IncompatibleError, MissingColumnError
+from ..residuals.bench import Evidence
+
+FACTOR = 1.5
+"""How far, as a factor, what is measured may differ between logs beside what one simulator says of each: more than any
+tolerance, sensor or missing effect makes of it; a wrong unit makes more, and so does another muscle."""
+
+
+def check_alike(logs: Mapping[str, Evidence]) -> None:
+    """Raise where logs cannot be of one bench.
+
+    Parameters
+    ----------
+    logs : mapping of str to Evidence
+        The logs by name.
+
+    Raises
+    ------
+    MissingColumnError
+        Two logs have no equation in common.
+    IncompatibleError
+        What is measured differs between two logs by a factor that no bench does.
+    """
+    for (one, a), (two, b) in combinations(logs.items(), 2):
+        if not set(a.equations) & set(b.equations):
+            raise MissingColumnError(
+                f"{one} allows the equations {', '.join(a.equations) or 'none'}, {two} "
+                f"{', '.join(b.equations) or 'none'}.",
+                "logs with the same columns",
+                "Map the columns of both logs alike; a cause can only be shared where both tell of it.",
+            )
+        for equation in (e for e in a.equations if e in b.equations and e != "joint"):
+            first, second = _size(a, equation), _size(b, equation)
+            if first is None or second is None:
+                continue
+            ratio = max(first / second, second / first)
+            if ratio > FACTOR:
+                raise IncompatibleError(
+                    f"Of what the simulator says of the {equation}, {one} measures {first:.3g} times as much and {two} "
+                    f"{second:.3g} times.",
+                    "logs of one bench, in the same units",
+                    f"Check the units of {two if abs(np.log(second)) > abs(np.log(first)) else one}, or diagnose the "
+                    "logs of different benches one by one.",
+                )
+
+
+def _size(evidence: Evidence, equation: str) -> float | None:
+    """Return how large what is measured is beside what the simulator says; None where that says nothing."""
+    part = evidence.parts[evidence.equations.index(equation)]
+    measured, residual = evidence.measured[part], evidence.raw(evidence.z0)[part] * evidence.noise[part]
+    said = measured - residual
+    across = float(np.sum(np.abs(measured * said)))
+    if not across > 0.0 or np.sqrt(np.mean(said**2)) < 10.0 * np.median(evidence.noise[part]):
+        return None
+    slope = float(np.sum(measured * said)) / float(np.sum(said**2))
+    return slope if slope > 0.0 else None

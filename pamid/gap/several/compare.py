@@ -1,0 +1,185 @@
+"""What a diagnosis of several logs says of each: parameters log by log, and causes that changed between logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..diagnosis.decide import Verdict
+from ..diagnosis.result import Candidate, Cause, Diagnosis, ParameterEstimate
+from ..diagnosis.rivals import Rival
+from ..inference.competition import Competition
+from ..inference.gauss_newton import Fit
+from ..inference.hypotheses import Hypothesis
+from .per_log import estimates, fitted_alone, main_parameter
+from .result import Change, LogFinding
+from .stacked import StackedEvidence
+from .variants import Variants
+
+Spec = dict[str, dict[str, float]]
+
+
+def merged(
+    found: Diagnosis, stack: StackedEvidence, competition: Competition, verdict: Verdict, variants: Variants
+) -> Diagnosis:
+    """Return a diagnosis in which an effect has one name, whichever logs it acts in, and each log its parameters.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        What the inference says, with effects that act in some logs only under names of their own.
+    stack : StackedEvidence
+        The logs.
+    competition : Competition
+        The hypotheses.
+    verdict : Verdict
+        What was decided.
+    variants : Variants
+        Which effect acts where.
+    """
+    best = verdict.outcome.best
+    spec = {k: dict(v) for k, v in best.fit.spec.items()} if verdict.named else {}
+    fits = [_of_log(stack, k, spec, best.fit.x, variants) for k in range(len(stack.logs))]
+    logs = []
+    for log, fit in zip(stack.logs, fits, strict=True):
+        deviations = dict(zip(log.evidence.free, map(float, fit.x), strict=True))
+        logs.append(LogFinding(log.name, log.day, 0, 0, {}, estimates(log.evidence, fit), deviations))
+    changes = [c for name in spec if (c := _change(name, logs, competition, verdict, variants)) is not None]
+    last = stack.logs[-1].evidence
+    corrected = last.simulator(fits[-1].spec, dict(zip(last.free, map(float, fits[-1].x), strict=True)))
+    x = stack.deviations_in(len(stack.logs) - 1, np.array([found.deviations.get(n, 0.0) for n in stack.free]))
+    causes = _causes(found.causes, logs, variants)
+    one = "class" if causes and len(causes[0].effects) > 1 else "cause"
+    return replace(
+        found,
+        verdict=one if found.verdict == "several" and len(causes) == 1 else found.verdict,
+        candidates=_candidates(found.candidates, variants),
+        causes=causes,
+        hypotheses=[
+            replace(h, effects=tuple(dict.fromkeys(variants.plain(e) for e in h.effects))) for h in found.hypotheses
+        ],
+        cannot_show=[n for n in found.cannot_show if n == variants.plain(n)],
+        logs=logs,
+        changes=sorted(changes, key=lambda c: -c.evidence),
+        nominal=last.deviated(dict(zip(last.free, map(float, x), strict=True))),
+        corrected=corrected,
+        rivals=_rivals(found.rivals, stack, variants),
+    )
+
+
+def _of_log(stack: StackedEvidence, k: int, spec: Spec, x: np.ndarray, variants: Variants) -> Fit:
+    """Return the causes refitted to one log, those of one effect taken together."""
+    joined: Spec = {}
+    for name, values in spec.items():
+        if not variants.acts(name, k):
+            continue
+        plain = variants.plain(name)
+        # Two shares of one effect act as one: what is linear adds up, and the larger one says the form.
+        joined[plain] = _together(plain, joined[plain], values) if plain in joined else dict(values)
+    return fitted_alone(stack.logs[k].evidence, joined, stack.deviations_in(k, x))
+
+
+def _together(effect: str, one: Mapping[str, float], two: Mapping[str, float]) -> dict[str, float]:
+    from ...effects import all_effects
+
+    linear = {p.name: p for p in all_effects()[effect].parameters if p.linear}
+    main = main_parameter(effect, one)
+    form = one if abs(one[main]) >= abs(two[main]) else two
+    total = {n: float(np.clip(one[n] + two[n], p.lower, p.upper)) for n, p in linear.items()}
+    return {**form, **total}
+
+
+def _change(
+    name: str, logs: Sequence[LogFinding], competition: Competition, verdict: Verdict, variants: Variants
+) -> Change | None:
+    """Return how a cause changed, if it is one that acts in some logs only."""
+    when = variants.when(name)
+    if when is None:
+        return None
+    how, since = when
+    plain = variants.plain(name)
+    place = [f.log for f in logs].index(since)
+    sides = logs[place - 1].parameters.get(plain), logs[place].parameters.get(plain)
+    known = next(s for s in (*sides, *(f.parameters.get(plain) for f in logs)) if s is not None)
+    values = {k: p.value for k, p in known.items()}
+    main = main_parameter(plain, values)
+    before, after = (s[main].value if s is not None else float("nan") for s in sides)
+    if np.isfinite(before) and np.isfinite(after):
+        how = "grows" if abs(after) > abs(before) else "shrinks"
+    best = verdict.outcome.best
+    score = _without_change(best, name, plain, competition)
+    return Change(plain, how, since, before, after, main, known[main].unit, float(best.score - score))
+
+
+def _without_change(best: Hypothesis, name: str, plain: str, competition: Competition) -> float:
+    """Return the evidence of the same causes, one of them the same in all logs."""
+    spec = {k: dict(v) for k, v in best.fit.spec.items() if k != name}
+    if plain not in spec:
+        spec[plain] = dict(best.fit.spec[name])
+    return competition.hypothesis(competition.fitter.refine(spec, near=best.fit.x)).score
+
+
+def _candidates(candidates: Sequence[Candidate], variants: Variants) -> list[Candidate]:
+    """Return each effect once, with the belief in all its forms."""
+    found: dict[str, Candidate] = {}
+    for c in candidates:
+        name = variants.plain(c.effect)
+        if name not in found:
+            found[name] = replace(c, effect=name)
+            continue
+        first = found[name]
+        found[name] = replace(
+            first,
+            confidence=first.confidence + c.confidence,
+            score=max(first.score, c.score),
+            closed_share=max(first.closed_share, c.closed_share),
+        )
+    out = [replace(c, ruled_out="" if c.confidence > 0.05 else c.ruled_out) for c in found.values()]
+    return sorted(out, key=lambda c: -c.confidence)  # a stable sort: causes of one belief keep their order
+
+
+def _causes(causes: Sequence[Cause], logs: Sequence[LogFinding], variants: Variants) -> list[Cause]:
+    """Return each cause once, its parameters those of all logs, or of the last in which it acts."""
+    found: dict[str, Cause] = {}
+    for cause in causes:
+        names = tuple(dict.fromkeys(variants.plain(e) for e in cause.effects))
+        first = names[0]
+        if first in found:
+            old = found[first]
+            ci = (old.share_ci90[0] + cause.share_ci90[0], old.share_ci90[1] + cause.share_ci90[1])
+            found[first] = replace(
+                old,
+                effects=tuple(dict.fromkeys([*old.effects, *names])),
+                confidence=max(old.confidence, cause.confidence),
+                share=min(old.share + cause.share, 1.0),
+                share_ci90=(min(ci[0], 1.0), min(ci[1], 1.0)),
+                parameters=_last(first, logs) or old.parameters,
+            )
+        else:
+            found[first] = replace(cause, effects=names)
+    return sorted(found.values(), key=lambda c: -c.share)
+
+
+def _rivals(rivals: Sequence[Rival], stack: StackedEvidence, variants: Variants) -> list[Rival]:
+    """Return the explanations of the bench as it is now: the effects that act in the last log, each set once."""
+    k, found = len(stack.logs) - 1, dict[frozenset[str], Rival]()
+    for r in rivals:
+        spec: Spec = {}
+        for name, values in r.effects.items():
+            if variants.acts(name, k):
+                plain = variants.plain(name)
+                spec[plain] = _together(plain, spec[plain], values) if plain in spec else dict(values)
+        x = stack.deviations_in(k, np.array([r.deviations[n] for n in stack.free]))
+        known = found.get(frozenset(spec))
+        if known is None:
+            deviations = dict(zip(stack.logs[k].evidence.free, map(float, x), strict=True))
+            found[frozenset(spec)] = Rival(spec, deviations, r.score, r.belief)
+        else:
+            found[frozenset(spec)] = replace(known, belief=known.belief + r.belief)
+    return list(found.values())
+
+
+def _last(effect: str, logs: Sequence[LogFinding]) -> dict[str, ParameterEstimate] | None:
+    return next((f.parameters[effect] for f in reversed(logs) if effect in f.parameters), None)

@@ -1,0 +1,135 @@
+"""What held for each of several logs: another rest position, load, temperature, supply, or day."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...bench.parameters import NUMBERS, BenchParameters
+from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+
+
+class Conditions(NamedTuple):
+    """What held for one log.
+
+    Parameters
+    ----------
+    numbers : dict of str to float
+        Numbers of the simulator that hold for this log alone, SI units.
+    day : str
+        Logs of one day share what may change from day to day.
+
+    Examples
+    --------
+    >>> from pamid.gap.several.conditions import Conditions
+    >>> Conditions({"temperature": 303.0}, "friday").day  # K
+    'friday'
+    """
+
+    numbers: dict[str, float]
+    day: str
+
+    def under(self, params: BenchParameters) -> BenchParameters:
+        """Return the simulator as it holds for this log."""
+        return params.replace(**self.numbers) if self.numbers else params
+
+
+def read_conditions(path: str | Path) -> dict[str, Conditions]:
+    """Read a table of conditions.
+
+    Parameters
+    ----------
+    path : path-like
+        A CSV file with a column ``log`` (name of the log, with or without its ending), and any of ``day`` and the
+        numbers of a simulator file in SI units, such as ``temperature`` (K) or ``inertia`` (kg m²). An empty cell
+        leaves the simulator's number.
+
+    Returns
+    -------
+    dict of str to Conditions
+        By the name of the log.
+
+    Raises
+    ------
+    LogNotFoundError, EmptyLogError, MissingColumnError, UnknownOptionError, ParameterError
+        The table cannot be used; the message names file, row and column.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.gap.several import read_conditions
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "conditions.csv"
+    ...     _ = file.write_text(chr(10).join(["log,day,temperature", "monday,1,293", "friday,2,303"]))  # K
+    ...     read_conditions(file)["friday"].numbers
+    {'temperature': 303.0}
+    """
+    import pandas as pd
+
+    file = Path(path)
+    if not file.is_file():
+        raise LogNotFoundError(f"There is no table of conditions {file}.", "a CSV file", "Correct --conditions.")
+    try:
+        table = pd.read_csv(file, dtype=str, keep_default_na=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise EmptyLogError(f"{file.name} is no table: {error}.", "CSV with a header", "Correct the file.") from error
+    table.columns = [str(c).strip() for c in table.columns]
+    if "log" not in table.columns:
+        raise MissingColumnError(
+            f"{file.name} has the columns {', '.join(table.columns)}.", "a column 'log'", "Name each row's log."
+        )
+    for name in table.columns:
+        if name not in ("log", "day") and name not in NUMBERS:
+            close = difflib.get_close_matches(name, [*NUMBERS, "day"], n=2)
+            raise UnknownOptionError(
+                f"{file.name} has a column '{name}', which is no number of the simulator.",
+                f"log, day, or any of {', '.join(NUMBERS)}",
+                f"Did you mean {' or '.join(close)}?" if close else "Correct or remove it.",
+            )
+    found: dict[str, Conditions] = {}
+    for row, cells in enumerate(table.to_dict("records"), start=2):
+        name = str(cells["log"]).strip()
+        if not name or name in found:
+            raise ParameterError(
+                f"Row {row} of {file.name} names {'the log ' + name + ' again' if name else 'no log'}.",
+                "each log once",
+                "Correct the row.",
+            )
+        found[name] = Conditions(_numbers(cells, file.name, row), str(cells.get("day", "")).strip() or name)
+    return found
+
+
+def _numbers(cells: Mapping[Any, Any], file: str, row: int) -> dict[str, float]:
+    found = {}
+    for name, text in cells.items():
+        if name in ("log", "day") or not str(text).strip():
+            continue
+        try:
+            found[str(name)] = float(text)
+        except ValueError:
+            raise ParameterError(
+                f"Row {row} of {file} has {name} = {text!r}.", "a number in SI units", "Correct the cell."
+            ) from None
+    return found
+
+
+def conditions_of(names: Sequence[str], table: Mapping[str, Conditions] | None) -> list[Conditions]:
+    """Return the conditions of logs by their names; without a row each log is a day of its own.
+
+    Raises
+    ------
+    UnknownOptionError
+        A row names none of the logs.
+    """
+    table = dict(table or {})
+    by_stem = {Path(name).stem: c for name, c in table.items()}
+    stems = {Path(name).stem for name in names} | set(names)
+    if strange := [name for name in table if name not in stems and Path(name).stem not in stems]:
+        raise UnknownOptionError(
+            f"The table of conditions names {', '.join(strange)}, which is none of the logs.",
+            f"names of {', '.join(names)}",
+            "Correct the column 'log'.",
+        )
+    return [table.get(name) or by_stem.get(Path(name).stem) or Conditions({}, name) for name in names]

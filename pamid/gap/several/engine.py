@@ -1,0 +1,153 @@
+"""Diagnose several logs of one bench together: causes are shared unless the logs say that one came or went."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...effects.registry import chosen_effects, effects_beside
+from ...signals.thinning import whole_trajectories
+from ..diagnosis.answer import answer, untested
+from ..diagnosis.decide import decide
+from ..diagnosis.result import Diagnosis
+from ..inference.competition import Competition
+from ..residuals.bench import Evidence
+from ..residuals.checks import check, notes_on, without_stuck
+from ..settings import MAX_ROWS, SEARCH_ROWS
+from .alike import check_alike
+from .compare import merged
+from .conditions import Conditions, conditions_of
+from .stacked import Log, StackedEvidence
+from .variants import Variants
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ...bench.parameters import BenchParameters
+
+
+def diagnose_logs(
+    logs: Mapping[str, pd.DataFrame],
+    params: BenchParameters,
+    effects: str | Sequence[str] = "all",
+    *,
+    conditions: Mapping[str, Conditions] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Diagnose several logs of one bench together.
+
+    Causes and the bench's geometry are shared by all logs. What may change from day to day (valves, friction, gas),
+    each within its tolerance, is each day's own. A cause may also appear or go between two days where the evidence
+    asks for it.
+
+    Parameters
+    ----------
+    logs : mapping of str to DataFrame
+        The logs by name, in the order in which they were recorded; each as `pamid.gap.diagnose` takes it.
+    params : BenchParameters
+        The simulator, with its tolerances.
+    effects : "all" or sequence of str, default="all"
+        The library: names of effects that may be causes.
+    conditions : mapping of str to Conditions, optional
+        What held for each log: numbers of the simulator that differ, and its day; a log without them is a day of its
+        own.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer. ``logs`` holds the causes' parameters log by log, ``changes`` which of them changed between logs.
+
+    Raises
+    ------
+    IncompatibleError
+        The logs cannot be of one bench.
+    UnknownOptionError, ExcitationError, MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
+        As for one log; the message names it.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap.several import diagnose_logs
+    >>> nominal = BenchParameters.for_muscle("B")
+    >>> runs = [sine(2, 10, 1500), sine(6, 10, 1500)]
+    >>> leak = [("leakage", {"conductance": 2e-10})]
+    >>> logs = {"monday": simulate(nominal, runs, seed=0), "friday": simulate(nominal, runs, seed=1, effects=leak)}
+    >>> found = diagnose_logs(logs, nominal, ["leakage", "viscous_friction"])
+    >>> found.changes[0].effect, found.changes[0].how, found.changes[0].log
+    ('leakage', 'appears', 'friday')
+    """
+    from threadpoolctl import threadpool_limits
+
+    library = chosen_effects(effects, "bench")
+    say = progress or (lambda _: None)
+    say("read the logs")
+    names = list(logs)
+    held = conditions_of(names, conditions)
+    tables, notes = _tables(logs, params, held)
+    total = sum(len(t) for t in tables)
+    whole = [whole_trajectories(t, max(1, MAX_ROWS * len(t) // total)) if total > MAX_ROWS else t for t in tables]
+    each = [Evidence(t, c.under(params)) for t, c in zip(whole, held, strict=True)]
+    check_alike(dict(zip(names, each, strict=True)))
+    for name, one in zip(names, each, strict=True):
+        notes += [f"{name}: {text}" for text in notes_on(one)[1:]]
+    notes = list(dict.fromkeys([*notes_on(each[0])[:1], *notes]))
+    days = [c.day for c in held]
+    variants = Variants(library, names, days)
+    stack = _stack(names, each, days, variants)
+    searched = stack
+    if (rows := sum(len(t) for t in whole)) > SEARCH_ROWS:
+        part = [whole_trajectories(t, max(1, SEARCH_ROWS * len(t) // rows)) for t in whole]
+        fewer = [Evidence(t, c.under(params)) for t, c in zip(part, held, strict=True)]
+        searched = _stack(names, fewer, days, variants)
+        notes.append(f"Causes were searched in {sum(map(len, part)):,} rows, and fitted to {rows:,}.")
+    random_state = np.random.RandomState(seed)
+    if not stack.equations:
+        return untested(stack, library, notes)
+    with threadpool_limits(1), effects_beside(variants.effects):
+        competition = Competition(searched, variants.library, say)
+        outcome = competition.run()
+        verdict = decide(competition, outcome, random_state)
+        say("measure the closure")
+        found = answer(stack, competition, verdict, notes, random_state, say)
+        say("compare the logs")
+        found = merged(found, stack, competition, verdict, variants)
+    sizes = {n: (len(t), int(t["trajectory"].nunique())) for n, t in zip(names, tables, strict=True)}
+    return replace(
+        found,
+        logs=[
+            replace(f, rows=sizes[f.log][0], trajectories=sizes[f.log][1], conditions=dict(c.numbers))
+            for f, c in zip(found.logs, held, strict=True)
+        ],
+    )
+
+
+def _stack(names: Sequence[str], each: Sequence[Evidence], days: Sequence[str], variants: Variants) -> StackedEvidence:
+    stacked = [Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)]
+    return StackedEvidence(stacked, variants.acts, variants.plain)
+
+
+def _tables(
+    logs: Mapping[str, pd.DataFrame], params: BenchParameters, held: Sequence[Conditions]
+) -> tuple[list[pd.DataFrame], list[str]]:
+    """Return the logs without the readings of stuck sensors, and notes; an error names its log."""
+    from ...errors import PamidError
+
+    tables, notes = [], []
+    for (name, log), conditions in zip(logs.items(), held, strict=True):
+        try:
+            told = check(log, conditions.under(params))
+            table, stuck = without_stuck(log)
+        except PamidError as error:
+            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
+            raise
+        tables.append(table)
+        notes += [f"{name}: {text}" for text in [*told, *stuck]]
+    return tables, notes

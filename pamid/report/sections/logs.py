@@ -1,0 +1,39 @@
+"""The logs one by one, where there are several."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..quantities import amount, effect, span
+from ..several import changed
+from .base import Section
+
+
+class LogsSection(Section):
+    """What changed between logs, and the causes' parameters in each."""
+
+    name: ClassVar[str] = "logs"
+    title: ClassVar[str] = "Log by log"
+    rank: ClassVar[int] = 26
+
+    def shown(self) -> bool:
+        """Whether there are several logs."""
+        return len(self.diagnosis.logs) > 1
+
+    def content(self) -> dict[str, Any]:
+        """Return the changes and a row for each parameter of a cause in each log."""
+        rows = []
+        for log in self.diagnosis.logs:
+            for name, parameters in log.parameters.items():
+                for word, p in parameters.items():
+                    rows.append(
+                        {
+                            "log": log.log,
+                            "day": log.day,
+                            "effect": effect(name),
+                            "parameter": word.replace("_", " "),
+                            "value": amount(p.value, p.unit),
+                            "ci": span(*p.ci90, p.unit),
+                        }
+                    )
+        return {"changes": [changed(c) for c in self.diagnosis.changes], "rows": rows}

@@ -1,0 +1,32 @@
+"""What a diagnosis of several logs says beyond that of one, in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from .quantities import amount, effect
+
+if TYPE_CHECKING:
+    from ..gap.several.result import Change
+
+
+def changed(change: Change) -> str:
+    """Return how a cause changed between logs, as a sentence.
+
+    Parameters
+    ----------
+    change : Change
+        What changed.
+    """
+    name = effect(change.effect)
+    name = name[:1].upper() + name[1:]
+    what = change.parameter.replace("_", " ")
+    values = [amount(v, change.unit) for v in (change.before, change.after) if math.isfinite(v)]
+    said = {
+        "appears": f"{name} appears with {change.log}: {what} {values[-1] if values else 'unknown'}",
+        "goes": f"{name} is gone from {change.log} on: {what} {values[0] if values else 'unknown'} before",
+        "grows": f"{name} grows with {change.log}: {what} from {' to '.join(values)}",
+        "shrinks": f"{name} shrinks with {change.log}: {what} from {' to '.join(values)}",
+    }.get(change.how, f"{name} differs from {change.log} on")
+    return f"{said} (log-likelihood higher by {change.evidence:.0f} than with one that stays)."

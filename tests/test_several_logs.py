@@ -1,0 +1,263 @@
+"""Several logs, one diagnosis; the runs that are designed after it; and what a later diagnosis goes on from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.bench import BenchParameters, simulate, sine, triangle
+from pamid.cli import main
+from pamid.errors import IncompatibleError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
+from pamid.gap.design.plan import Plan
+from pamid.gap.design.runs_file import read_runs, runs_text
+from pamid.gap.design.score import clarity
+from pamid.gap.design.search import plan_next
+from pamid.gap.design.words import outcomes, summary
+from pamid.gap.diagnosis.rivals import Rival
+from pamid.gap.residuals.bench import Evidence
+from pamid.gap.several import Conditions, diagnose_logs, read_conditions
+from pamid.gap.several.go_on import go_on
+from pamid.gap.several.history import History, read_history
+from pamid.gap.several.stacked import Log, StackedEvidence
+
+NOMINAL = BenchParameters.for_muscle("B")
+RUNS = [sine(2, 10, 900), sine(6, 10, 900)]
+LEAK = [("leakage", {"conductance": 2e-10})]
+SLOW = [sine(1, 10, 1500), triangle(1.5, 8, 1500)]
+
+
+@pytest.fixture(scope="module")
+def healthy() -> pd.DataFrame:
+    return simulate(NOMINAL, RUNS, seed=0)
+
+
+@pytest.fixture(scope="module")
+def leaking() -> pd.DataFrame:
+    return simulate(NOMINAL, RUNS, seed=1, effects=LEAK)
+
+
+@pytest.fixture(scope="module")
+def dead() -> pd.DataFrame:
+    return simulate(NOMINAL, SLOW, seed=0, effects=["dead_volume"])
+
+
+# --- several logs -------------------------------------------------------------------------------------------
+def test_stacked_residuals_are_those_of_each_log(healthy: pd.DataFrame, leaking: pd.DataFrame) -> None:
+    each = [Evidence(healthy, NOMINAL), Evidence(leaking, NOMINAL)]
+    stack = StackedEvidence([Log("a", each[0], "a"), Log("b", each[1], "b")], lambda *_: True)
+    spec = {"leakage": {"conductance": 1e-10}}
+    x = np.linspace(-0.5, 0.5, len(stack.free))
+    z = stack.tangent(spec, x) + stack.J @ x
+    for k, source in enumerate(each):
+        mine = stack.deviations_in(k, x)
+        np.testing.assert_allclose(z[stack.places[k]], source.tangent(spec, mine) + source.J @ mine, atol=1e-9)
+    np.testing.assert_allclose(stack.raw(stack.white(z)), z, atol=1e-8)
+
+
+def test_geometry_is_shared_and_the_valve_is_each_days_own(healthy: pd.DataFrame) -> None:
+    evidence = Evidence(healthy, NOMINAL)
+    stack = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "fri")], lambda *_: True)
+    assert stack.free.count("braid_angle") == 1
+    assert {"sonic_conductance (mon)", "sonic_conductance (fri)"} <= set(stack.free)
+    same = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "mon")], lambda *_: True)
+    assert same.free == evidence.free
+
+
+def test_a_leak_that_opens_between_two_days_is_named_with_its_log(healthy: pd.DataFrame, leaking: pd.DataFrame) -> None:
+    found = diagnose_logs({"monday": healthy, "friday": leaking}, NOMINAL, ["leakage", "viscous_friction", "flow_bias"])
+    assert [c.effects[0] for c in found.causes] == ["leakage"]
+    assert [(c.effect, c.how, c.log) for c in found.changes] == [("leakage", "appears", "friday")]
+    low, high = found.logs[1].parameters["leakage"]["conductance"].ci90
+    assert low < 2e-10 < high
+    assert not found.logs[0].parameters
+    assert abs(sum(c.confidence for c in found.candidates) - 1.0) < 1e-9
+    assert dict(found.corrected.effects)["leakage"]["conductance"] == pytest.approx(2e-10, rel=0.1)
+    assert json.loads(found.to_json())["changes"][0]["log"] == "friday"
+
+
+def test_a_cause_that_stays_has_not_changed(leaking: pd.DataFrame) -> None:
+    other = simulate(NOMINAL, [sine(4, 8, 900), sine(3, 12, 900)], seed=2, effects=LEAK)
+    found = diagnose_logs({"monday": leaking, "friday": other}, NOMINAL, ["leakage", "viscous_friction"])
+    assert [c.effects for c in found.causes] == [("leakage",)]
+    assert not found.changes
+
+
+def test_logs_that_cannot_be_of_one_bench_are_refused(healthy: pd.DataFrame) -> None:
+    larger = healthy.assign(F1=2.5 * healthy["F1"], F2=2.5 * healthy["F2"])
+    with pytest.raises(IncompatibleError, match=r"force.*first.*second"):
+        diagnose_logs({"first": healthy, "second": larger}, NOMINAL, ["leakage"])
+    flow = healthy.drop(columns=["F1", "F2"])
+    force = healthy.drop(columns=["mdot1", "mdot2", "u1", "u2"])
+    with pytest.raises(MissingColumnError, match="same columns"):
+        diagnose_logs({"first": flow, "second": force}, NOMINAL, ["leakage"])
+
+
+def test_a_table_of_conditions_is_read_and_checked(tmp_path: Path) -> None:
+    file = tmp_path / "conditions.csv"
+    file.write_text("log,day,temperature\nmonday,1,\nfriday,2,303\n")
+    found = read_conditions(file)
+    assert found == {"monday": Conditions({}, "1"), "friday": Conditions({"temperature": 303.0}, "2")}
+    file.write_text("log,temprature\nmonday,300\n")
+    with pytest.raises(UnknownOptionError, match="temperature"):
+        read_conditions(file)
+    file.write_text("log,temperature\nmonday,warm\n")
+    with pytest.raises(ParameterError, match="Row 2"):
+        read_conditions(file)
+    file.write_text("log,day\nmonday,1\nmonday,2\n")
+    with pytest.raises(ParameterError, match="Row 3"):
+        read_conditions(file)
+
+
+def test_a_history_is_refused_where_simulator_or_library_changed(
+    tmp_path: Path, leaking: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = History(NOMINAL, ["leakage", "flow_bias"])
+    go_on(history, {"first": leaking})
+    history.write(tmp_path)
+    again = read_history(tmp_path, NOMINAL)
+    pd.testing.assert_frame_equal(again.logs["first"], leaking, check_dtype=False)
+    assert again.rounds == history.rounds
+    with pytest.raises(IncompatibleError, match=r"inertia was 0\.02 and is 0\.03"):
+        read_history(tmp_path, NOMINAL.replace(inertia=0.03))
+    with pytest.raises(ParameterError, match="part of the earlier"):
+        go_on(again, {"first": leaking})
+    state = json.loads((tmp_path / "state.json").read_text())
+    state["library"]["leakage"] = "0" * 16
+    (tmp_path / "state.json").write_text(json.dumps(state))
+    with pytest.raises(IncompatibleError, match="leakage is another one"):
+        read_history(tmp_path, NOMINAL)
+    with pytest.raises(LogNotFoundError):
+        read_history(tmp_path / "nowhere")
+
+
+# --- designs ------------------------------------------------------------------------------------------------
+def test_drawn_runs_keep_the_limits() -> None:
+    rng, limits = np.random.default_rng(0), Limits(angle=15.0, rate=100.0, frequency=9.0, pressure=5e4, shut=False)
+    for kind in [k for k in KINDS if k != "sealed"] * 6:
+        for run in (first := draw(rng, limits, kind), near(rng, first, limits)):
+            told = run.trajectory("x")
+            assert np.degrees(np.abs(told.q_ref).max()) <= 15.0 + 1e-6
+            rate = np.degrees(np.abs(np.diff(told.q_ref[told.lead :])).max()) * 1e3
+            assert rate <= 100.0 * (1.2 if kind == "triangle" else 1.0) + 1.0
+            assert told.n_samples == 4000 and told.q_ref[0] == 0.0
+            assert abs(run.pressure) <= 5e4
+    assert "sealed" not in limits.kinds
+    with pytest.raises(ParameterError):
+        Limits(runs=6)
+
+
+def test_clarity_is_what_the_hardest_pair_differs_by() -> None:
+    D = np.array([[0.0, 40.0, 8.0], [40.0, 0.0, 60.0], [8.0, 60.0, 0.0]])
+    value = clarity(D, np.full(3, 1 / 3))
+    assert value == pytest.approx(8.0 + 4.0 * np.log(3.0), abs=0.1)
+    assert clarity(2.0 * D, np.full(3, 1 / 3)) > value
+
+
+def test_a_designed_run_tells_what_slow_sines_leave_open(dead: pd.DataFrame) -> None:
+    library = ["dead_volume", "polytropic_exponent", "gas_temperature", "length"]
+    history = History(NOMINAL, library)
+    first = go_on(history, {"first": dead})
+    assert len(first.rivals) > 1 and abs(sum(r.belief for r in first.rivals) - 1.0) < 1e-9
+    plan = plan_next(first.rivals, {"first": dead}, NOMINAL, Limits(seconds=2.0), designs=16)
+    assert plan.tells and len(plan.runs) == 1 and plan.designs <= 16
+    assert "dead volume" in summary(plan) and any("If it is" in text for text in outcomes(plan))
+    log = simulate(NOMINAL, plan.trajectories(), seed=5, effects=["dead_volume"])
+    found = go_on(history, {"second": log})
+    assert [c.effects for c in found.causes] == [("dead_volume",)]
+    assert len(found.rounds) == 2 and found.rounds[1].seconds > found.rounds[0].seconds
+    points = plan.set_points()
+    assert points["time"].min() < 0 and len(points[points["time"] >= 0]) == 2000
+    told = read_runs_of(plan)
+    np.testing.assert_array_equal(told.q_ref, plan.trajectories()[0].q_ref)
+
+
+def read_runs_of(plan: Plan) -> object:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "runs.toml"
+        file.write_text(runs_text(plan.runs, plan.names))
+        return read_runs(file)[0]
+
+
+def test_no_run_is_named_where_none_could_tell(dead: pd.DataFrame) -> None:
+    one = Rival({"dead_volume": {"volume": 1e-5}}, {}, 0.0, 0.5)
+    same = Rival({"dead_volume": {"volume": 1.0001e-5}}, {}, 0.0, 0.5)
+    plan = plan_next([one, same], {"log": dead}, NOMINAL, Limits(seconds=1.0), designs=8)
+    assert not plan.tells and not plan.runs
+    assert "No run of 1 s" in summary(plan)
+
+
+def test_parameters_are_determined_where_one_explanation_is_left(leaking: pd.DataFrame) -> None:
+    rival = Rival({"leakage": {"conductance": 2e-10}}, {}, 0.0, 1.0)
+    plan = plan_next([rival], {"log": leaking}, NOMINAL, Limits(seconds=2.0, runs=2), designs=10)
+    assert plan.purpose == "parameters" and len(plan.runs) == 2
+    assert plan.shrinks["leakage.conductance"] > 1.1
+
+
+def test_a_file_of_runs_that_are_none_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "runs.toml"
+    for text, said in (
+        ("nothing", "cannot be read"),
+        ("[[run]]\nkind = 'sine'", "seconds"),
+        ("[[run]]\nkind = 'zigzag'\nseconds = 1", "zigzag"),
+        ("[[run]]\nkind = 'sine'\nseconds = 1\nspeed = 3", "speed"),
+    ):
+        file.write_text(text)
+        with pytest.raises(Exception, match=said):
+            read_runs(file)
+    assert DesignedRun("hold", 1.0).as_dict() == {"kind": "hold", "seconds": 1.0, "offset": 0.0, "pressure": 0.0}
+
+
+# --- the command line ---------------------------------------------------------------------------------------
+def test_the_loop_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path)
+    NOMINAL.replace(effects=[("dead_volume", {})]).to_toml(tmp_path / "bench.toml")
+    runs = ["--trajectory", "sine:frequency=1,amplitude=10,seconds=1.5", "--trajectory", "hold:angle=5,seconds=1"]
+    record = ["simulate", "--sim", f"{folder}/bench.toml", "--quiet"]
+    assert main([*record, *runs, "--out", f"{folder}/first.parquet"]) == 0
+    sim, library = (
+        ["--sim", f"{folder}/first.sim.toml"],
+        ["--effects", "dead_volume,polytropic_exponent,gas_temperature"],
+    )
+    quiet = ["--quiet"]
+    assert main(["diagnose", f"{folder}/first.parquet", *sim, *library, "--out", f"{folder}/one", *quiet]) == 0
+    assert main(["next", f"{folder}/one", "--seconds", "1.5", "--designs", "12", "--json", *quiet]) == 0
+    capsys.readouterr()
+    assert main([*record, "--runs", f"{folder}/one/next/runs.toml", "--out", f"{folder}/second.parquet"]) == 0
+    since = ["--since", f"{folder}/one", *sim, "--out", f"{folder}/two", *quiet]
+    assert main(["diagnose", f"{folder}/second.parquet", *since]) == 0
+    said = json.loads((tmp_path / "two" / "diagnosis.json").read_text())
+    assert len(said["rounds"]) == 2 and said["causes"][0]["effects"][0] == "dead_volume"
+    page = (tmp_path / "two" / "report.html").read_text()
+    assert "Before and after this log" in page and "Log by log" in page
+    capsys.readouterr()
+    assert main(["diagnose", f"{folder}/second.parquet", *since, *library]) == 2
+    assert "--since" in capsys.readouterr().err
+
+
+def test_a_live_finding_says_which_run_would_confirm_it() -> None:
+    from pamid.gap.design.confirm import confirming
+
+    run = confirming("leakage", NOMINAL, seconds=1.0, designs=8)
+    assert run is not None and run.kind in KINDS and run.seconds == 1.0
+
+
+def test_the_next_run_of_one_equation_stays_within_the_log() -> None:
+    from pamid.estimators import GapDiagnoser
+
+    t = np.tile(np.arange(0, 4, 0.004), 3)
+    run, w = np.repeat(np.arange(3), 1000), np.repeat([2.0, 2.2, 2.4], 1000)
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame({"time": t, "eps": 0.1 + 0.05 * np.sin(w * t), "deps": 0.05 * w * np.cos(w * t)})
+    y = -1.5 * X["deps"] + 0.2 * rng.standard_normal(len(X))
+    library = ["viscous_friction", "coulomb_friction", "quadratic_drag"]
+    found = GapDiagnoser(effects=library, random_state=0).fit(X, y, groups=run).next_experiment_
+    assert found is not None and "viscous_friction" in found.separates
+    swing = found.trajectory["position_amplitude"]
+    assert found.trajectory["position"] - swing >= 0.05 and found.trajectory["position"] + swing <= 0.15
