@@ -17,12 +17,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..diagnosis.closure import FORM
 from ..diagnosis.result import ParameterEstimate
 from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..inference.student_t import NU
 from ..residuals.bench import Evidence
-from ..settings import TOLERANCE
+from ..settings import FORM_LOCAL, NU, TOLERANCE
 
 STRETCH = 0.5
 """Length of the stretches of time that count as units, s."""
@@ -83,7 +81,7 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     found: Estimates = {}
     for k, (name, p) in enumerate(slots):
         value = float(phi[k])
-        wide = reach * float(np.hypot(np.sqrt(variance[k]), FORM * value))
+        wide = reach * float(np.hypot(np.sqrt(variance[k]), FORM_LOCAL * value))
         known = bool(np.any(D[:, k]))
         ci = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
         found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)
