@@ -130,7 +130,8 @@ class Competition:
         for subset in screen.contenders:
             # What one effect explains exactly may need several to first order.
             first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
-            if best is self.base or first_order >= self._ranked(best)[1] - self.base.score:
+            gain = self._ranked(best)[1] - self.base.score
+            if best is self.base or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
                 self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
                 best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
         for left in reversed(range(ROUNDS)):
