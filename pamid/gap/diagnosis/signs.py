@@ -28,7 +28,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
-from ..settings import EXCESS, NU, OF_ITS_OWN
+from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 
 LAGS = 8
@@ -128,8 +128,6 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
     alone = sum(float(np.sum(np.square(d))) for d in each)
     together = float(np.sum(np.square(np.sum(each, axis=0)))) if each else 0.0
     room = still = left = predictable = coloured = 0.0
-    sizes = np.array([part.stop - part.start for part in evidence.parts])
-    whole = float(sizes @ np.log(np.maximum(base.left, 1.0)))
     flexible = Flexible(evidence)
     for name, part, was, now in zip(evidence.equations, evidence.parts, base.left, best.left, strict=True):
         room += _excess(before[part])
@@ -137,9 +135,8 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         if more > still and part.stop - part.start > 60:
             predictable = flexible.remainder(name, best.fit.z).share
         still = still + more
-        # An equation that hardly has a gap is none for the causes to explain.
-        told = (part.stop - part.start) * float(np.log(max(was, 1.0))) > OF_ITS_OWN * whole
-        if told and min(was, now) > 1.0 + EXCESS:
+        # The noise is known to a few per cent, and the scale of few windows to no better.
+        if min(was, now) > 1.0 + EXCESS + np.sqrt(2.0 / max(part.stop - part.start, 1)):
             left = max(left, float(np.log(now) / np.log(was)))
         coloured = max(coloured, _colour(competition, best.z, part))
     found = {
