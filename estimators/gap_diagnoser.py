@@ -16,6 +16,7 @@ from pamid.gap.learned import predict as remaining
 
 from ._base import SignalEstimator, Signals
 from ._gap_signals import EQUATIONS, located, notes_on, read_by, run_names, sampling_interval, spoken, values_of
+from ._gap_simulators import fit_simulator, is_simulator, predict_simulator
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
@@ -33,10 +34,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     Parameters
     ----------
-    nominal : estimator, callable or None, default=None
+    nominal : estimator, callable, pamid.simulators.Simulator or None, default=None
         The model: a fitted regressor or pipeline, or a function that takes X and returns the modelled target. None
-        models nothing, so that y itself is the gap. A model that has to survive `sklearn.base.clone` fitted goes into
-        a `sklearn.frozen.FrozenEstimator`.
+        models nothing: y is the gap. A `sklearn.frozen.FrozenEstimator` survives `sklearn.base.clone` fitted. Of a
+        simulator y, a Series, is a state or output; ``corrected_`` is it with the causes, `predict` a free run of that.
     effects : "all" or sequence of str, default="all"
         The library: names of effects that may be causes, see `pamid.effects.all_effects`.
     signals : mapping of str to str or int, optional
@@ -199,6 +200,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         from pamid.gap.engine import explain
         from pamid.gap.one_equation import gather, outward, stuck_beside
 
+        if is_simulator(self.nominal):
+            return fit_simulator(self, X, y, groups)
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
@@ -207,9 +210,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         signals, notes = self._table(table, codes), []
         driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
         if not any(np.ptp(x) > 0 for x in driven):
-            raise ExcitationError(
-                f"None of the signals {', '.join(signals)} moves.", "motion", "Record runs in which position changes."
-            )
+            what = f"None of the signals {', '.join(signals)} moves."
+            raise ExcitationError(what, "motion", "Record runs in which position changes.")
         self.position_scale_ = self._strain(signals)
         library = self._library()
         dt, more = (
@@ -219,8 +221,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
         stuck = stuck_beside(y, moving, codes)
         if stuck.any():
-            share = 100.0 * float(np.mean(stuck))
-            what = f"y repeats one value in {share:.1f} % of the rows while others move: a clipped or stuck sensor."
+            share = f"{100 * stuck.mean():.1f} %"
+            what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
             more.append(f"{what} Those rows are left out.")
         without = stuck if where is None else stuck | ~column_or_1d(where).astype(bool)
         if without.all():
@@ -378,6 +380,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             Nominal model plus effects, and the learned remainder where that is wanted, in the unit of y.
         """
         check_is_fitted(self)
+        if is_simulator(self.nominal):
+            return predict_simulator(self, X, groups)
         table, _ = self._read(X, reset=False)
         codes = self._codes(X, groups)
         signals = self._table(table, codes)

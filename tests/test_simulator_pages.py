@@ -179,8 +179,8 @@ def test_an_fmu_runs_in_a_process_of_its_own_and_only_where_trusted(muscle: Path
     y = trusted.run(t, u, np.zeros(0), np.zeros(0))
     assert y.shape == (len(trusted.outputs), len(t)) and np.isfinite(y).all()
     # It may have died; the next run has a process of its own.
-    trusted._worker._process.kill()
-    trusted._worker._process.wait()
+    trusted._workers[0]._process.kill()
+    trusted._workers[0]._process.wait()
     assert np.array_equal(trusted.run(t, u, np.zeros(0), np.zeros(0)), y)
 
 

@@ -164,3 +164,32 @@ def test_what_a_log_lacks_is_said() -> None:
         diagnose_simulator(log, rail(), ["sofa"])
     with pytest.raises(ParameterError, match="no port"):
         rail().port("sofa")
+
+
+def test_where_noise_hides_accelerations_whole_paths_are_predicted() -> None:
+    rng, runs, g = np.random.default_rng(1), [], 9.81
+    for k in range(4):  # thrown upwards against a linear drag of 0.3 1/s, watched 15 times a second
+        t = np.arange(0, 3, 1 / 15)
+        end = -g / 0.3
+        h = end * t + (3.0 * k - end) / 0.3 * (1 - np.exp(-0.3 * t))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "h": h + 0.05 * rng.standard_normal(len(t))}))
+    fall = FunctionSimulator(
+        lambda t, x, u, p: [x.v, -p.g + 0.0 * x.v],
+        [Port("h", "state", "m"), Port("v", "state", "m/s", column="not logged")],
+        {"g": (g, 0.0, "m/s^2")},
+    )
+    found = diagnose_simulator(pd.concat(runs), fall, ["viscous_friction", "quadratic_drag", "coulomb_friction"])
+    assert found.causes[0].effects[0] == "viscous_friction"
+    assert found.causes[0].parameters["coefficient"].value == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_simulator_behind_the_face_of_an_estimator() -> None:
+    from pamid.estimators import GapDiagnoser
+
+    log, later = cart("viscous", 3.0), cart("viscous", 3.0, seed=1)
+    columns = ["time", "F", "x"]
+    diagnoser = GapDiagnoser(rail(), ["viscous_friction", "coulomb_friction", "actuator_gain"], random_state=0)
+    diagnoser.fit(log[columns], log["v"], groups=log["trajectory"])
+    assert diagnoser.causes_[0].effects == ("viscous_friction",) and diagnoser.corrected_.effects
+    v = diagnoser.predict(later[columns], groups=later["trajectory"])
+    assert float(np.std(v - later["v"])) < 3e-3  # noise is 1e-3; the nominal simulator is off by more than 1 m/s

@@ -89,23 +89,37 @@ def fmu(plan: Plan, sources: Mapping[str, str], compiler: str | None = None) -> 
     )
     kept = {name: text for name, text in sources.items() if not name.endswith("_selftest.c")}
     code = kept | {f"{plan.name}_fmi3.c": wrapper}
-    system = {"linux": "linux", "darwin": "darwin", "win32": "windows"}.get(sys.platform, sys.platform)
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine())
-    ending = {"darwin": ".dylib", "windows": ".dll"}.get(system, ".so")
+    folder, ending = binary_folder(3)
     entries: dict[str, bytes] = {
         "modelDescription.xml": _description(plan, token, starts).encode(),
         "sources/buildDescription.xml": _build(plan, code).encode(),
-        f"binaries/{machine}-{system}/{plan.name}{ending}": _compiled(plan, code, compiler),
+        f"binaries/{folder}/{plan.name}{ending}": compiled(code, compiler),
     }
-    entries |= {f"sources/{name}": text.encode() for name, text in code.items()}
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    return packed(entries | {f"sources/{name}": text.encode() for name, text in code.items()})
+
+
+def binary_folder(version: int) -> tuple[str, str]:
+    """Return the folder of this machine's binaries in an FMU of FMI 2 or 3, and the ending of their names."""
+    system = {"linux": "linux", "darwin": "darwin", "win32": "windows"}.get(sys.platform, sys.platform)
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine())
+    ending = {"darwin": ".dylib", "windows": ".dll"}.get(system, ".so")
+    if version == 2:
+        short = {"windows": "win"}.get(system, system)
+        return f"{short}{64 if sys.maxsize > 2**32 else 32}", ending
+    return f"{machine}-{system}", ending
+
+
+def packed(entries: Mapping[str, bytes]) -> bytes:
+    """Return files as a zip archive that depends on nothing but their contents."""
+    found = io.BytesIO()
+    with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in sorted(entries.items()):
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), content)
-    return packed.getvalue()
+    return found.getvalue()
 
 
-def _compiled(plan: Plan, code: Mapping[str, str], compiler: str | None) -> bytes:
+def compiled(code: Mapping[str, str], compiler: str | None = None) -> bytes:
+    """Return C code compiled to a shared library; raise where there is no compiler or it fails."""
     wanted = [compiler] if compiler else [os.environ.get("CC", ""), "cc", "gcc", "clang"]
     found = next((shutil.which(c) for c in wanted if c and shutil.which(c)), None)
     if found is None:

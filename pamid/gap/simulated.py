@@ -18,9 +18,10 @@ from .diagnosis.result import Candidate, Cause, Diagnosis
 from .engine import explain
 from .inference.floor import explainable
 from .inference.sensitivity import templates
-from .residuals.direct import DirectEvidence, measured_states
+from .residuals.direct import DirectEvidence
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE
+from .residuals.states import measured_states
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,13 +115,50 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     PortEvidence
         The residuals.
     """
-    at_ports = port_log(log, simulator)
-    derived = measured_states(simulator, at_ports)
-    if derived is not None:
-        return DirectEvidence(at_ports, simulator, derived)
     from .residuals.shooting import ShootingEvidence
 
-    return ShootingEvidence(at_ports, simulator)
+    at_ports = port_log(log, simulator)
+    derived = measured_states(simulator, at_ports)
+    if derived is None:
+        return ShootingEvidence(at_ports, simulator)
+    found = DirectEvidence(at_ports, simulator, derived)
+    # Where noise hides the accelerations of positions, the paths that they add up to still show them.
+    return ShootingEvidence(at_ports, simulator) if derived and found.buried() else found
+
+
+def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:
+    """Return what a simulator, its effects among it, makes of a log's inputs, each run from its best initial state.
+
+    Parameters
+    ----------
+    log : DataFrame
+        The log; what it holds of states and outputs serves for the initial states alone.
+    simulator : Simulator
+        Of states, or of whole runs.
+    *more : str
+        States or outputs that are wanted though the log does not hold them.
+
+    Returns
+    -------
+    DataFrame
+        ``trajectory``, ``time`` (s), and each state or output that the log holds or is wanted, as the simulator has it.
+
+    Raises
+    ------
+    ParameterError
+        The simulator is algebraic: it has no runs.
+    """
+    import pandas as pd
+
+    from ..errors import ParameterError
+    from .residuals.shooting import ShootingEvidence
+
+    if simulator.form == "algebraic":
+        raise ParameterError("The simulator is algebraic.", "one of states or of whole runs", "Call its output.")
+    at_ports = port_log(log, simulator)
+    evidence = ShootingEvidence(at_ports, simulator, whole=True)
+    names = [at_ports.names[k] for k in at_ports.run]
+    return pd.DataFrame({"trajectory": names, "time": at_ports.t, **evidence.predicted(more)})
 
 
 def _learn(evidence: PortEvidence, library: Sequence[str]) -> None:

@@ -68,13 +68,13 @@ class Simulator:
             self._check_links(port)
 
     def _check_links(self, port: Port) -> None:
-        for what, kinds in (("position", ("state",)), ("velocity", ("state",)), ("level", ("state", "output"))):
+        for what in ("position", "velocity", "level"):
             named = getattr(port, what)
-            if named and not any(p.name == named and p.kind in kinds for p in self.ports):
+            if named and not any(p.name == named and p.kind in ("state", "output") for p in self.ports):
                 raise ParameterError(
                     f"{what} of the {port.kind} {port.name} is {named!r}.",
-                    f"a state: {', '.join(self.states) or 'there is none'}",
-                    "Name a state of the simulator.",
+                    f"a state or an output: {', '.join((*self.states, *self.outputs)) or 'there is none'}",
+                    "Name one of the simulator.",
                 )
         if port.through and port.through not in self.inputs:
             raise ParameterError(
@@ -216,3 +216,7 @@ class Simulator:
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
         """Return the outputs of a run, shape (n_outputs, n); t (n,), u (n_inputs, n), p (n_p,), x0 (n_states,)."""
         raise NotImplementedError
+
+    def runs(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return several runs of the same times, shape (n_runs, n_outputs, n); a run's arrays are stacked first."""
+        return np.stack([self.run(t, *one) for one in zip(u, p, x0, strict=True)])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
+from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
 from ..errors import UnknownOptionError
 from .base import Simulator
@@ -16,6 +18,7 @@ from .structure import Joint, rate_unit
 _STRAIN, _RUN = 0.2, 10.0
 _RUNS = 0.5, 100.0
 _TOP = 5e5
+_PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 _GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _MOTOR = {True: "viscous_friction", False: "back_emf"}
@@ -31,6 +34,8 @@ class Survey(NamedTuple):
         Range of each state, input and output.
     tops : dict of str to float
         Largest size of each state.
+    lows : dict of str to float
+        Smallest value of each state.
     gaps : dict of str to float
         How large a force or flow would matter at a joint or state, in the unit of its rate.
     readings : sequence of str
@@ -45,6 +50,7 @@ class Survey(NamedTuple):
 
     spans: Mapping[str, float]
     tops: Mapping[str, float]
+    lows: Mapping[str, float]
     gaps: Mapping[str, float]
     readings: Sequence[str]
     pushes: Mapping[tuple[str, str], float]
@@ -179,10 +185,16 @@ def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list
     return list(dict.fromkeys(keys))
 
 
+def _reached(p: Parameter, top: float) -> Parameter:
+    """Return the limit of a saturation within what a signal reaches: beyond, it does nothing."""
+    return replace(p, lower=0.05 * top, upper=top, nominal=0.6 * top) if p.name == "limit" else p
+
+
 # --- the kinds of ports -------------------------------------------------------------------------------------
 def _placed(
     name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
     scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
+    reach: float = 0.0,
 ) -> Placement:  # fmt: skip
     key = f"{name}@{port}"
     known = {} if hook == "flow" else powers(effect, hook) or {}
@@ -190,9 +202,14 @@ def _placed(
     for p in effect.parameters:
         plain = [("s", unit_powers(p.unit).get("s", 0))]
         if hook in ("force", "flow"):
-            plain = [({"N": target, "m": "", "kg": target}.get(w, w), n) for w, n in unit_powers(p.unit).items()]
+            words = {"N": target, "m": "", "kg": target}
+            if hook == "flow" and target == "kg/s" and signal in _PASCAL:
+                words = {"Pa": signal}  # a flow of mass under a pressure is what the library's units are of
+            plain = [(words.get(w, w), n) for w, n in unit_powers(p.unit).items()]
         units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
-    changes = {} if prior is None else {"prior": prior}
+    changes: dict[str, Any] = {} if prior is None else {"prior": prior}
+    if reach and "limit" in units:
+        changes["parameters"] = tuple(_reached(p, reach / scales.target) for p in effect.parameters)
     bound = named(effect, key, hidden, equations=(), **changes)
     return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
 
@@ -209,7 +226,20 @@ def _at_inputs(simulator: Simulator, survey: Survey) -> list[Placement]:
                 scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
                 hidden = tuple(p.name for p in effect.parameters if p.share and p.nominal == 0.0)
                 found.append(
-                    _placed(name, effect, port.name, hook, "input", port.name, {}, scales, port.unit, port.unit, hidden)
+                    _placed(
+                        name,
+                        effect,
+                        port.name,
+                        hook,
+                        "input",
+                        port.name,
+                        {},
+                        scales,
+                        port.unit,
+                        port.unit,
+                        hidden,
+                        reach=survey.tops.get(port.name, span),
+                    )
                 )
     return found
 
@@ -223,7 +253,21 @@ def _at_outputs(simulator: Simulator, survey: Survey) -> list[Placement]:
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
         for name, (kind, effect) in port_effects().items():
             if kind == "output":
-                found.append(_placed(name, effect, port, "measure", "output", port, {}, scales, unit, unit))
+                found.append(
+                    _placed(
+                        name,
+                        effect,
+                        port,
+                        "measure",
+                        "output",
+                        port,
+                        {},
+                        scales,
+                        unit,
+                        unit,
+                        reach=survey.tops.get(port, span),
+                    )
+                )
     return found
 
 
@@ -268,7 +312,8 @@ def _at_chambers(simulator: Simulator, survey: Survey) -> list[Placement]:
     found = []
     moving = {n for j in survey.joints for n in (j.position, j.velocity)}
     chambers = {p.level: (p.name, p.through, p.unit) for p in simulator.ports if p.kind == "chamber"}
-    for state in simulator.states:
+    levels = simulator.states if simulator.form == "ode" else [p for p in chambers if p in survey.readings]
+    for state in levels:
         span = survey.spans.get(state, 0.0)
         if state in moving or not span > 0.0:
             continue
@@ -277,9 +322,13 @@ def _at_chambers(simulator: Simulator, survey: Survey) -> list[Placement]:
         if through:
             size /= abs(survey.pushes.get((through, state), 1.0)) or 1.0
             unit = simulator.port(through).unit
-        for effect_name, (kind, effect) in port_effects().items():
+        for effect_name, (kind, found_effect) in port_effects().items():
             if kind == "chamber":
-                scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, pressure=_TOP / survey.tops[state])
+                effect = found_effect
+                head = _head(simulator.port(state).unit, survey, state)
+                if effect_name == "overflow":
+                    effect = _within(effect, head, survey.lows[state], survey.lows[state] + span)
+                scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
                 enters, at = ("input", through) if through else ("state", state)
                 found.append(
                     _placed(
@@ -288,6 +337,28 @@ def _at_chambers(simulator: Simulator, survey: Survey) -> list[Placement]:
                     )
                 )  # fmt: skip
     return found
+
+
+def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float) -> type[Effect]:
+    """Return an overflow whose level is one that the log passes: below all of it, it would be any leak."""
+    low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
+    changed = []
+    for p in effect.parameters:
+        if p.name == "level":
+            edge = 0.02 * (high - low)
+            p = replace(p, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
+        changed.append(p)
+    return type(effect.__name__, (effect,), {"parameters": tuple(changed)})
+
+
+def _head(unit: str, survey: Survey, state: str) -> dict[str, float]:
+    """Return how what is stored counts as a pressure: a gas against the surroundings, a level against nothing."""
+    if unit not in _PASCAL:
+        return {"pressure": _TOP / survey.tops[state]}
+    factor = _PASCAL[unit]
+    gauge = factor * survey.lows.get(state, 0.0) < 0.5 * ATMOSPHERIC_PRESSURE
+    offset = ATMOSPHERIC_PRESSURE if gauge else 0.0
+    return {"pressure": factor, "offset": offset, "ambient": ATMOSPHERIC_PRESSURE}
 
 
 def _at_parameters(simulator: Simulator) -> list[Placement]:

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from ..effects import Effect, Parameter, Signals
+from ..errors import PamidError
 
 _SHRUNK = 0.6
 _STARTS = np.array([0])
 
 
-def ambient() -> Any:
-    """Return what an effect may know of a system without a bench's numbers: surroundings at zero."""
-    return SimpleNamespace(atmospheric_pressure=0.0, critical_pressure_ratio=0.5, reference_density=1.185)
+def surroundings(pressure: float = 0.0) -> Any:
+    """Return what an effect may know of a system without a bench's numbers: the pressure around it, Pa."""
+    return SimpleNamespace(atmospheric_pressure=pressure, critical_pressure_ratio=0.5, reference_density=1.185)
 
 
 @cache
@@ -82,7 +83,14 @@ def _quietly(does: Any, effect: type[Effect], values: Mapping[str, float], scale
     try:
         with np.errstate(all="ignore"):
             return np.asarray(does(effect(**values), scale), dtype=float)
-    except Exception:  # it reads a signal or a number of a muscle, or a value has left its bounds
+    except (
+        TypeError,
+        AttributeError,
+        LookupError,
+        ValueError,
+        ArithmeticError,
+        PamidError,
+    ):  # it reads a signal or a number of a muscle, or a value has left its bounds
         return None
 
 
@@ -96,22 +104,27 @@ def _force(made: Effect, scale: float) -> Any:
         command=np.sin(4.0 * t),
         force=20.0 + 10.0 * np.cos(5.0 * t),
     )
-    x = made.trace(s, ambient(), t[1], _STARTS)
+    x = made.trace(s, surroundings(), t[1], _STARTS)
     hooks = made.hooks()
-    return sum((getattr(made, hook)(s, x, ambient()) for hook in ("force", "torque") if hook in hooks), np.zeros(80))
+    return sum(
+        (getattr(made, hook)(s, x, surroundings()) for hook in ("force", "torque") if hook in hooks), np.zeros(80)
+    )
 
 
 def _command(made: Effect, scale: float) -> Any:
     t = np.linspace(0.0, 3.0, 80)
     s = Signals(time=t, command=scale * np.sin(4.0 * t))
-    return made.command(s.command, s, made.trace(s, ambient(), t[1], _STARTS), ambient()) / scale - s.command / scale
+    return (
+        made.command(s.command, s, made.trace(s, surroundings(), t[1], _STARTS), surroundings()) / scale
+        - s.command / scale
+    )
 
 
 def _reading(made: Effect, scale: float) -> Any:
     t = np.linspace(0.0, 3.0, 80)
     y = 1000.0 * scale * np.sin(4.0 * t)  # larger than any typical limit
     s = Signals(time=t, position=y, force=y, flow=y, pressure=y)
-    x = made.trace(s, ambient(), t[1], _STARTS) if made.n_states else np.zeros((0,))
+    x = made.trace(s, surroundings(), t[1], _STARTS) if made.n_states else np.zeros((0,))
     return made.measure(y, x) / scale - y / scale
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import os
 import re
 import select
 import subprocess
@@ -11,6 +12,7 @@ import sys
 import time
 import weakref
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -90,8 +92,8 @@ class FmuSimulator(Simulator):
         self.path, self.trust, self.seconds = Path(fmu), trust, float(seconds)
         if not self.path.is_file():
             raise SimulatorNotFoundError(f"{self.path} is not there.", "an FMU", "Check the path.")
-        self._worker = _Worker(self.path, self.seconds)
-        self.described = self._worker.asked({"do": "describe"}, {})[0]["ok"]
+        self._workers = [_Worker(self.path, self.seconds), _Worker(self.path, self.seconds)]
+        self.described = self._workers[0].asked({"do": "describe"}, {})[0]["ok"]
         self._names = {_plain(v["name"]): v["name"] for v in self.described["variables"]}
         own = [
             Port(_plain(v["name"]), v["causality"], v["unit"])
@@ -126,19 +128,30 @@ class FmuSimulator(Simulator):
 
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
         """Return the outputs of a whole run."""
+        return self.runs(t, u[None], p[None], x0[None])[0]
+
+    def runs(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs of several runs of the same times, shape (n_runs, n_outputs, n), in two processes."""
         if not self.trust:
             raise UntrustedCodeError(
                 f"{self.path} is native code.", "your word that it may run", "Say trust=True, or add --trust."
             )
-        start = dict(zip((*self.parameters, *self.states), (*map(float, p), *map(float, x0)), strict=True))
         said = {
             "do": "run",
             "kind": self.described["kinds"][0],
-            "start": {self._names[k]: v for k, v in start.items()},
+            "start": [self._names[n] for n in (*self.parameters, *self.states)],
             "inputs": [self._names[n] for n in self.inputs],
             "outputs": [self._names[n] for n in self.outputs],
         }
-        return self._worker.asked(said, {"t": t, "u": u})[1]["y"]
+        start = np.hstack([p, x0])
+        workers = self._workers[: 2 if len(u) > 3 and (os.cpu_count() or 1) > 1 else 1]
+        shares = np.array_split(np.arange(len(u)), len(workers))
+        with ThreadPoolExecutor(len(workers)) as pool:
+            asked = [
+                pool.submit(w.asked, said, {"t": t, "u": u[share], "start": start[share]})
+                for w, share in zip(workers, shares, strict=True)
+            ]
+            return np.concatenate([a.result()[1]["y"] for a in asked])
 
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the parameters of the FMU with the values that its description gives them."""

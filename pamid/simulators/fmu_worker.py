@@ -89,31 +89,78 @@ def _run(folder: str, kind: str, said: dict[str, Any], given: dict[str, np.ndarr
     return np.stack([np.interp(t - t[0], found["time"], found[n].astype(float)) for n in said["outputs"]])
 
 
-def main() -> None:
-    """Serve one FMU, named by the first argument, within a number of bytes of memory, the second."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what the FMU prints is no answer
-    path, memory = sys.argv[1], int(sys.argv[2])
+def _limited(memory: int) -> None:
+    """Hold this process to a number of bytes of memory, where the system can."""
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     except (ImportError, ValueError, OSError):
         pass
+
+
+class _Served:
+    """One FMU and what was made of it.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    folder : str
+        Where it is unpacked.
+    """
+
+    def __init__(self, path: str, folder: str) -> None:
+        self.path, self.folder = path, folder
+        self._unpacked = ""
+        self._steppers: dict[str, Any] = {}
+
+    def runs(self, said: dict[str, Any], given: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the outputs of several runs, shape (n_runs, n_outputs, n)."""
+        import fmpy
+
+        if not self._unpacked:
+            self._unpacked = str(fmpy.extract(self.path, unzipdir=str(Path(self.folder) / "fmu")))
+        stepper = self._stepper(said)
+        found = []
+        for u, values in zip(given["u"], given["start"], strict=True):
+            one = {**said, "start": dict(zip(said["start"], map(float, values), strict=True))}
+            if stepper is not None:
+                found.append(stepper.run(given["t"], u, one["start"]))
+            else:
+                found.append(_run(self._unpacked, said["kind"], one, {"t": given["t"], "u": u}))
+        return np.stack(found)
+
+    def _stepper(self, said: dict[str, Any]) -> Any:
+        from .fmu_stepping import Stepper
+
+        if said["kind"] != "CoSimulation":
+            return None
+        key = json.dumps([said["inputs"], said["outputs"]])
+        if key not in self._steppers:
+            try:
+                self._steppers[key] = Stepper(self._unpacked, said["inputs"], said["outputs"])
+            except LookupError:
+                self._steppers[key] = None
+        return self._steppers[key]
+
+
+def main() -> None:
+    """Serve one FMU, named by the first argument, within a number of bytes of memory, the second."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what the FMU prints is no answer
+    path, memory = sys.argv[1], int(sys.argv[2])
+    _limited(memory)
     with tempfile.TemporaryDirectory() as folder:
-        ready = ""
+        served = _Served(path, folder)
         while (asked := receive(sys.stdin.buffer)) is not None:
             said, given = asked
             try:
                 if said["do"] == "describe":
                     send(answers, {"ok": described(path)})
-                    continue
-                if not ready:
-                    import fmpy
-
-                    ready = str(fmpy.extract(path, unzipdir=str(Path(folder) / "fmu")))
-                send(answers, {"ok": True}, {"y": _run(ready, said["kind"], said, given)})
-            except Exception as error:
+                else:
+                    send(answers, {"ok": True}, {"y": served.runs(said, given)})
+            except Exception as error:  # whatever foreign code and fmpy raise is the answer
                 send(answers, {"error": f"{type(error).__name__}: {error}"[:500]})
 
 

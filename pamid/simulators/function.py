@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import ParameterError, ShapeError, SimulatorNotFoundError, UnknownOptionError
+from ..errors import PamidError, ParameterError, ShapeError, SimulatorNotFoundError, UnknownOptionError
 from .base import Simulator
 from .ports import ModelParameter, Port, Values
 
@@ -323,7 +323,14 @@ def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
     single = np.stack([at(k).reshape(rows) for k in some], axis=1)
     try:
         many = at(some)
-    except Exception:  # a branch on a number, math.sin ...: it is then asked one instant at a time
+    except (
+        TypeError,
+        ValueError,
+        AttributeError,
+        LookupError,
+        ArithmeticError,
+        PamidError,
+    ):  # a branch on a number, math.sin ...: it is then asked one instant at a time
         return False
     if many.ndim == 1:
         many = np.repeat(many[:, None], len(some), axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -137,43 +138,51 @@ class MujocoSimulator(Simulator):
         if changed:
             mj.mj_setConst(self._m, self._d)
 
-    def _at(self, x: np.ndarray, u: np.ndarray) -> None:
-        d, nu = self._d, self._m.nu
-        d.qpos[:], d.qvel[:] = x[0::2], x[1::2]
-        d.ctrl[:], d.qfrc_applied[:] = u[:nu], u[nu:]
-        _mujoco().mj_forward(self._m, d)
-
-    def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any) -> np.ndarray:
-        out = np.empty((rows, x.shape[1]))
-        for k in range(x.shape[1]):
-            if not (np.isfinite(x[:, k]).all() and np.isfinite(u[:, k]).all()):
-                out[:, k] = np.nan
-                continue
-            self._set(p[:, k])
-            self._at(x[:, k], u[:, k])
-            out[:, k] = read()
-        return out
+    def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any, sensors: bool = False) -> Any:
+        """Return what is read of the model at many instants; NaN where an instant is not finite."""
+        mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
+        spec = mj.mjtState.mjSTATE_QPOS | mj.mjtState.mjSTATE_QVEL | mj.mjtState.mjSTATE_CTRL
+        spec |= mj.mjtState.mjSTATE_QFRC_APPLIED
+        if mj.mj_stateSize(m, spec) != 2 * m.nv + nu + m.nv:
+            raise ParameterError(f"{self.path} has other states.", "joints and inputs alone", "Leave them out.")
+        out = np.full((x.shape[1], rows), np.nan)
+        given = np.ascontiguousarray(np.vstack([x[0::2], x[1::2], u[:nu], u[nu:]]).T)
+        usable = np.isfinite(given).all(axis=1) & np.isfinite(p).all(axis=0)
+        changes = np.flatnonzero(np.any(np.diff(p, axis=1) != 0.0, axis=0)) + 1 if len(p) else np.zeros(0, int)
+        stage, put, forward = int(mj.mjtStage.mjSTAGE_NONE), mj.mj_setState, mj.mj_forwardSkip
+        for a, b in pairwise([0, *changes.tolist(), len(given)]):
+            if b > a and np.isfinite(p[:, a]).all():
+                self._set(p[:, a])
+            for k in (a + np.flatnonzero(usable[a:b])).tolist():
+                put(m, d, given[k], spec)
+                forward(m, d, stage, not sensors)
+                out[k] = read()
+        return out.T
 
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return velocities and accelerations, shape (n_states, n)."""
         out = np.empty_like(x)
         out[0::2] = x[1::2]
-        out[1::2] = self._each(x, u, p, self._m.nv, lambda: self._d.qacc)
+        acceleration = self._d.qacc
+        out[1::2] = self._each(x, u, p, self._m.nv, lambda: acceleration)
         return out
 
     def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the readings of the scalar sensors, shape (n_outputs, n)."""
         at = self._m.sensor_adr[self._m.sensor_dim == 1]
-        return self._each(x, u, p, len(at), lambda: self._d.sensordata[at])
+        return self._each(x, u, p, len(at), lambda: self._d.sensordata[at], sensors=True)
 
     def inertia(self, x: np.ndarray) -> np.ndarray:
         """Return the inertia matrix of the joints, shape (n, n_joints, n_joints)."""
-        mj, out = _mujoco(), np.zeros((x.shape[1], self._m.nv, self._m.nv))
-        self._set(self.numbers)
-        for k in range(x.shape[1]):
-            self._at(x[:, k], np.zeros(len(self._inputs)))
-            mj.mj_fullM(self._m, self._d, out[k])
-        return out
+        mj, n = _mujoco(), self._m.nv
+        full = np.zeros((n, n))
+
+        def read() -> np.ndarray:
+            mj.mj_fullM(self._m, self._d, full)
+            return full.ravel()
+
+        still, numbers = np.zeros((len(self._inputs), x.shape[1])), np.repeat(self.numbers[:, None], x.shape[1], axis=1)
+        return self._each(x, still, numbers, n * n, read).T.reshape(-1, n, n)
 
     def corrected_xml(self) -> tuple[str, list[tuple[str, str, dict[str, float]]]]:
         """Return the model with those of its effects and numbers that MJCF has elements for, and the other effects.
@@ -237,7 +246,7 @@ def _loaded(path: Path) -> Any:
         raise SimulatorSyntaxError(f"{path} holds {path.stat().st_size:,} bytes.", "an MJCF file", "Check the path.")
     try:
         m = mj.MjModel.from_xml_path(str(path))
-    except Exception as error:
+    except (ValueError, mj.FatalError, mj.UnexpectedError) as error:
         raise SimulatorSyntaxError(f"{path} is no MJCF: {error}.", "a model that MuJoCo loads", "Correct it.") from None
     straight = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:

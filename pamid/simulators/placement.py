@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects import Effect, Signals
-from .dimensions import ambient, unit_powers
+from .dimensions import surroundings, unit_powers
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,10 @@ class Scales:
         What counts as a full command.
     pressure : float
         What counts as one pascal.
+    offset : float
+        Pressure, Pa, that a gauge reading lacks.
+    ambient : float
+        Pressure of the surroundings, Pa; 0 where what is stored is no gas.
     """
 
     position: float = 1.0
@@ -35,6 +39,8 @@ class Scales:
     target: float = 1.0
     command: float = 1.0
     pressure: float = 1.0
+    offset: float = 0.0
+    ambient: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ class Placement:
     @property
     def plant(self) -> Any:
         """What the effect may know of the system."""
-        return ambient()
+        return surroundings(self.scales.ambient)
 
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
         """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""
@@ -124,7 +130,7 @@ class Placement:
             elif role == "velocity":
                 x = x / (s.position * s.time)
             elif role == "pressure":
-                x = x * s.pressure
+                x = x * s.pressure + s.offset
             elif role == "command":
                 x = x / s.command
             elif role in ("force", "flow"):
@@ -142,7 +148,8 @@ class Placement:
             if hook in hooks:
                 total = total + getattr(made, hook)(s, x, self.plant)
         if "flow" in hooks:
-            total = total + made.flow(s, x, self.plant)[0]
+            # A bench counts what must flow in, other systems what is stored: at a port it is always what is lost.
+            total = total - np.abs(made.flow(s, x, self.plant)[0])
         return total * self.scales.target
 
     def drive(self, made: Effect, u: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:

@@ -11,8 +11,8 @@ effect that acts on a joint adds to one equation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,21 +20,23 @@ from ...equations.windows import average, span, starts
 from ...errors import ShortTrajectoryError
 from ...signals.rates import differentiate, tune_cutoff
 from ...simulators.base import Simulator
-from ...simulators.catalogue import Survey
+from ...simulators.catalogue import ParameterDeviation, Survey
 from ...simulators.port_log import PortLog, steady_path
 from ...simulators.structure import (
     Joint,
     joints_of,
-    kinematic_pairs,
     pushes_of,
     rate_unit,
     some_instants,
     spread_numbers,
 )
 from .ports import Active, PortEvidence, Windows
+from .states import integral, pairs_of, roles_of
 
 LEAST_WINDOWS = 400
 """Windows in a log, where its rows allow as many."""
+MOST_ASKED = 12
+"""Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
 POWER, PER_PERIOD = 0.9, 6.0
 """Share of the power of what is modelled that lies below a frequency, and windows in its period."""
 
@@ -63,64 +65,6 @@ class Balance(NamedTuple):
     unit: str
 
 
-def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
-    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    log : PortLog
-        The log.
-
-    Returns
-    -------
-    dict of str to str, or None
-        Velocity by position, for those that are not logged themselves.
-    """
-    if simulator.form == "algebraic":
-        return {}
-    if simulator.form != "ode":
-        return None
-    pairs = _pairs(simulator, log)
-    derived = {p: v for p, v in pairs.items() if p in log.channels and v not in log.channels}
-    known = set(log.channels) | set(derived.values())
-    hidden = [s for s in simulator.states if s not in known]
-    return derived if all(_idle(simulator, log, s) for s in hidden) else None
-
-
-def _probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return instants of the log with states that all differ, to ask for structure."""
-    at, rng = some_instants(log.n), np.random.RandomState(0)
-    x = np.stack(
-        [
-            log.channels[s][at] if s in log.channels and np.ptp(log.channels[s]) > 0 else _around(simulator, s, rng, at)
-            for s in simulator.states
-        ]
-    )
-    return log.t[at], x, log.inputs(simulator)[:, at]
-
-
-def _around(simulator: Simulator, state: str, rng: np.random.RandomState, at: np.ndarray) -> np.ndarray:
-    start = simulator.port(state).start
-    return start + 0.1 * (abs(start) or 1.0) * rng.uniform(0.1, 1.0, len(at))
-
-
-def _pairs(simulator: Simulator, log: PortLog) -> dict[str, str]:
-    return kinematic_pairs(simulator, *_probe(simulator, log))
-
-
-def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
-    """Tell whether nothing depends on a state, such as a position that no force knows of."""
-    t, x, u = _probe(simulator, log)
-    moved, k = x.copy(), simulator.states.index(state)
-    moved[k] += 0.1 * (float(np.max(np.abs(x[k]))) or 1.0)
-    p = spread_numbers(simulator, len(t))
-    same = np.allclose(simulator.rate(t, x, u, p), simulator.rate(t, moved, u, p), rtol=1e-12, atol=0.0)
-    shown = simulator.outputs and np.allclose(simulator.output(t, x, u, p), simulator.output(t, moved, u, p))
-    return bool(same and (not simulator.outputs or shown))
-
-
 class DirectEvidence(PortEvidence):
     """Residuals of the equations of a simulator whose states the log holds.
 
@@ -145,9 +89,10 @@ class DirectEvidence(PortEvidence):
     def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str]) -> None:
         super().__init__(log, simulator)
         self.derived = dict(derived)
-        self.pairs = _pairs(simulator, log) if simulator.form == "ode" else {}
+        self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
-        self._slopes: dict[int, np.ndarray | None] = {}
+        self._straight: dict[int, bool] = {}
+        self._asked: dict[tuple[Any, ...], np.ndarray] = {}
         self._table: dict[str, np.ndarray] = {}
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
         self._x, self._table = self._motion(log.channels)
@@ -170,6 +115,16 @@ class DirectEvidence(PortEvidence):
             units = {j.name: j.unit for j in self.joints}
             self.windows = [w._replace(unit=units.get(w.equation, w.unit)) for w in self.windows]
         self._settle()
+
+    def buried(self) -> bool:
+        """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
+        modelled = self._base_rates[:, : self.log.n]
+        second = [(p, b) for p, b in zip(self.parts, self.balances, strict=True) if b.order == 2]
+        if self._mass is not None or not second:
+            return False
+        return any(
+            float(np.median(self.noise[p])) > float(np.sqrt(np.mean(np.square(modelled[b.row])))) for p, b in second
+        )
 
     # --- the equations --------------------------------------------------------------------------------------
     def _balances(self) -> list[Balance]:
@@ -258,7 +213,7 @@ class DirectEvidence(PortEvidence):
         if key not in self._table or table is not self._table:
             if name.endswith(".path"):
                 joint = next(j for j in self.joints if f"{j.name}.path" == name)
-                path = _integral(table[joint.velocity], self.log)
+                path = integral(table[joint.velocity], self.log)
             else:
                 sigma = self.channel_noise(name) if name in self.log.channels else 0.0
                 path = steady_path(table[name], self.log.starts, sigma, max(self.n, 5))
@@ -320,6 +275,10 @@ class DirectEvidence(PortEvidence):
 
     def _changed(self, p: np.ndarray, name: str, made: object) -> np.ndarray:
         k = list(self.simulator.parameters).index(name)
+        if p.ndim == 1 and isinstance(made, ParameterDeviation):  # the same all along: no row has rates of its own
+            out = p.copy()
+            out[k] = made.adjust({"value": p[k]})["value"]
+            return out
         wide = _wide(p, self.log.n).copy()
         wide[k] = made.adjust({"value": wide[k], "along": self.log.along})["value"]  # type: ignore[attr-defined]
         return wide
@@ -338,36 +297,61 @@ class DirectEvidence(PortEvidence):
     ) -> np.ndarray:
         """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
         ends = (u if self.held else _next(u, self.log)) + _next(pushed - u, self.log)
-        plain = not restored and p.ndim == 1 and np.array_equal(p, self.simulator.numbers)
-        if not plain:
+        if restored or p.ndim != 1:
             return self._rates(x, pushed, ends, p)
         change = np.hstack([pushed - self._u, ends - (self._u if self.held else _next(self._u, self.log))])
         moved = [k for k in range(len(change)) if np.any(change[k])]
-        slopes = [self._slope(k) for k in moved]
+        slopes = [self._slope(k, p) for k in moved]
         if any(s is None for s in slopes):
             return self._rates(x, pushed, ends, p)
-        out = self._base_rates
+        out = self._base(p)
         for k, slope in zip(moved, slopes, strict=True):
             out = out + slope * change[k]
         return out
 
-    def _slope(self, k: int) -> np.ndarray | None:
+    def _base(self, p: np.ndarray) -> np.ndarray:
+        """Return the rates of the motion as it was read, at both ends of each step; kept for the latest parameters."""
+        if np.array_equal(p, self.simulator.numbers):
+            return self._base_rates
+        return self._kept_rates(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._u, p))
+
+    def _kept_rates(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+        if key not in self._asked:
+            while len(self._asked) >= MOST_ASKED:
+                self._asked.pop(next(iter(self._asked)))
+            self._asked[key] = make()
+        return self._asked[key]
+
+    def _slope(self, k: int, p: np.ndarray) -> np.ndarray | None:
         """Return what an input does to the rates at both ends of each step; None where they are not straight in it."""
-        if k not in self._slopes:
-            step = float(np.ptp(self._u[k])) or 1.0
-            up, ends = self._u.copy(), (self._u if self.held else _next(self._u, self.log)).copy()
-            up[k] += step
-            ends[k] += step
-            slope = (self._rates(self._x, up, ends, self.simulator.numbers) - self._base_rates) / step
-            some = some_instants(self.log.n)
-            down = self._u[:, some].copy()
-            down[k] -= 0.37 * step
-            p = spread_numbers(self.simulator, len(some))
-            found = self.simulator.rate(self.log.t[some], self._x[:, some], down, p)
-            straight = self._base_rates[:, some] - 0.37 * step * slope[:, some]
-            size = np.max(np.abs(0.37 * step * slope[:, some]), axis=1, keepdims=True)
-            self._slopes[k] = slope if np.all(np.abs(found - straight) <= 1e-6 * size + 1e-12) else None
-        return self._slopes[k]
+        if k not in self._straight:
+            self._straight[k] = self._is_straight(k)
+        if not self._straight[k]:
+            return None
+        return self._kept_rates((k, p.tobytes()), lambda: self._found_slope(k, p))
+
+    def _found_slope(self, k: int, p: np.ndarray) -> np.ndarray:
+        step = float(np.ptp(self._u[k])) or 1.0
+        up, ends = self._u.copy(), (self._u if self.held else _next(self._u, self.log)).copy()
+        up[k] += step
+        ends[k] += step
+        return (self._rates(self._x, up, ends, p) - self._base(p)) / step
+
+    def _is_straight(self, k: int) -> bool:
+        """Tell whether the rates are straight in an input, at some instants."""
+        some, step = some_instants(self.log.n), float(np.ptp(self._u[k])) or 1.0
+        t, x, u = self.log.t[some], self._x[:, some], self._u[:, some]
+        p = spread_numbers(self.simulator, len(some))
+
+        def moved(share: float) -> np.ndarray:
+            there = u.copy()
+            there[k] += share * step
+            return self.simulator.rate(t, x, there, p)
+
+        base = moved(0.0)
+        slope = moved(1.0) - base
+        size = 0.37 * np.max(np.abs(slope), axis=1, keepdims=True)
+        return bool(np.all(np.abs(moved(-0.37) - (base - 0.37 * slope)) <= 1e-6 * size + 1e-12))
 
     def _of_outputs(
         self, active: Active, readings: Mapping[str, np.ndarray], x: np.ndarray, u: np.ndarray, p: np.ndarray
@@ -412,7 +396,7 @@ class DirectEvidence(PortEvidence):
     def _inertia(self) -> np.ndarray | None:
         """Return the inertia at each window, shape (n_windows, n_joints, n_joints), where all joints have the same."""
         moving = [k for k, b in enumerate(self.balances) if b.order]
-        if not moving or len({b.order for b in self.balances if b.order}) > 1:
+        if not moving or len({self.balances[k].order for k in moving}) > 1:
             return None
         return self.simulator.inertia(self._x[:, self.windows[moving[0]].centre])
 
@@ -421,11 +405,12 @@ class DirectEvidence(PortEvidence):
         log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
         for j in self.joints:
             if not j.position:
-                spans[f"{j.name}.path"] = float(np.ptp(_integral(self._table[j.velocity], log)))
+                spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
         lengths = [(b - a) * log.dt for a, b in log.spans]
         readings = list(dict.fromkeys(b.channel for b in self.balances))
         tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
-        return Survey(spans, tops, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+        lows = {k: float(np.min(x)) for k, x in self._table.items()}
+        return Survey(spans, tops, lows, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt)
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""
@@ -435,30 +420,6 @@ class DirectEvidence(PortEvidence):
     def roles(self, equation: str) -> dict[str, str]:
         """Return for an equation the signal behind each name of the state, as far as there is one."""
         return roles_of(self.simulator, self.joints, equation)
-
-
-def roles_of(simulator: Simulator, joints: Sequence[Joint], equation: str) -> dict[str, str]:
-    """Return the signal behind each name of the state, for the equation of a port."""
-    found = {}
-    joint = next((j for j in joints if equation in (j.name, j.velocity, j.position)), None)
-    states = list(simulator.states)
-    if joint is not None:
-        found = {"eps": joint.position, "deps": joint.velocity}
-    elif equation in states:
-        found = {"eps": equation}
-    elif states:
-        found = {"eps": states[0]}
-    used = set(found.values())
-    others = [s for s in states if s not in used] + list(simulator.inputs[1:])
-    if others:
-        found["P"] = others[0]
-    if len(others) > 1:
-        found["dP"] = others[1]
-    if simulator.inputs:
-        found["u"] = joint.through if joint is not None and joint.through else simulator.inputs[0]
-    if "eps" not in found and simulator.inputs:
-        found["eps"] = simulator.inputs[0]
-    return {k: v for k, v in found.items() if v}
 
 
 def _wide(p: np.ndarray, n: int) -> np.ndarray:
@@ -471,13 +432,6 @@ def _next(x: np.ndarray, log: PortLog) -> np.ndarray:
     for _, b in log.spans:
         at[b - 1] = b - 1
     return x[:, at]
-
-
-def _integral(v: np.ndarray, log: PortLog) -> np.ndarray:
-    out = np.zeros(log.n)
-    for a, b in log.spans:
-        out[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * log.dt
-    return out
 
 
 def _top_frequency(x: np.ndarray, log: PortLog) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +31,11 @@ LAGS = 3
 """Neighbouring windows whose noise is told apart."""
 MOST_KEPT = 600
 _LEAST = 1e-6
+ALIKE, NEARLY = 0.05, 0.5
+"""Most that an input, and a reading, of two runs may differ, as a share of its spread in the log, for them to repeat
+each other: initial states differ, and are fitted or known anyway."""
+FEWEST = 12
+"""Windows below which two runs are too short to say what repeats."""
 
 
 class Windows(NamedTuple):
@@ -108,6 +113,7 @@ class PortEvidence(ABC):
         self.block, self.trajectories = self.run, list(log.names)
         self.side = np.concatenate([np.full(len(w.first), k) for k, w in enumerate(self.windows)] or [np.zeros(0, int)])
         self.time = log.t[centre]
+        self.first = np.concatenate([w.first for w in self.windows] or [np.zeros(0, int)])
         self.measured = np.concatenate([w.measured for w in self.windows] or [np.zeros(0)])
         self.centre = centre
         plain = self._residual([], self.simulator.numbers)
@@ -185,7 +191,41 @@ class PortEvidence(ABC):
             typical = float(np.median(power)) if len(power) else 0.0
             least = max(0.04 * typical, (_LEAST * _rms(self.value[part])) ** 2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
+        self._repeat()
         self._whiten()
+
+    def _repeat(self) -> None:
+        """Let runs that repeat each other say how large the noise is: no model of these signals predicts what differs.
+
+        What neighbouring samples differ by is not all of it where readings were smoothed, or drift.
+        """
+        pairs = self._repeats()
+        for part in self.parts if pairs else []:
+            powers, counts = [], []
+            for a, b in pairs:
+                mine = [np.flatnonzero(self.run[part] == k) for k in (a, b)]
+                at = [self.first[part][m] - self.log.starts[k] for m, k in zip(mine, (a, b), strict=True)]
+                _, one, two = np.intersect1d(*at, return_indices=True)
+                if len(one) >= FEWEST:
+                    one, two = part.start + mine[0][one], part.start + mine[1][two]
+                    spread = np.square(self.value[one] - self.value[two])
+                    powers.append(float(np.mean(spread / (self.noise[one] ** 2 + self.noise[two] ** 2))))
+                    counts.append(len(one))
+            if counts:
+                self.noise[part] *= np.sqrt(max(1.0, float(np.average(powers, weights=counts))))
+
+    def _repeats(self) -> list[tuple[int, int]]:
+        """Return the pairs of runs that were driven alike over the same time and went much the same way."""
+        log, found = self.log, []
+        driven = {k: ALIKE for k in self.simulator.inputs if k in log.channels}
+        limits = {k: driven.get(k, NEARLY) * float(np.std(x)) for k, x in log.channels.items() if np.std(x) > 0.0}
+        for i, j in combinations(range(len(log.spans)), 2):
+            (a, b), (c, d) = log.spans[i], log.spans[j]
+            n = min(b - a, d - c)
+            apart = {k: log.channels[k][a : a + n] - log.channels[k][c : c + n] for k in limits}
+            if n >= 0.8 * max(b - a, d - c) and all(_rms(apart[k]) <= most for k, most in limits.items()):
+                found.append((i, j))
+        return found
 
     def _whiten(self) -> None:
         """See how the noise of neighbouring windows is related."""

@@ -14,24 +14,29 @@ Proceedings Volumes 17(2), 1984. https://doi.org/10.1016/S1474-6670(17)61205-9
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from ...effects import Effect
 from ...simulators.base import Simulator
 from ...simulators.catalogue import Survey
 from ...simulators.integrate import Runner, substeps_for
-from ...simulators.port_log import PortLog
+from ...simulators.placement import Placement
+from ...simulators.port_log import PortLog, steady_path
 from ...simulators.structure import Joint, joints_of, kinematic_pairs, pushes_of, some_instants
-from .direct import LEAST_WINDOWS, roles_of
+from .direct import LEAST_WINDOWS
 from .ports import Active, PortEvidence, Windows
+from .states import integral, roles_of
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
 ROUNDS = 6
 """Rounds of fitting the initial states."""
+MOST_RUNS = 200
+"""Runs that are kept for the case that they are asked for again."""
 SHORTEST = 24
 """Least samples of a stretch."""
 _REACH = 10.0
@@ -59,10 +64,13 @@ class ShootingEvidence(PortEvidence):
         The log.
     simulator : Simulator
         Of the form ``"ode"`` or ``"run"``.
+    whole : bool, default=False
+        Whether whole runs are predicted, however far they go astray.
     """
 
-    def __init__(self, log: PortLog, simulator: Simulator) -> None:
+    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False) -> None:
         super().__init__(log, simulator)
+        self.whole = whole
         self._u = log.inputs(simulator)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
@@ -72,6 +80,9 @@ class ShootingEvidence(PortEvidence):
         self.joints: list[Joint] = []
         self.pushes: dict[tuple[str, str], float] = {}
         self.substeps = 1
+        self.simulated = 0.0
+        self._kept_runs: dict[int, list[np.ndarray]] = {}
+        self._moved: dict[tuple[str, ...], np.ndarray] = {}
         self._guess = np.array([simulator.port(s).start for s in simulator.states])
         self._lay()
         self._look()
@@ -90,7 +101,7 @@ class ShootingEvidence(PortEvidence):
             missed = self._missed(x0)
             if best is None or missed < 0.7 * best[0]:
                 best = missed, self.stretches, x0
-            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run":
+            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run" or self.whole:
                 break
             length //= 2
         _, self.stretches, self._x0 = best
@@ -173,8 +184,11 @@ class ShootingEvidence(PortEvidence):
         return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
 
     # --- prediction -----------------------------------------------------------------------------------------
-    def _predict(self, x0: np.ndarray, active: Active, numbers: np.ndarray) -> list[np.ndarray]:
+    def _predict(
+        self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
+    ) -> list[np.ndarray]:
         """Return the predicted channels, shape (n_shown, length) a stretch."""
+        shown = self.shown if shown is None else shown
         log, simulator = self.log, self.simulator
         u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
@@ -184,25 +198,57 @@ class ShootingEvidence(PortEvidence):
             elif place.enters == "input" and not place.acts:
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] = place.drive(made, u[k], log.dt, log.starts)
+            elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
+                k, u = simulator.inputs.index(place.at), u.copy()
+                u[k] += self._force(place, made)
         if simulator.form == "run":
-            outputs = [
-                simulator.run(
-                    log.t[s.first : s.stop], u[:, s.first : s.stop], np.mean(p[:, s.first : s.stop], axis=1), x
-                )
-                for s, x in zip(self.stretches, x0.T if len(x0) else [np.zeros(0)] * len(self.stretches), strict=True)
-            ]
+            outputs = self._ran(x0, u, p)
             states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
         else:
             states, outputs = self._simulate(x0, u, p, [(pl, m) for pl, m in active if pl.acts])
         found = []
         for x, y in zip(states, outputs, strict=True):
             signals = dict(zip((*simulator.outputs, *simulator.states), (*y, *x), strict=False))
-            rows = {n: np.asarray(signals[n], dtype=float) for n in self.shown}
+            rows = {n: np.asarray(signals[n], dtype=float) for n in shown}
             for place, made in active:
                 if place.enters == "output" and place.at in rows:
                     rows[place.at] = place.reading(made, rows[place.at], log.dt, np.array([0]))
-            found.append(np.stack([rows[n] for n in self.shown]))
+            found.append(np.stack([rows[n] for n in shown]))
         return found
+
+    def _force(self, place: Placement, made: Effect) -> np.ndarray:
+        """Return what an effect adds to an input along the log."""
+        log, found = self.log, dict(self.log.channels)
+        for role, name in place.follows.items():
+            if role == "position":
+                if name not in found:
+                    joint = next(j for j in self.joints if f"{j.name}.path" == name)
+                    found[name] = integral(found[joint.velocity], log)
+                elif place.effect.path_dependent:
+                    found[name] = steady_path(found[name], log.starts, self.sigma.get(name, 0.0), max(self.n, 5))
+        s = place.signals(found, log.t)
+        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
+        return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
+
+    def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        """Return the outputs of the simulator over each stretch; runs that were asked for before are kept."""
+        key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
+        if key not in self._kept_runs:
+            if len(self._kept_runs) >= MOST_RUNS:
+                self._kept_runs.clear()
+            t = self.log.t
+            lengths = np.array([s.stop - s.first for s in self.stretches])
+            found: dict[int, np.ndarray] = {}
+            for length in np.unique(lengths):  # runs of one length are asked for together
+                mine = np.flatnonzero(lengths == length)
+                spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
+                drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
+                starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
+                times = t[spans[0]] - t[spans[0]][0]
+                found |= dict(zip(mine, self.simulator.runs(times, drive, numbers, starts), strict=True))
+            self.simulated += float(np.sum(lengths)) / self.log.n
+            self._kept_runs[key] = [found[k] for k in range(len(lengths))]
+        return self._kept_runs[key]
 
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
@@ -228,6 +274,8 @@ class ShootingEvidence(PortEvidence):
         simulator, log = self.simulator, self.log
         self._states = np.zeros((len(simulator.states), log.n))
         if simulator.form != "ode":
+            read = [p for p in simulator.ports if p.kind == "joint" and p.through and p.velocity in log.channels]
+            self.joints = [Joint(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
             return
         p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
         s = self.stretches[0]
@@ -278,19 +326,22 @@ class ShootingEvidence(PortEvidence):
     ) -> np.ndarray:
         readings = channels or self.log.channels
         changed = bool(active) or not np.array_equal(numbers, self.simulator.numbers)
-        predicted = self._predict(self._x0, active, numbers) if changed else self._plain
+        # A change much like the last one of its kind has its initial states near those.
+        kind = tuple(place.key for place, _ in active)
+        moved = self._moved.get(kind) if changed and channels is None else None
+        x0 = self._x0 if moved is None else self._x0 + moved
+        predicted = self._predict(x0, active, numbers) if changed else self._plain
         left = self._left(readings, predicted)
         shift = self._explained(left)
-        if changed and channels is None and shift.size:
+        if changed and channels is None and shift.size and self._far(shift, left):
             # The initial states that fit best under the change, not only to first order.
-            predicted = self._predict(self._x0 + shift, active, numbers)
-            moved = self._left(readings, predicted)
-            better = [
-                float(np.sum(np.square(m))) < 4.0 * float(np.sum(np.square(v)))
-                for m, v in zip(moved, left, strict=True)
-            ]
-            left = [m if b else v for m, v, b in zip(moved, left, better, strict=True)]
+            predicted = self._predict(x0 + shift, active, numbers)
+            again = self._left(readings, predicted)
+            if _power(again) < 4.0 * _power(left):
+                x0, left = x0 + shift, again
             shift = self._explained(left)
+        if changed and channels is None and shift.size:
+            self._moved[kind] = x0 + shift - self._x0
         for k in range(len(left)):
             if shift.size:
                 left[k] = left[k] - np.tensordot(shift[:, k], self._O[k], axes=1)
@@ -302,6 +353,12 @@ class ShootingEvidence(PortEvidence):
             measured = np.stack([readings[n][s.first : s.stop] for n in self.shown])
             found.append(self._cut_means(measured - np.clip(np.nan_to_num(rows), -1e12, 1e12), k))
         return found
+
+    def _far(self, shift: np.ndarray, left: list[np.ndarray]) -> bool:
+        """Tell whether a change of the initial states is more than noise would make of it, so that first order errs."""
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
+        moved = [np.tensordot(shift[:, k], self._O[k], axes=1) / sigma for k in range(len(left))]
+        return _power(moved) > sum(m.size for m in moved)
 
     def _explained(self, left: list[np.ndarray]) -> np.ndarray:
         """Return the changes of the initial states that explain most of what is left."""
@@ -324,9 +381,55 @@ class ShootingEvidence(PortEvidence):
                     spans[f"{j.name}.path"] = max(float(np.ptp(np.cumsum(speed[a:b]))) * log.dt for a, b in log.spans)
             for k, state in enumerate(simulator.states):
                 sizes[state] = 0.3 * float(np.std(self._rates[k]))
+        else:
+            for port in simulator.ports:
+                if port.through and (port.velocity in log.channels or port.level in log.channels):
+                    sizes[port.name] = sizes[port.velocity or port.level] = self._mattering(port.through, gaps)
+            for j in self.joints:
+                if not j.position:
+                    spans[f"{j.name}.path"] = float(np.ptp(integral(log.channels[j.velocity], log)))
         lengths = [(b - a) * log.dt for a, b in log.spans]
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
-        return Survey(spans, tops, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+        lows = {name: float(np.min(x)) for name, x in signals.items()}
+        return Survey(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+
+    def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
+        """Return how large a constant input would have to be to make a gap like the one that is there."""
+        k, u = self.simulator.inputs.index(name), self._u.copy()
+        step = float(np.ptp(u[k])) or 1.0
+        u[k] += step
+        p = np.repeat(self.simulator.numbers[:, None], self.log.n, axis=1)
+        moved = self._ran(self._x0, u, p)
+        base = self._ran(self._x0, self._u, p)
+        sizes = []
+        for row, output in enumerate(self.simulator.outputs):
+            change = np.concatenate([a[row] - b[row] for a, b in zip(moved, base, strict=True)])
+            reach = float(np.sqrt(np.mean(np.square(change))))
+            if output in gaps and reach > 0.0:
+                sizes.append(step * max(gaps[output], self.sigma[output]) / reach)
+        return min(sizes, default=step)
+
+    def predicted(self, more: Sequence[str] = ()) -> dict[str, np.ndarray]:
+        """Return what the simulator with its effects predicts of channels, from the best initial states."""
+        active, numbers = self._own, self.simulator.numbers
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        x0 = self._starts()
+        for _ in range(ROUNDS if len(x0) else 0):
+            left = self._left(self.log.channels, self._predict(x0, active, numbers))
+            slopes = []
+            for k in range(len(x0)):
+                moved = x0.copy()
+                step = 1e-4 * (float(np.max(np.abs(x0[k]))) or 1.0)
+                moved[k] += step
+                there = self._left(self.log.channels, self._predict(moved, active, numbers))
+                slopes.append([(a - b) / (step * sigma) for a, b in zip(left, there, strict=True)])
+            shift = self._shift([np.stack(s) for s in zip(*slopes, strict=True)], [e / sigma for e in left])
+            x0 = x0 + shift
+            if float(np.max(np.abs(shift))) <= 1e-9 * float(np.max(np.abs(x0)) or 1.0):
+                break
+        shown = list(dict.fromkeys([*self.shown, *more]))
+        rows = np.concatenate(self._predict(x0, active, numbers, shown), axis=1)
+        return dict(zip(shown, rows, strict=True))
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""
@@ -342,3 +445,7 @@ class ShootingEvidence(PortEvidence):
         if self.simulator.form != "ode":
             found = {k: v for k, v in found.items() if v in self.simulator.inputs}
         return found
+
+
+def _power(parts: list[np.ndarray]) -> float:
+    return float(sum(np.sum(np.square(x)) for x in parts))

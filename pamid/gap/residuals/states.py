@@ -1,0 +1,102 @@
+"""Which states of a simulator a log holds, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.port_log import PortLog
+from ...simulators.structure import Joint, kinematic_pairs, some_instants, spread_numbers
+
+
+def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
+    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    log : PortLog
+        The log.
+
+    Returns
+    -------
+    dict of str to str, or None
+        Velocity by position, for those that are not logged themselves.
+    """
+    if simulator.form == "algebraic":
+        return {}
+    if simulator.form != "ode":
+        return None
+    pairs = pairs_of(simulator, log)
+    derived = {p: v for p, v in pairs.items() if p in log.channels and v not in log.channels}
+    known = set(log.channels) | set(derived.values())
+    hidden = [s for s in simulator.states if s not in known]
+    return derived if all(_idle(simulator, log, s) for s in hidden) else None
+
+
+def _probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return instants of the log with states that all differ, to ask for structure."""
+    at, rng = some_instants(log.n), np.random.RandomState(0)
+    x = np.stack(
+        [
+            log.channels[s][at] if s in log.channels and np.ptp(log.channels[s]) > 0 else _around(simulator, s, rng, at)
+            for s in simulator.states
+        ]
+    )
+    return log.t[at], x, log.inputs(simulator)[:, at]
+
+
+def _around(simulator: Simulator, state: str, rng: np.random.RandomState, at: np.ndarray) -> np.ndarray:
+    start = simulator.port(state).start
+    return start + 0.1 * (abs(start) or 1.0) * rng.uniform(0.1, 1.0, len(at))
+
+
+def pairs_of(simulator: Simulator, log: PortLog) -> dict[str, str]:
+    """Return the positions whose rate is another state, with that state."""
+    return kinematic_pairs(simulator, *_probe(simulator, log))
+
+
+def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
+    """Tell whether nothing depends on a state, such as a position that no force knows of."""
+    t, x, u = _probe(simulator, log)
+    moved, k = x.copy(), simulator.states.index(state)
+    moved[k] += 0.1 * (float(np.max(np.abs(x[k]))) or 1.0)
+    p = spread_numbers(simulator, len(t))
+    same = np.allclose(simulator.rate(t, x, u, p), simulator.rate(t, moved, u, p), rtol=1e-12, atol=0.0)
+    shown = simulator.outputs and np.allclose(simulator.output(t, x, u, p), simulator.output(t, moved, u, p))
+    return bool(same and (not simulator.outputs or shown))
+
+
+def roles_of(simulator: Simulator, joints: Sequence[Joint], equation: str) -> dict[str, str]:
+    """Return the signal behind each name of the state, for the equation of a port."""
+    found = {}
+    joint = next((j for j in joints if equation in (j.name, j.velocity, j.position)), None)
+    states = list(simulator.states)
+    if joint is not None:
+        found = {"eps": joint.position, "deps": joint.velocity}
+    elif equation in states:
+        found = {"eps": equation}
+    elif states:
+        found = {"eps": states[0]}
+    used = set(found.values())
+    others = [s for s in states if s not in used] + list(simulator.inputs[1:])
+    if others:
+        found["P"] = others[0]
+    if len(others) > 1:
+        found["dP"] = others[1]
+    if simulator.inputs:
+        found["u"] = joint.through if joint is not None and joint.through else simulator.inputs[0]
+    if "eps" not in found and simulator.inputs:
+        found["eps"] = simulator.inputs[0]
+    return {k: v for k, v in found.items() if v}
+
+
+def integral(v: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return the path of a speed along each run."""
+    out = np.zeros(log.n)
+    for a, b in log.spans:
+        out[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * log.dt
+    return out
