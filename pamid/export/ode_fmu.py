@@ -8,7 +8,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from ..errors import ExportError
-from .c_source import _formulas, _Writer, fill
+from .c_source import Writer, fill, statements
 from .expression import Symbol, as_symbol, symbol
 from .fmu import binary_folder, compiled, packed
 
@@ -98,7 +98,7 @@ def ode_fmu(
     found = _by_name(rates(t, x, u, p), states)
     shown = dict(outputs(t, x, u, p)) if outputs else {f"{n}_out": x[n] for n in states}
     roots = [as_symbol(v) for v in (*found, *shown.values())]
-    lines, results = _formulas(roots, {n: f"v[{k}]" for k, n in enumerate(given)}, _Writer("float64"))
+    lines, results = statements(roots, {n: f"v[{k}]" for k, n in enumerate(given)}, Writer("float64"))
     body = [*lines, *(f"out[{k}] = {r};" for k, r in enumerate(results))]
     starts = [0.0, *states.values(), *inputs.values(), *parameters.values()]
     values = {
