@@ -252,3 +252,23 @@ def test_names_of_runs_are_text(log, tmp_path, capsys):
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "<script" not in page
     assert "\x1b" not in found["printed"]
+
+
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [
+        ("F1 > 1e9", "No row counts: none meets 'F1 > 1e9'"),
+        ("trajectory > 1", "--where names trajectory, which holds text"),
+        ("__import__('os') > 1", "COLUMN > NUMBER"),
+        ("F1 > " + "9" * 400, "COLUMN > NUMBER"),
+    ],
+)
+def test_a_condition_that_nothing_meets_or_that_is_none_is_refused(condition, words, tmp_path, capsys):
+    """Else the equations that do without the reading would answer in its place."""
+    bench = BenchParameters.for_muscle("B")
+    simulate(bench, [sine(4, 15, 300)], seed=0).to_csv(tmp_path / "log.csv", index=False)
+    bench.to_toml(tmp_path / "sim.toml")
+    argv = [str(tmp_path / "log.csv"), "--sim", str(tmp_path / "sim.toml"), "--out", str(tmp_path / "out")]
+    assert main(["diagnose", *argv, "--where", condition]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

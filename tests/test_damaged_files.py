@@ -22,6 +22,7 @@ if not (ROOT / "benchmarks").is_dir():
 sys.path.append(str(ROOT))
 
 from benchmarks.damaged_files import (  # noqa: E402
+    CELLS,
     TEXTS,
     answer,
     damaged_logs,
@@ -127,7 +128,22 @@ LINE = st.one_of(
     st.tuples(st.text(max_size=6), st.text(max_size=8)).map(" = ".join),
     st.text(max_size=12),
 )
-FUZZ = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]}
+PLACE = st.floats(0.0, 0.999)
+EDIT = st.one_of(
+    st.tuples(st.sampled_from(["lose", "twice", "exchange", "blank", "cut off", "lose the fields", "comment"]), PLACE),
+    st.tuples(st.sampled_from(["cell"]), PLACE, st.integers(0, 11), st.sampled_from(CELLS)),
+    st.tuples(st.sampled_from(["field", "no field", "quote", "glue"]), PLACE, st.integers(0, 11)),
+    st.tuples(
+        st.sampled_from(["name"]), st.integers(0, 11), st.sampled_from(["", "x", "P1", "time", "F1 [lbf]", "q/°"])
+    ),
+    st.tuples(st.sampled_from(["all"]), st.sampled_from(list(TEXTS))),
+)
+"""What happens to a whole log: to one of its lines, to a cell of it, to a name in the header, or to every line."""
+FUZZ = {
+    "deadline": None,
+    "derandomize": True,
+    "suppress_health_check": [HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+}
 
 
 def read_or_refuse(read, path: Path, content: bytes) -> None:
@@ -156,6 +172,80 @@ def any_table(table: tuple, folder: Path) -> None:
 
 def any_page(lines: list[str], folder: Path) -> None:
     read_or_refuse(BenchParameters.from_toml, folder / "sim.toml", "\n".join(lines).encode("utf-8", "replace"))
+
+
+def edited(text: str, edits: list[tuple]) -> str:
+    """Return the text of a log after some edits."""
+    for what, *where in edits:
+        lines = text.split("\n")
+        if what == "all":
+            text = TEXTS[where[0]](text)
+            continue
+        if what == "name":
+            names = lines[0].split(",")
+            names[where[0] % len(names)] = where[1]
+            text = "\n".join([",".join(names), *lines[1:]])
+            continue
+        at = 1 + int(where[0] * max(len(lines) - 2, 1)) if len(lines) > 1 else 0
+        fields = lines[at].split(",")
+        k = where[1] % len(fields) if len(where) > 1 else 0
+        changed = {
+            "lose": [],
+            "twice": [lines[at], lines[at]],
+            "exchange": [*lines[at + 1 : at + 2], lines[at]],
+            "blank": ["", lines[at]],
+            "cut off": [lines[at][: len(lines[at]) // 2]],
+            "lose the fields": ["," * (len(fields) - 1)],
+            "comment": [f"# {lines[at]}"],
+            "cell": [",".join([*fields[:k], str(where[-1]), *fields[k + 1 :]])],
+            "field": [",".join([*fields[:k], "7", *fields[k:]])],
+            "no field": [",".join(fields[:k] + fields[k + 1 :])],
+            "quote": [",".join([*fields[:k], f'"{fields[k]}', *fields[k + 1 :]])],
+            "glue": [",".join(fields[:k]) + ",".join(fields[k:])],
+        }[what]
+        after = lines[at + 1 :] if what != "exchange" else lines[at + 2 :]
+        text = "\n".join([*lines[:at], *changed, *([] if what == "cut off" else after)])
+    return text
+
+
+def any_edits(edits: list[tuple], healthy_text: str, short: dict[str, float], folder: Path) -> None:
+    path = folder / "log.csv"
+    content = edited(healthy_text, edits).encode("utf-8", "replace")
+    path.write_bytes(content)
+    outcome = log_outcome(path, healthy_simulator(), short)
+    assert outcome.kind != "silent", outcome.said
+    assert path.read_bytes() == content
+    path.unlink()
+    assert not list(folder.iterdir())
+
+
+@pytest.fixture(scope="module")
+def short_log(tmp_path_factory):
+    """A shorter log, since each example reads one anew: its text, and the answer."""
+    log = healthy_log()
+    log = log[log["trajectory"] == log["trajectory"].iloc[0]].head(300)
+    path = write_log(log, tmp_path_factory.mktemp("short") / "log.csv")
+    return path.read_text(), answer(path, healthy_simulator())[0]
+
+
+@given(st.lists(EDIT, min_size=1, max_size=3))
+@settings(max_examples=40, **FUZZ)
+def test_some_edits_change_no_answer_in_silence(tmp_path, short_log, edits):
+    any_edits(edits, *short_log, tmp_path)
+
+
+@slow
+@given(st.lists(EDIT, min_size=1, max_size=3))
+@settings(max_examples=400, **FUZZ)
+def test_many_edits_change_no_answer_in_silence(tmp_path, short_log, edits):
+    any_edits(edits, *short_log, tmp_path)
+
+
+@pytest.mark.long
+@given(st.lists(EDIT, min_size=1, max_size=4))
+@settings(max_examples=10_000, **FUZZ)
+def test_very_many_edits_change_no_answer_in_silence(tmp_path, short_log, edits):
+    any_edits(edits, *short_log, tmp_path)
 
 
 @given(MARKS, st.binary(max_size=400), ENDINGS)

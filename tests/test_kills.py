@@ -28,6 +28,8 @@ import pamid.survey.survey
 from pamid import load, save
 from pamid.bench import BenchParameters, simulate, sine, unfold
 from pamid.cli import main
+from pamid.cli.app import build_parser
+from pamid.cli.commands import demo
 from pamid.errors import OutputError
 from pamid.file_sets import UNFINISHED, replacing_together
 from pamid.files import write_whole
@@ -36,7 +38,14 @@ from pamid.signals import read_log, write_log
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system with fork")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 SHORT = ("simulate", "fit", "init")
-LONG = ("adapt", "export", "diagnose", "check", "check-html", "compare")
+FMU = ("export-fmu",) if shutil.which("cc") else ()
+LONG = ("adapt", "export", "export-onnx", *FMU, "diagnose", "check", "check-html", "compare")
+WRITES = {
+    **{name: {"--out"} for name in ("adapt", "compare", "demo", "diagnose", "export", "init", "simulate")},
+    "check": {"--html", "--out"},
+    "fit": {"--checkpoint", "--out"},
+}
+"""Options that name an output; checkpoints are killed in test_checkpoint.py, the demo in a test of its own."""
 INIT = ["--kind", "muscle", "--yes", "--force"]
 
 
@@ -200,6 +209,8 @@ def command(name: str, which: str, bench: Path, out: Path) -> list[str]:
         "check-html": ["check", log, *sim, "--html", str(out / "check.html")],
         "compare": ["compare", log, *sim, "--equation", "force", "--estimators", "GeometricForce", "--folds", "2", *to],
         "export": ["export", model, *to],
+        "export-onnx": ["export", model, "--to", "onnx", *to],
+        "export-fmu": ["export", model, "--to", "fmu", *to],
         "init": ["init", str(bench / f"muscle-{which}.csv"), "--set", f"rest_length=0.{2 if old else 3} m", *INIT, *to],
     }
     file = {"simulate": "log.csv", "fit": "model.pamid", "adapt": "model.pamid"}.get(name)
@@ -307,9 +318,120 @@ def test_two_hundred_kills_at_every_step_lose_nothing(bench, computed, results, 
     assert kills >= 200
 
 
+def test_every_command_that_writes_is_killed_here():
+    parser = build_parser()
+    commands = next(a for a in parser._actions if a.dest == "command").choices
+    found = {
+        name: {o for o in c._option_string_actions if o in ("--out", "--html", "--checkpoint")}
+        for name, c in commands.items()
+    }
+    assert {name: options for name, options in found.items() if options} == WRITES
+    assert {name.split("-")[0] for name in (*SHORT, *LONG)} == set(WRITES) - {"demo"}
+
+
+def test_the_other_commands_write_nothing(bench):
+    def watched() -> None:
+        sys.dont_write_bytecode = True
+
+        def hook(event: str, args: tuple) -> None:
+            if event in TOUCHES[1:7] or (
+                event == "open" and isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR)
+            ):
+                os._exit(99)
+
+        sys.addaudithook(hook)
+
+    sim = ["--sim", str(bench / "sim.toml")]
+    assert (
+        run(["simulate", "--trajectory", "sine:frequency=4,amplitude=9", "--out", str(bench / "x.csv")], watched) == 99
+    )
+    for argv in (
+        ["evaluate", str(bench / "new.csv"), *sim],
+        ["watch", str(bench / "new.csv"), *sim],
+        ["completion", "bash"],
+    ):
+        assert run(argv, watched) in (0, 2), argv
+
+
+def test_a_demo_that_is_killed_leaves_each_of_its_sets_whole(tmp_path, monkeypatch):
+    """A demo is a row of commands: what a later one writes is new only if the earlier ones' files are."""
+
+    def steps(folder: Path) -> list[tuple[str, list[str]]]:
+        log, runs = str(folder / "log.csv"), "sine:frequency=4,amplitude=15,seconds=0.2"
+        fit = ["fit", log, "--estimator", "GeometricForce", "--sim", str(folder / "log.sim.toml"), "--folds", "0"]
+        return [
+            ("Simulate", ["simulate", "--trajectory", runs, "--effect", "leakage", "--out", log]),
+            ("Fit", [*fit, "--out", str(folder / "force.pamid")]),
+        ]
+
+    monkeypatch.setattr(demo, "PARTS", (steps,))
+    out, count = tmp_path / "inside" / "out", tmp_path / "count"
+    out.parent.mkdir()
+    argv = ["demo", "--out", str(out), "--quiet", "--seed"]
+    assert killed_at([*argv, "1"], out.parent, 0, signal.SIGKILL, count) == 0
+    new = state(out)
+    shutil.rmtree(out)
+    assert run([*argv, "0"]) == 0
+    old = state(out)
+    shutil.copytree(out, tmp_path / "old")
+    total = int(count.read_text())
+    for step, number in zip(range(1, total + 1, max(1, total // 15)), itertools.cycle(SIGNALS), strict=False):
+        prepared(out, tmp_path / "old", False)
+        assert killed_at([*argv, "1"], out.parent, step, number) in (-number, 128 + number)
+        found = state(out)
+        found.pop("notes.txt")
+        assert found.keys() == old.keys()
+        simulated = {name: digest for name, digest in found.items() if name != "force.pamid"}
+        assert simulated in ({k: old[k] for k in simulated}, {k: new[k] for k in simulated})
+        assert found["force.pamid"] == old["force.pamid"] or found == new
+    assert total > 15
+
+
+# --- two writers ----------------------------------------------------------------------------------------------------
+def two_at_once(name: str, bench: Path, results: Callable[[str, str], Path], out: Path) -> None:
+    """Run the command that writes the old results and the one that writes the new ones side by side, some times."""
+    old, new = (state(results(name, which)) for which in ("old", "new"))
+    for others in (False, True):
+        prepared(out, results(name, "old"), others)
+
+        def both() -> int:
+            other = os.fork()
+            code = main(command(name, "old" if other == 0 else "new", bench, out))
+            if other == 0:
+                os._exit(code)
+            return code or os.waitstatus_to_exitcode(os.waitpid(other, 0)[1])
+
+        assert forked(both) == 0
+        check_whole(out, old, new, [])
+        assert not (out / UNFINISHED).exists()
+        assert not list(out.parent.rglob(".pamid-*"))
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_two_commands_at_once_leave_the_whole_of_one(name, bench, results, tmp_path):
+    two_at_once(name, bench, results, tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_two_long_commands_at_once_leave_the_whole_of_one(name, bench, computed, results, tmp_path):
+    two_at_once(name, bench, results, tmp_path / "out")
+
+
 # --- no room --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", SHORT)
 def test_a_kill_in_mid_write_or_a_full_disk_leave_the_old_files(name, bench, results, tmp_path):
+    no_room(name, bench, results, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_a_long_command_without_room_leaves_the_old_files(name, bench, computed, results, tmp_path):
+    no_room(name, bench, results, tmp_path)
+
+
+def no_room(name: str, bench: Path, results: Callable[[str, str], Path], tmp_path: Path) -> None:
+    """Let a command run into the end of a disk at several sizes of a file, and into a kill there."""
     old, new = state(results(name, "old")), state(results(name, "new"))
     out = tmp_path / "out"
     argv = command(name, "new", bench, out)
@@ -337,7 +459,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("name", [*SHORT, "check", "check-html", "diagnose", "compare"])
+@pytest.mark.parametrize("name", [*SHORT, "adapt", "export", "check", "check-html", "diagnose", "compare"])
 def test_a_full_disk_is_noticed_before_the_work_begins(name, bench, results, small_disk, monkeypatch, capsys):
     def reached(*_: Any, **__: Any) -> None:
         raise AssertionError("the work has begun")

@@ -196,3 +196,10 @@ def test_a_reading_that_leaves_at_the_end_of_a_run_is_told(healthy, tmp_path):
     log.loc[[0, 999], "F1"] = [9e3, -8e3]
     with pytest.warns(ReadingWarning, match=r"F1 begins or ends a run with 9000 N.*2 readings.*used as it is"):
         read_log(write_log(log, tmp_path / "log.parquet"), nan="keep")
+
+
+def test_a_reading_that_leaps_at_the_end_of_a_run_is_told_though_others_come_as_far(healthy, tmp_path):
+    log = healthy.copy()
+    log.loc[500, "q"] = log["q"].max()
+    with pytest.warns(ReadingWarning, match=r"q begins or ends a run with .* \(row 501"):
+        read_log(write_log(log, tmp_path / "log.parquet"), nan="keep")

@@ -81,3 +81,8 @@ def test_a_long_field_gives_a_short_message(tmp_path):
     with pytest.raises(errors.PamidError) as caught:
         read(tmp_path, f"time,{'F' * 3_000_000},P\n{ROWS}", {"time": "t", "P": "P"})
     assert len(str(caught.value)) < 10_000
+
+
+def test_a_field_that_is_too_long_is_named_among_the_first_lines_too(tmp_path):
+    with pytest.raises(errors.LogFormatError, match="line 6 holds 3,000,000 characters without a delimiter"):
+        read(tmp_path, f"time,F,P\n{ROWS}{'x' * 3_000_000},1,2e5\n")

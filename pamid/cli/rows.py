@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..errors import MissingColumnError, ParameterError
+from ..errors import ColumnTypeError, EmptyLogError, MissingColumnError, ParameterError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,8 +34,10 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
 
     Raises
     ------
-    ParameterError, MissingColumnError
-        A condition cannot be read, or names a column that is not there.
+    ParameterError, MissingColumnError, ColumnTypeError
+        A condition cannot be read, or names a column that is not there or holds text.
+    EmptyLogError
+        No row meets them all.
     """
     import numpy as np
 
@@ -54,8 +56,20 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
                 "one of its columns",
                 "Correct the name.",
             )
-        meets = np.asarray(_SIGNS[found["sign"]](table[found["column"]].to_numpy(dtype=float), limit))
+        try:
+            values = table[found["column"]].to_numpy(dtype=float)
+        except ValueError:
+            raise ColumnTypeError(
+                f"--where names {found['column']}, which holds text.", "a column of numbers", "Correct the name."
+            ) from None
+        meets = np.asarray(_SIGNS[found["sign"]](values, limit))
         rows = meets if rows is None else rows & meets
+    if rows is not None and not rows.any():
+        raise EmptyLogError(
+            f"No row counts: none meets {' and '.join(repr(text) for text in conditions)}.",
+            "rows that count",
+            "Correct the numbers: they are in the units of the tidy table, SI.",
+        )
     return rows
 
 
@@ -64,8 +78,8 @@ def readings_where(log: pd.DataFrame, conditions: Sequence[str], readings: Seque
 
     Raises
     ------
-    ParameterError, MissingColumnError
-        A condition cannot be read, names a column that is not there, or the log has none of the readings.
+    PamidError
+        As for `rows_where`; or the log has none of the readings.
     """
     rows = rows_where(log, conditions)
     if rows is None:

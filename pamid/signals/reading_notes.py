@@ -107,5 +107,5 @@ def _words(signal: str, kind: str, f: _Found) -> str:
     if kind == "impossible":
         return f"{signal} cannot be {value} ({where})"
     if kind == "end":
-        return f"{signal} begins or ends a run with {value}, far from all other readings ({where})"
+        return f"{signal} begins or ends a run with {value}, far from the readings beside it ({where})"
     return f"{signal} jumps to {value} and back at once ({where})"

@@ -22,6 +22,7 @@ BEYOND = 1e30
 """No quantity of a log is as large in SI; markers of missing values and overflows are."""
 
 _SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T", "u"))
+_QUICK = ("mdot", "u")  # what may truly leap as a run begins: a valve opens at once
 _FULL_COMMAND = 1.5  # within it a command may well jump there and back
 _COMMANDS = ("_ref", "_cmd", "_set")
 _FEW = 50  # rows below which neither a glitch nor a dead channel can be told
@@ -125,7 +126,8 @@ def screen(
                 rare = nan != "raise" and jumps.sum() <= max(3.0, _MOST_GLITCHES * len(values))
                 notes.note(signal, "glitch", frame, jumps, MISSING if rare else USED, origin)
                 bad |= jumps & rare
-            if (ends := _far_ends(np.where(bad, np.nan, values), rows_of_runs)).any():
+            quick = base_name(signal) in _QUICK
+            if (ends := _far_ends(np.where(bad, np.nan, values), rows_of_runs, leaps=not quick)).any():
                 notes.note(signal, "end", frame, ends, USED, origin)
         if bad.any():
             changed[signal] = np.where(bad, np.nan, values)
@@ -203,16 +205,28 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
     return np.where((up * down > 0) & (least > _BACK * most), least, 0.0)
 
 
-def _far_ends(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
-    """Return which first and last readings of runs lie farther from all the others than these are apart."""
-    ends = np.zeros(len(values), dtype=bool)
-    ends[[row for rows in runs if len(rows) > 2 for row in (rows[0], rows[-1])]] = True
-    others = values[np.isfinite(values) & ~ends]
-    if len(others) < _FEW:
-        return np.zeros(len(values), dtype=bool)
+def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, leaps: bool) -> np.ndarray:
+    """Return which first and last readings of runs are off: they cannot jump there and back, and so are told apart.
+
+    Such a reading lies farther from all the others than these are apart, or, where `leaps` count, leaps from the one
+    beside it by 10 times what all but 1 % of the steps that are any do.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    good = np.isfinite(values)
+    kept = [rows for rows in (rows[good[rows]] for rows in runs) if len(rows) > 2]
+    if sum(len(rows) - 2 for rows in kept) < _FEW:
+        return found
+    others = np.concatenate([values[rows[1:-1]] for rows in kept])
     low, high = float(others.min()), float(others.max())
-    width = high - low
-    return ends & (width > 0) & ((values > high + width) | (values < low - width))
+    if high == low:
+        return found
+    steps = [np.abs(np.diff(values[rows[1:-1]])) for rows in kept]
+    leap = _OF_STEPS * _level([s[s > 0] for s in steps])
+    for rows in kept:
+        for end, beside in ((rows[0], rows[1]), (rows[-1], rows[-2])):
+            outside = max(values[end] - high, low - values[end]) > high - low
+            found[end] = outside or (leaps and abs(values[end] - values[beside]) > leap)
+    return found
 
 
 def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:

@@ -124,7 +124,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     if not any(p.kind in ("output", "state") for p in there):
         raise MissingColumnError(
             f"The log holds no state and no output of the simulator; it has {has}.",
-            f"at least one of {', '.join(p.source for p in signals if p.kind != 'input')}",
+            f"at least one of {', '.join([p.source for p in signals if p.kind != 'input'][:20])}",
             "Name the columns in [ports].",
         )
     pieces, notes = _runs(log, [p.source for p in there]), []

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from pamid.errors import DuplicateColumnError, EmptyLogError, MappingError
+from pamid.errors import DuplicateColumnError, EmptyLogError, LogFormatError, MappingError
 
 from ._heading import heading_of
 
@@ -181,11 +181,21 @@ def _first_lines(path: Path, encoding: str) -> list[str]:
     left = _LINES
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for line in stream:
+            if len(line) > csv.field_size_limit() and (longest := _longest_field(line)) > csv.field_size_limit():
+                raise LogFormatError(
+                    f"{path.name}: line {len(lines) + 1} holds {longest:,} characters without a delimiter.",
+                    f"fields of at most {csv.field_size_limit():,} characters",
+                    "Correct or remove the row.",
+                )
             lines.append(line)
             left -= bool(line.strip()) and not (left == _LINES and _is_comment(line))
             if not left or len(lines) > 20 * _LINES:
                 break
     return lines
+
+
+def _longest_field(line: str) -> int:
+    return max(map(len, re.split(r"[;,|\s]", line)))
 
 
 def _is_comment(line: str) -> bool:
