@@ -59,9 +59,9 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         The matrices, in standardised inputs and output.
     offset_ : float
         Output at rest under mean inputs, in its unit.
-    state_covariance_ : ndarray, shape (order_, order_)
+    state_covariance_ : ndarray, shape (n_states, n_states)
         Covariance of the states over the runs of the fit.
-    poles_ : ndarray of complex, shape (order_,)
+    poles_ : ndarray of complex, shape (n_states,)
         Eigenvalues of A.
     orders_ : list of dict
         For each order that was looked at: ``order``, ``correlation`` (canonical, of past and future, that
