@@ -112,7 +112,7 @@ def test_the_friction_of_a_cylinder_is_named(stroke):
     assert found.verdict == "cause"
     assert found.causes[0].effects == ("coulomb_friction",)
     assert found.closure[0].unit == "N"
-    assert {"x", "velocity", "P"} <= set(found.windows.columns)
+    assert {"x", "dx", "P"} <= set(found.windows.columns)
     labels = [ax.get_xlabel() for ax in GapDisplay(found).plot("map").axes_] + [
         ax.get_xlabel() for ax in GapDisplay(found).plot("loop").axes_
     ]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...gap.diagnosis.result import Diagnosis
 
 AXES = {
-    "force": (("eps", "deps"), ("eps", "P"), ("deps", "P"), ("x", "velocity"), ("x", "P"), ("velocity", "P")),
+    "force": (("eps", "deps"), ("eps", "P"), ("deps", "P"), ("x", "dx"), ("x", "P"), ("dx", "P")),
     "torque": (("q", "dq"), ("q", "load"), ("dq", "load")),
     "flow": (("P", "dP"), ("eps", "dP"), ("eps", "deps")),
     "valve": (("u", "P"), ("P", "dP"), ("u", "dP")),
