@@ -129,20 +129,20 @@ def test_levenberg_marquardt_step_through_an_adapter_solves_the_dense_normal_equ
     root = (p.weight / p.weight.sum()).sqrt()
     tape = forward(theta, p.x, p.direction, p.a, "tanh")
     r = root * (tape.y - p.y)
-    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-    decay, c = 1e-2, 1.5e-2
+    decay, damping = 1e-2, 1.5e-2
     bound = Bound(adapter, source)
     trainer = LevenbergMarquardt(weight_decay=decay)
-    step = trainer._step(psi, origin, tape, adjoint, bound.gram(psi, adjoint, tape), r, root, c, bound)
+    trial = trainer._equations(psi, origin, tape, r, root, theta, bound).trial(damping)
 
     def flat(arrays):
         return torch.cat([a.reshape(-1) for a in arrays])
 
     rows = [flat(bound.pullback(psi, gradient(theta, tape, root * e))) for e in torch.eye(len(p), dtype=torch.float64)]
     J = torch.stack(rows)
+    c = damping * float((J**2).sum()) + decay  # damped relative to the trace
     A = J.T @ J + c * torch.eye(J.shape[1], dtype=torch.float64)
     dense = torch.linalg.solve(A, -J.T @ r - decay * (flat(psi) - flat(origin)))
-    torch.testing.assert_close(flat(step), dense, rtol=1e-8, atol=1e-10)
+    torch.testing.assert_close(flat(trial) - flat(psi), dense, rtol=1e-8, atol=1e-10)
 
 
 def test_adam_is_the_published_algorithm_2():

@@ -26,6 +26,7 @@ from pamid.training.network import (
     jacobian_product,
     transposed_product,
 )
+from pamid.training.reparametrisation import IDENTITY
 from pamid.training.trainer import mean_squared_residual
 
 PLAIN = {
@@ -281,18 +282,18 @@ def test_adam_yields_parameters_that_later_steps_do_not_change():
 def test_the_step_in_sample_space_solves_the_dense_normal_equations(activation, reads_value):
     """(JᵀWJ + cI) δ = −JᵀWr − λ(θ − θ₀), with sample weights and a prior that is not zero."""
     p, theta, origin = problem(25, reads_value=reads_value), start((4, 6, 5, 1)), start((4, 6, 5, 1), seed=7)
-    decay, c = 0.03, 0.08
+    decay, damping = 0.03, 0.08
     trainer = LevenbergMarquardt(weight_decay=decay)
     root = (p.weight / p.weight.sum()).sqrt()
     tape = forward(theta, p.x, p.direction, p.a, activation)
     r = root * (tape.y - p.y)
-    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-    step = trainer._step(theta, origin, tape, adjoint, gram(adjoint, tape), r, root, c)
+    trial = trainer._equations(theta, origin, tape, r, root, theta, IDENTITY).trial(damping)
 
     J = root[:, None] * plain_jacobian(theta, p, activation)
+    c = damping * float((J**2).sum()) + decay  # damped relative to the trace
     A = J.T @ J + c * torch.eye(J.shape[1], dtype=torch.float64)
     dense = torch.linalg.solve(A, -J.T @ r - decay * (flat(theta) - flat(origin)))
-    torch.testing.assert_close(flat(step), dense, rtol=1e-8, atol=1e-9)
+    torch.testing.assert_close(flat(trial) - flat(theta), dense, rtol=1e-8, atol=1e-9)
 
 
 @pytest.mark.parametrize("trainer", [Adam(max_iter=150, learning_rate=5e-3), LevenbergMarquardt(max_iter=40)])
