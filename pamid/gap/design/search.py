@@ -249,7 +249,7 @@ class _Search:
         pairs = [(i, j) for i in range(len(names)) for j in range(i)]
         alike = [(names[j], names[i]) for i, j in pairs if min(between[i, j], between[j, i]) < TELLS]
         top = max((min(between[0, j], between[j, 0]) for j in range(1, len(names))), default=0.0)
-        tells = top >= TELLS
+        tells = bool(top >= TELLS)
         needed = self.limits.seconds * TELLS / top if 0.03 * TELLS < top < TELLS else float("nan")
         return Plan(
             self.purpose, runs if tells else [], self.limits, names, beliefs, expected, clarity(between, self.beliefs),
