@@ -27,6 +27,16 @@ class ForwardAnswer(NamedTuple):
         Whether a bound is the answer.
     extrapolated : ndarray of bool, shape (n_samples,)
         Whether the fit had no rows near.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.estimators import ForwardModel
+    >>> X = pd.DataFrame({"P": np.linspace(1e5, 7e5, 50), "load": np.tile([20.0, 40.0], 25)})
+    >>> model = ForwardModel(hidden=3, random_state=0).fit(X, np.c_[9.81 * X["load"], 3e-7 * X["P"]])
+    >>> answer = model.assess(pd.DataFrame({"P": [4e5, 2e6], "load": [20.0, 20.0]}))
+    >>> answer.outputs.shape, answer.extrapolated.tolist()
+    ((2, 2), [False, True])
     """
 
     outputs: np.ndarray

@@ -30,6 +30,17 @@ class PressureAnswer(NamedTuple):
         Whether the pair asks for a pressure beyond a limit, so that the limit is the answer.
     extrapolated : ndarray of bool, shape (n_samples,)
         Whether the fit had no rows near the pair: the muscle may not reach it, or was not asked to.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.estimators import InverseModel
+    >>> pairs = np.c_[np.tile([200.0, 400.0], 25), np.linspace(0.0, 0.2, 50)]
+    >>> P = 1e5 + 500.0 * pairs[:, 0] + 2e6 * pairs[:, 1]
+    >>> model = InverseModel(signals={"F": 0, "eps": 1}, hidden=3, random_state=0).fit(pairs, P)
+    >>> answer = model.assess([[200.0, 0.1], [200.0, 0.6]])
+    >>> answer.pressure.shape, answer.extrapolated.tolist()
+    ((2,), [False, True])
     """
 
     pressure: np.ndarray

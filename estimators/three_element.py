@@ -36,6 +36,18 @@ class LiftRun(NamedTuple):
         Samples at which the run would have left the contractions of the fit and was held at their edge.
     extrapolated : ndarray of bool, shape (n_samples,)
         Samples whose pressure lies outside that of the fit; the fit's end value of each element holds there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.estimators import ThreeElement
+    >>> rng = np.random.default_rng(0)
+    >>> eps, deps = rng.uniform(0, 0.2, 400), rng.normal(0, 0.2, 400)
+    >>> P, dP = rng.uniform(1.1e5, 7e5, 400), rng.choice([-1e6, 1e6], 400)
+    >>> F = 2e-3 * (P - 101325) - 1e3 * eps - 20.0 * deps
+    >>> run = ThreeElement().fit(np.c_[eps, deps, P, dP], F).simulate([0.0, 0.1, 0.2], [3e5, 3e5, 9e5], load=30.0)
+    >>> run.eps.shape, run.extrapolated.tolist()
+    ((3,), [False, False, True])
     """
 
     eps: np.ndarray

@@ -12,7 +12,15 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 import pytest
-from pamid.estimators import JointPIHM, OnlineAdapter, PolynomialForce, RateTransformer, StaticPIHM, ThermodynamicPIHM
+from pamid.estimators import (
+    JointPIHM,
+    OnlineAdapter,
+    PolynomialForce,
+    PolynomialNARX,
+    RateTransformer,
+    StaticPIHM,
+    ThermodynamicPIHM,
+)
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import make_pipeline
@@ -301,8 +309,11 @@ def test_what_is_no_hybrid_model_is_named(tmp_path):
     X = signals(40).to_numpy()
     with pytest.raises(ExportError, match="RandomForestRegressor has no gas volume"):
         export(RandomForestRegressor(2).fit(X, X[:, 0]), tmp_path)
-    with pytest.raises(ExportError, match="PolynomialForce"):
-        export(PolynomialForce().fit(X[:, [0, 2]], targets(signals(40))[:, 0]), tmp_path)
+    remembers = PolynomialNARX(("P",), signals={"P": 2}, one_trajectory=True)
+    with pytest.raises(ExportError, match="PolynomialNARX has no gas volume"):
+        export(remembers.fit(X, targets(signals(40))[:, 0]), tmp_path)
+    with pytest.raises(ExportError, match="A PolynomialForce is a formula, and an FMU"):
+        export(PolynomialForce().fit(X[:, [0, 2]], targets(signals(40))[:, 0]), tmp_path, to="fmu")
     with pytest.raises(ExportError, match="not fitted"):
         export(StaticPIHM(), tmp_path)
 

@@ -21,6 +21,7 @@ from pamid.estimators import (
     JointPIHM,
     LawRegressor,
     LiftedLoad,
+    LinearStateSpace,
     LoRA,
     NonlinearElastic,
     OnlineAdapter,
@@ -39,6 +40,7 @@ from pamid.estimators import (
     StaticPIHM,
     ThermodynamicPIHM,
     ThreeElement,
+    TransferFunction,
     all_estimators,
 )
 from sklearn.base import clone
@@ -158,6 +160,7 @@ CASES = {
     "JointPIHM": (lambda s: JointPIHM(0.2, 0.02, **PIHM), (STATE, ["F", "mdot"])),
     "LawRegressor": (lambda s: LawRegressor(), ([*STATE, "V", "V_eps", "V_P"], "F")),
     "LiftedLoad": (lambda s: LiftedLoad(start="rest"), SEQUENCE),
+    "LinearStateSpace": (lambda s: LinearStateSpace(start="rest", order=1, block_rows=4), SEQUENCE),
     "LoRA": (lambda s: LoRA(s["force"], ranks=(3,), **ADAPT), FORCE),
     "MLP": (lambda s: MLP(("eps", "P"), **PLAIN), (["eps", "P"], "F")),
     "NNARX": (lambda s: NNARX(hidden=3, random_state=0, **LAGGED), SEQUENCE),
@@ -183,6 +186,7 @@ CASES = {
     "QAdapter, frozen": (lambda s: QAdapter(s["force"], base="frozen", random_state=0), FORCE),
     "ThermodynamicPIHM": (lambda s: ThermodynamicPIHM(0.2, 0.02, **PIHM), FLOW),
     "ThreeElement": (lambda s: ThreeElement(), FORCE),
+    "TransferFunction": (lambda s: TransferFunction(n_poles=1, horizon=20, start="rest"), SEQUENCE),
 }  # fmt: skip
 
 LINEAR = {"PolynomialForce", "PolynomialFlow", "SINDyModel", "SINDyRegressor"}
