@@ -144,6 +144,6 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
     axes.plot(100 * covered, 100 * wrong)
     axes.axhline(100 * ALPHA, color="0.6", linestyle="--")
-    axes.set(xlabel="gaps with an effect of the library in their best account, %", ylabel="wrong among those named, %")
+    axes.set(xlabel="answers that name causes, the most trusted first, %", ylabel="wrong among those named, %")
     figure.savefig(path)
     plt.close(figure)
