@@ -244,7 +244,7 @@ class UntrustedCodeError(SimulatorFileError):
 class ForeignSimulatorError(PamidError, RuntimeError):
     """A simulator of somebody else's has crashed, hung or failed."""
 
-    page = "docs/simulators.md#fmu"
+    page = "docs/simulator-fmu.md"
 
 
 class SimulatorNotFoundError(SimulatorFileError, FileNotFoundError):
