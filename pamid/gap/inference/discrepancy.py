@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...effects import all_effects
-from ...signals.recursion import recursive
+from ...signals.recursion import past
 from ..residuals.protocol import ResidualSource
 from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
 from .gauss_newton import SLACK, Fit
@@ -195,8 +195,5 @@ def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
         step[a:b] = max(float(np.median(np.diff(time[a:b]))), 1e-6) if b > a + 1 else 1.0
     out = [np.zeros(len(x)) for _ in AGES]
     for k, age in enumerate(AGES):
-        keep = np.exp(-step / age)
-        drive = (1.0 - keep) * ordered
-        drive[starts] = ordered[starts]
-        out[k][order] = ordered - recursive(drive, [keep], starts)
+        out[k][order] = ordered - past(ordered, np.exp(-step / age), starts)
     return out
