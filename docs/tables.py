@@ -80,13 +80,12 @@ def effects() -> str:
     for name, cls in sorted(all_effects().items(), key=lambda item: (item[1].family, item[0])):
         if not cls.__module__.startswith("pamid."):
             continue
-        source = cls.source if cls.source.startswith("ISO") else f"[doi](https://doi.org/{cls.source})"
         numbers = "<br>".join(
             f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in cls.parameters
         )
-        what = " ".join(part for part in (summary(cls), formula(cls)) if part)
-        body.append([cls.family, f"`{name}`", ", ".join(cls.equations), what, numbers, source])
-    return rows(["family", "effect", "equations", "what it is", "parameters, with typical values", "source"], body)
+        file = f"../pamid/effects/{cls.__module__.rpartition('.')[2]}.py"
+        body.append([cls.family, f"[`{name}`]({file})", ", ".join(cls.equations), summary(cls), numbers])
+    return rows(["family", "effect", "equations", "what it is", "parameters, with typical values"], body)
 
 
 # --- models -------------------------------------------------------------------------------------------------
@@ -97,9 +96,8 @@ def estimators() -> str:
     body = []
     for name, cls in all_estimators():
         file = f"../estimators/{cls.__module__.rpartition('.')[2]}.py"
-        can = [m for m in ("partial_fit", "transform", "simulate", "volume") if hasattr(cls, m)]
-        body.append([f"[`{name}`]({file})", summary(cls), ", ".join(f"`{m}`" for m in can)])
-    return rows(["estimator", "what it is", "beside fit, predict, score"], body)
+        body.append([f"[`{name}`]({file})", summary(cls)])
+    return rows(["estimator", "what it is"], body)
 
 
 def volumes() -> str:
@@ -131,24 +129,43 @@ def errors() -> str:
 
 
 # --- the command line ---------------------------------------------------------------------------------------
+_COMMON = ("help", "json", "quiet", "seed", "debug")
+_READING = ("log", "columns", "nan", "trust")
+
+
 def command(name: str) -> str:
-    """Options of one command."""
+    """Options of one command, without those that all commands share that read a log."""
     parser = _subparsers()[name]
-    body = []
-    for action in parser._actions:
-        if action.dest in ("help", "json", "quiet", "seed", "debug"):
-            continue
-        metavar = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
-        flags = ", ".join(action.option_strings)
-        label = " ".join(part for part in (flags, str(metavar) if action.nargs != 0 else "") if part)
-        body.append([f"`{label}`", action.help or ""])
-    return rows(["option", "meaning"], body)
+    reads = any(action.dest == "log" for action in parser._actions)
+    left_out = _COMMON + (_READING if reads else ())
+    body = [["`LOG`, ...", "[the log](#options-of-a-log)"]] if reads else []
+    return rows(["option", "meaning"], body + [_option(a) for a in parser._actions if a.dest not in left_out])
+
+
+def _option(action: argparse.Action) -> list[str]:
+    metavar = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
+    flags = ", ".join(action.option_strings)
+    label = " ".join(part for part in (flags, str(metavar) if action.nargs != 0 else "") if part)
+    return [f"`{label}`", action.help or ""]
+
+
+def log_options() -> str:
+    """Options of every command that reads a log; each with the same words wherever it stands."""
+    found = {}
+    for name, parser in _subparsers().items():
+        actions = {a.dest: a for a in parser._actions}
+        if "log" in actions:
+            for dest in (d for d in _READING if d in actions):
+                said = _option(actions[dest])
+                if found.setdefault(dest, said) != said:
+                    raise ValueError(f"pamid {name} says of {dest}: {said}. Expected, as elsewhere: {found[dest]}.")
+    return rows(["option", "meaning"], [found[dest] for dest in _READING])
 
 
 def common_options() -> str:
     """Options of every command."""
     parser = next(iter(_subparsers().values()))
-    actions = [a for a in parser._actions if a.dest in ("help", "json", "quiet", "seed", "debug")]
+    actions = [a for a in parser._actions if a.dest in _COMMON]
     return rows(["option", "meaning"], [[f"`{', '.join(a.option_strings)}`", a.help or ""] for a in actions])
 
 
@@ -193,6 +210,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "errors": errors,
     "commands": commands,
     "common_options": common_options,
+    "log_options": log_options,
     "benchmarks": benchmarks,
 }
 

@@ -16,7 +16,7 @@ sys.path.append(str(Path(__file__).parent))
 from raw_logs import RAW_LOGS, RawLog, table
 
 DIAGNOSED = ("cylinder-dekanewton", "muscle-shortening", "joint-degrees")
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "raw_logs.md"
+PAGE = Path(__file__).resolve().parent / "raw_logs.md"
 
 
 def init(log: RawLog, folder: Path) -> tuple[int, list[str], list[str], object]:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 _ESTIMATOR = re.compile(r"\[`(\w+)`\]\(\.\./estimators/\w+\.py\)")
-_PAPERS = {"contributing": "CONTRIBUTING.md", "changes": "CHANGELOG.md"}
-"""Pages of the site whose text is a paper beside the docs."""
+_EFFECT = re.compile(r"\[`(\w+)`\]\(\.\./pamid/effects/(\w+)\.py\)")
+_PAPERS = {"contributing": "CONTRIBUTING.md", "changes": "CHANGELOG.md", "raw_logs": "tests/raw_logs.md"}
+"""Pages of the site whose text is a paper outside the docs."""
 
 
 def rewritten(text: str) -> str:
@@ -17,6 +18,13 @@ def rewritten(text: str) -> str:
     known = importlib.import_module("pamid.estimators")
     text = _ESTIMATOR.sub(
         lambda found: f"{{py:obj}}`~pamid.estimators.{found[1]}`" if hasattr(known, found[1]) else found[0], text
+    )
+    effects = importlib.import_module("pamid.effects").all_effects()
+    text = _EFFECT.sub(
+        lambda found: f"{{py:obj}}`{found[1]} <{effects[found[1]].__module__}.{effects[found[1]].__name__}>`"
+        if found[1] in effects
+        else found[0],
+        text,
     )
     text = re.sub(r"\]\(gallery/(plot_\w+)\.py\)", r"](auto_gallery/\1.rst)", text)
     for page, file in {**_PAPERS, "index": "README.md"}.items():
@@ -27,7 +35,7 @@ def rewritten(text: str) -> str:
 def _read(app: Any, docname: str, source: list[str]) -> None:
     if docname in _PAPERS:
         text = (Path(app.srcdir).parent / _PAPERS[docname]).read_text(encoding="utf-8")
-        source[0] = rewritten(text.replace("](docs/", "]("))
+        source[0] = rewritten(re.sub(r"\]\((?:\.\./)*docs/", "](", text))
     elif docname.partition("/")[0] not in ("api", "auto_gallery"):
         source[0] = rewritten(source[0])
 
