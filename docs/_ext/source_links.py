@@ -21,9 +21,11 @@ def rewritten(text: str) -> str:
     )
     effects = importlib.import_module("pamid.effects").all_effects()
     text = _EFFECT.sub(
-        lambda found: f"{{py:obj}}`{found[1]} <{effects[found[1]].__module__}.{effects[found[1]].__name__}>`"
-        if found[1] in effects
-        else found[0],
+        lambda found: (
+            f"{{py:obj}}`{found[1]} <{effects[found[1]].__module__}.{effects[found[1]].__name__}>`"
+            if found[1] in effects
+            else found[0]
+        ),
         text,
     )
     text = re.sub(r"\]\(gallery/(plot_\w+)\.py\)", r"](auto_gallery/\1.rst)", text)
