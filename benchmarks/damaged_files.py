@@ -155,6 +155,11 @@ def _cells(log: pd.DataFrame) -> Iterator[tuple[str, str]]:
             frame = log.astype({column: object})
             frame.loc[500, column] = cell
             yield f"{column} is {cell!r} once", frame.to_csv(index=False, quoting=3, escapechar="\\")
+    for column in COLUMNS[1:]:
+        for row, share in ((0, -0.9), (0, 0.2), (len(log) - 1, 0.9), (len(log) - 1, -0.2)):
+            frame = log.copy()
+            frame.loc[row, column] = log[column].mean() + share * np.ptp(log[column])
+            yield f"{column} is off by {share:.0%} of its range in row {row + 1}", frame.to_csv(index=False)
 
 
 def _columns(log: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:

@@ -67,6 +67,11 @@ def replacing_together(folder: str | Path, names: Collection[str], *, parents: b
         with signals_wait():
             _commit(stage, folder, names)
         stage = None
+    except OutputError as error:
+        if stage is None or str(stage) not in error.found:
+            raise
+        found = error.found.replace(str(stage), str(folder))  # nobody knows the draft by its name
+        raise OutputError(found, error.expected, error.remedy) from None
     except OSError as error:
         raise unwritable(folder, error) from None
     finally:

@@ -12,9 +12,10 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.cli import main
+from pamid.equations import evaluate_log
 from pamid.errors import ReadingError, ReadingWarning, UnitError
 from pamid.signals import read_log, read_log_pieces, write_log
-from pamid.signals.readings import glitches, impossible
+from pamid.signals.readings import _far_ends, _of_command, glitches, impossible
 
 ROW = 700
 
@@ -203,3 +204,30 @@ def test_a_reading_that_leaps_at_the_end_of_a_run_is_told_though_others_come_as_
     log.loc[500, "q"] = log["q"].max()
     with pytest.warns(ReadingWarning, match=r"q begins or ends a run with .* \(row 501"):
         read_log(write_log(log, tmp_path / "log.parquet"), nan="keep")
+
+
+@pytest.mark.parametrize("share", [-0.9, -0.2, 0.2, 0.9])
+@pytest.mark.parametrize("column", ["mdot1", "u1"])
+def test_a_wrong_first_or_last_reading_is_told(column, share, healthy, bench, tmp_path):
+    for row in (0, len(healthy) - 1):
+        log = healthy.copy()
+        log.loc[row, column] = log[column].mean() + share * np.ptp(log[column])
+        with pytest.warns(ReadingWarning, match=rf"{column} begins or ends a run with|look at the readings there"):
+            evaluate_log(read_log(write_log(log, tmp_path / "log.parquet"), nan="keep"), bench, ["valve"])
+
+
+def test_what_a_valve_may_do_as_a_run_begins_or_ends_is_no_wrong_reading():
+    rng = np.random.default_rng(0)
+    rest = np.abs(rng.normal(0, 1e-6, 200))  # kg/s
+    opens, ends = rest.copy(), rest.copy()
+    opens[1:] += 1e-3 * np.exp(-np.arange(199) / 50)
+    ends[100:-1] += 1e-3
+    log = pd.DataFrame({"mdot1": opens, "u1": np.where(np.arange(200) > 0, 0.5, 0.0)})
+    rows = [np.arange(200)]
+    for flow in (opens, ends):
+        assert not _far_ends(flow, rows, outward=True).any()
+    spike = rest.copy()
+    spike[0] = 1e-3
+    assert np.flatnonzero(_far_ends(spike, rows, outward=True)).tolist() == [0]
+    log = log.assign(mdot1=spike, u1=np.where(np.arange(200) > 0, rest, 0.5))
+    assert np.flatnonzero(_of_command(log, "mdot1", rows)).tolist() == [0], "a valve that shuts at once"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import MissingColumnError, ShortTrajectoryError, UnitWarning, UnknownOptionError
+from ..errors import MissingColumnError, ReadingWarning, ShortTrajectoryError, UnitWarning, UnknownOptionError
 from .base import Equation, Residual, all_equations
 from .log import columns_of, runs, trajectory_rows
 from .run import Model, Run
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 CHANNELS = ("P", "F", "mdot", "u")
 """Channels that a run may have beside the angle."""
+_WORST = 3  # windows that one wrong reading falls into, with derivatives
+_ENOUGH = 30  # windows from which on three are few
+_MOST = 0.5  # of the squared error
+_ABOVE = 1.5**2  # squared errors above that of the noise before it matters where they lie
 
 
 @dataclass(frozen=True)
@@ -153,10 +157,15 @@ class _Sums:
         self.n = 0
         self.square = self.noise = self.measured = self.measured_square = 0.0
         self.origin: float | None = None
+        self.worst: list[tuple[float, float]] = []
 
     def add(self, r: Residual) -> None:
         if not r.value.size:
             return
+        largest = np.max(r.value**2, axis=1)
+        top = np.argsort(largest)[-_WORST:]
+        self.worst += zip(largest[top].tolist(), r.time[top].tolist(), strict=True)
+        self.worst = sorted(self.worst)[-_WORST:]
         if self.origin is None:  # sums about a value of the signal itself keep their digits
             self.origin = float(r.measured.flat[0])
         m = r.measured - self.origin
@@ -287,6 +296,23 @@ def window_residual(equation: Equation, run: Run) -> Residual | None:
     return equation.residual(run)
 
 
+def _few_windows(sums: Mapping[str, Mapping[str, _Sums]]) -> Iterator[str]:
+    """Say which errors rest on a few windows of one run, as a wrong first or last reading makes them."""
+    for equation, by_trajectory in sums.items():
+        n = sum(part.n for part in by_trajectory.values())
+        square, noise = (sum(getattr(p, k) for p in by_trajectory.values()) for k in ("square", "noise"))
+        if n < _ENOUGH or square <= _ABOVE * noise:
+            continue
+        trajectory, part = max(by_trajectory.items(), key=lambda item: sum(s for s, _ in item[1].worst))
+        share = sum(s for s, _ in part.worst) / square
+        if share > _MOST:
+            at = part.worst[-1][1]
+            yield (
+                f"{share:.0%} of the squared error of the {equation} equation lie in {len(part.worst)} of {n:,} windows, "
+                f"the largest at {at:.4g} s of '{trajectory}': look at the readings there."
+            )
+
+
 def without_windows(equation: Equation) -> str:
     """Return why an equation has no windows on a log that has its columns."""
     return (
@@ -334,6 +360,8 @@ def evaluate_log(
     -----
     UnitWarning
         The simulator would be right if a column were in another unit, see `unit_doubts`.
+    ReadingWarning
+        Up to three windows hold most of an error.
 
     Examples
     --------
@@ -370,6 +398,8 @@ def evaluate_log(
             sums.setdefault(name, {}).setdefault(trajectory, _Sums()).add(residual)
     for doubt in doubts:
         warnings.warn(doubt, UnitWarning, stacklevel=2)
+    for few in _few_windows(sums):
+        warnings.warn(few, ReadingWarning, stacklevel=2)
     skipped = {name: why for name, why in skipped.items() if name not in allowed}
     evaluations: dict[str, Evaluation] = {}
     for name in allowed:

@@ -22,7 +22,7 @@ BEYOND = 1e30
 """No quantity of a log is as large in SI; markers of missing values and overflows are."""
 
 _SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T", "u"))
-_QUICK = ("mdot", "u")  # what may truly leap as a run begins: a valve opens at once
+_QUICK = ("mdot", "u")  # what may truly leap from rest as a run begins: a valve opens at once
 _FULL_COMMAND = 1.5  # within it a command may well jump there and back
 _COMMANDS = ("_ref", "_cmd", "_set")
 _FEW = 50  # rows below which neither a glitch nor a dead channel can be told
@@ -127,7 +127,10 @@ def screen(
                 notes.note(signal, "glitch", frame, jumps, MISSING if rare else USED, origin)
                 bad |= jumps & rare
             quick = base_name(signal) in _QUICK
-            if (ends := _far_ends(np.where(bad, np.nan, values), rows_of_runs, leaps=not quick)).any():
+            ends = _far_ends(np.where(bad, np.nan, values), rows_of_runs, outward=quick)
+            if base_name(signal) == "mdot" and ends.any():
+                ends &= ~_of_command(frame, signal, rows_of_runs)
+            if ends.any():
                 notes.note(signal, "end", frame, ends, USED, origin)
         if bad.any():
             changed[signal] = np.where(bad, np.nan, values)
@@ -205,11 +208,12 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
     return np.where((up * down > 0) & (least > _BACK * most), least, 0.0)
 
 
-def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, leaps: bool) -> np.ndarray:
+def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, outward: bool) -> np.ndarray:
     """Return which first and last readings of runs are off: they cannot jump there and back, and so are told apart.
 
-    Such a reading lies farther from all the others than these are apart, or, where `leaps` count, leaps from the one
-    beside it by 10 times what all but 1 % of the steps that are any do.
+    Such a reading lies farther from all the others than these are apart, or leaps from the one beside it by 10 times
+    what all but 1 % of the steps that are any do. Where only leaps `outward` count, a run that begins or ends at rest
+    may leap from there, and a reading that is large beside a small one may not.
     """
     found = np.zeros(len(values), dtype=bool)
     good = np.isfinite(values)
@@ -225,8 +229,17 @@ def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, leaps: bool) -> np.
     for rows in kept:
         for end, beside in ((rows[0], rows[1]), (rows[-1], rows[-2])):
             outside = max(values[end] - high, low - values[end]) > high - low
-            found[end] = outside or (leaps and abs(values[end] - values[beside]) > leap)
+            leaps = abs(values[end] - values[beside]) > leap
+            found[end] = outside or (leaps and not (outward and abs(values[end]) < abs(values[beside])))
     return found
+
+
+def _of_command(frame: pd.DataFrame, flow: str, runs: list[np.ndarray]) -> np.ndarray:
+    """Return at which ends of runs a flow leaps because the command of its valve does."""
+    command = "u" + flow.removeprefix("mdot")
+    if command not in frame:
+        return np.zeros(len(frame), dtype=bool)
+    return _far_ends(frame[command].to_numpy(dtype=float), runs, outward=True)
 
 
 def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:

@@ -48,6 +48,7 @@ _EXAMPLES = """\
   pamid check *.csv --columns columns.toml --sim sim.toml --json
 """
 _MOST = 8
+_ROOM = 1 << 20
 
 
 def add_parser(subparsers: Any) -> None:
@@ -120,9 +121,9 @@ def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
 def _check_targets(args: argparse.Namespace) -> None:
     """Say what stands in the way of the results before anything expensive starts."""
     if args.html:
-        checked_output(args.html, [*args.log, args.sim, args.columns])
+        checked_output(args.html, [*args.log, args.sim, args.columns], _ROOM)
     if args.out:
-        check_folder(args.out, FILES)
+        check_folder(args.out, FILES, size=_ROOM)
 
 
 def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame) -> list[Path]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError, UnknownOptionError
+from ...file_sets import replacing_together
 from ...files import PROBE
 from .._residuals import Left, residual_tables
 from .._simulators import add_trust_option
@@ -91,11 +92,13 @@ def _draw(tests: dict[str, ResidualTest], out: str | None) -> list[Path]:
         return []
     from ...plots import ResidualTestDisplay, save_figure
 
-    target, files = Path(out), []
-    for name, test in tests.items():
-        path = target if len(tests) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
-        files.append(save_figure(ResidualTestDisplay(test).plot().figure_, path))
-    return files
+    target = Path(out)
+    several = len(tests) > 1
+    names = {e: f"{target.stem}-{e}{target.suffix}" if several else target.name for e in tests}
+    with replacing_together(target.parent, list(names.values())) as stage:
+        for equation, test in tests.items():
+            save_figure(ResidualTestDisplay(test).plot().figure_, stage / names[equation])
+    return [target.with_name(name) for name in names.values()]
 
 
 def _tell(name: str, test: ResidualTest, left: Left) -> None:
