@@ -308,8 +308,8 @@ def _few_windows(sums: Mapping[str, Mapping[str, _Sums]]) -> Iterator[str]:
         if share > _MOST:
             at = part.worst[-1][1]
             yield (
-                f"{share:.0%} of the squared error of the {equation} equation lie in {len(part.worst)} of {n:,} windows, "
-                f"the largest at {at:.4g} s of '{trajectory}': look at the readings there."
+                f"{share:.0%} of the squared error of the {equation} equation lie in {len(part.worst)} of {n:,} "
+                f"windows, the largest at {at:.4g} s of '{trajectory}': look at the readings there."
             )
 
 
