@@ -1,6 +1,7 @@
-"""What becomes of damaged copies of one healthy log and one simulator file: refused, told, or without effect.
+"""What becomes of damaged logs, simulator files, model files and streams: refused, told, or without effect.
 
-Each damage is one step of a list, so that every run makes the same files. ``--out DIR`` keeps them.
+Each damage is one step of a list, so that every run makes the same files. ``--out DIR`` keeps logs and simulators. What
+is done to model files and streams stands in ``damaged_models.py`` and ``damaged_streams.py``.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import argparse
 import contextlib
 import json
 import re
+import sys
 import tempfile
 import warnings
 from collections import Counter
@@ -21,6 +23,9 @@ import numpy as np
 import pandas as pd
 import scipy.io
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import damaged_models, damaged_streams
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.equations import evaluate_log
 from pamid.errors import PamidError, PamidWarning
@@ -308,6 +313,8 @@ def main() -> None:
         for damage, outcome in found:
             if outcome.kind == "silent":
                 print(f"  silent: {damage.damage}: {outcome.said[:100]}")
+    damaged_models.main()
+    damaged_streams.main()
 
 
 if __name__ == "__main__":

@@ -73,6 +73,7 @@ def fingerprints(folder: Path) -> dict[str, str]:
 def test_the_corpus_is_large_enough(logs, tmp_path):
     assert len(logs) >= 250
     assert len(list(damaged_simulators(tmp_path))) >= 60
+    assert sum(MANY.values()) >= 5_000
 
 
 @slow
@@ -139,6 +140,8 @@ EDIT = st.one_of(
     st.tuples(st.sampled_from(["all"]), st.sampled_from(list(TEXTS))),
 )
 """What happens to a whole log: to one of its lines, to a cell of it, to a name in the header, or to every line."""
+MANY = {"edits": 400, "bytes": 2_500, "tables": 2_000, "pages": 1_000}
+"""Examples of the slow part."""
 FUZZ = {
     "deadline": None,
     "derandomize": True,
@@ -240,7 +243,7 @@ def test_some_edits_change_no_answer_in_silence(tmp_path, short_log, edits):
 
 @slow
 @given(st.lists(EDIT, min_size=1, max_size=3))
-@settings(max_examples=400, **FUZZ)
+@settings(max_examples=MANY["edits"], **FUZZ)
 def test_many_edits_change_no_answer_in_silence(tmp_path, short_log, edits):
     any_edits(edits, *short_log, tmp_path)
 
@@ -260,7 +263,7 @@ def test_some_bytes(tmp_path, mark, rest, ending):
 
 @slow
 @given(MARKS, st.binary(max_size=400), ENDINGS)
-@settings(max_examples=2_500, **FUZZ)
+@settings(max_examples=MANY["bytes"], **FUZZ)
 def test_many_bytes(tmp_path, mark, rest, ending):
     any_bytes(mark, rest, ending, tmp_path)
 
@@ -273,13 +276,13 @@ def test_some_tables(tmp_path, table):
 
 @slow
 @given(TABLE)
-@settings(max_examples=2_000, **FUZZ)
+@settings(max_examples=MANY["tables"], **FUZZ)
 def test_many_tables(tmp_path, table):
     any_table(table, tmp_path)
 
 
 @slow
 @given(st.lists(LINE, max_size=12))
-@settings(max_examples=1_000, **FUZZ)
+@settings(max_examples=MANY["pages"], **FUZZ)
 def test_many_pages(tmp_path, lines):
     any_page(lines, tmp_path)
