@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
-PAGES = sorted([DOCS.parent / "README.md", *DOCS.glob("*.md")])
+PAGES = sorted([DOCS.parent / "README.md", *DOCS.glob("*.md"), DOCS.parent / "benchmarks" / "figures.md"])
 MARKS = re.compile(r"(<!-- table: ([\w:]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 

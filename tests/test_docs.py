@@ -28,7 +28,7 @@ if not DOCS.is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "benchmarks").glob("*.md"))]
 
 
 class Block(NamedTuple):
@@ -131,7 +131,7 @@ def tables() -> ModuleType:
 
 
 def test_tables_are_up_to_date(tables: ModuleType) -> None:
-    texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+    texts = {page.name: page.read_text(encoding="utf-8") for page in [*PAGES, *LOOSE_PAGES]}
     shown = {found[2] for text in texts.values() for found in tables.MARKS.finditer(text)}
     stale = [n for n, text in texts.items() if tables.updated(text) != text]
     assert not stale, "run: python docs/tables.py"

@@ -105,9 +105,9 @@ def test_bou_saba_is_not_tondu_lopez():
 # --- the page of figures ----------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def figures() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("docs_figures", ROOT / "docs" / "figures.py")
+    spec = importlib.util.spec_from_file_location("record_figures", ROOT / "benchmarks" / "_record.py")
     assert spec is not None and spec.loader is not None
-    module = sys.modules["docs_figures"] = importlib.util.module_from_spec(spec)
+    module = sys.modules["record_figures"] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 

@@ -9,7 +9,13 @@ from typing import Any
 
 _ESTIMATOR = re.compile(r"\[`(\w+)`\]\(\.\./estimators/\w+\.py\)")
 _EFFECT = re.compile(r"\[`(\w+)`\]\(\.\./pamid/effects/(\w+)\.py\)")
-_PAPERS = {"contributing": "CONTRIBUTING.md", "changes": "CHANGELOG.md", "raw_logs": "tests/raw_logs.md"}
+_PAPERS = {
+    "contributing": "CONTRIBUTING.md",
+    "changes": "CHANGELOG.md",
+    "raw_logs": "tests/raw_logs.md",
+    "benchmarks": "benchmarks/figures.md",
+    "adaptation-study": "benchmarks/adaptation.md",
+}
 """Pages of the site whose text is a paper outside the docs."""
 
 

@@ -1,12 +1,12 @@
-"""Measure the blocks of the page of figures again: ``python docs/figures.py NAME ...``.
+"""Measure the blocks of the page of figures again: ``python benchmarks/_record.py NAME ...``.
 
-Above each block of ``docs/figures.md`` one line names the block, its command, the revision at which it was measured and
+Above each block of ``benchmarks/figures.md`` one line names the block, its command, the revision at which it was measured and
 the date, and the data that it needs where they are not part of the repository. A block is measured alone: the others
 keep their older revisions. ``--list`` shows all of them and how many commits have passed since.
 
-    python docs/figures.py --list
-    python docs/figures.py import-time scaling
-    python docs/figures.py festo --data ~/festo
+    python benchmarks/_record.py --list
+    python benchmarks/_record.py import-time scaling
+    python benchmarks/_record.py festo --data ~/festo
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "figures.md"
+PAGE = ROOT / "benchmarks" / "figures.md"
 LINE = re.compile(
     r"^\*Block (?P<name>[\w-]+): `(?P<command>[^`]+)`, revision (?P<revision>[0-9a-f]{7,40}) of "
     r"(?P<date>\d{4}-\d\d-\d\d)(?:, needs data outside the repository: (?P<data>[^*]+))?\.\*$\n+"
