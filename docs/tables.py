@@ -26,6 +26,11 @@ def rows(header: Sequence[str], body: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
+def items(body: Sequence[tuple[str, str]]) -> str:
+    """Return a Markdown list, one name and what it means a line."""
+    return "\n".join([*(f"- {name}: {meaning}" for name, meaning in body), ""])
+
+
 def summary(thing: object) -> str:
     """Return the first paragraph of a docstring on one line, without the marks of reStructuredText."""
     text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
@@ -76,16 +81,17 @@ def effects() -> str:
     """Every effect of the library."""
     from pamid.effects import all_effects
 
-    body = []
+    lines, family = [], ""
     for name, cls in sorted(all_effects().items(), key=lambda item: (item[1].family, item[0])):
         if not cls.__module__.startswith("pamid."):
             continue
-        numbers = "<br>".join(
-            f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in cls.parameters
-        )
+        if cls.family != family:
+            family = cls.family
+            lines += ["", f"**{family.capitalize()}**", ""]
+        numbers = ", ".join(f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in cls.parameters)
         file = f"../pamid/effects/{cls.__module__.rpartition('.')[2]}.py"
-        body.append([cls.family, f"[`{name}`]({file})", ", ".join(cls.equations), summary(cls), numbers])
-    return rows(["family", "effect", "equations", "what it is", "parameters, with typical values"], body)
+        lines.append(f"- [`{name}`]({file}) ({', '.join(cls.equations)}): {summary(cls)} {numbers}")
+    return "\n".join([*lines[1:], ""])
 
 
 # --- models -------------------------------------------------------------------------------------------------
@@ -96,8 +102,8 @@ def estimators() -> str:
     body = []
     for name, cls in all_estimators():
         file = f"../estimators/{cls.__module__.rpartition('.')[2]}.py"
-        body.append([f"[`{name}`]({file})", summary(cls)])
-    return rows(["estimator", "what it is"], body)
+        body.append((f"[`{name}`]({file})", summary(cls)))
+    return items(body)
 
 
 def volumes() -> str:
@@ -125,7 +131,7 @@ def errors() -> str:
     from pamid import errors as module
 
     found = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, module.LogError)]
-    return rows(["error", "when"], [[f"`{c.__name__}`", summary(c)] for c in found])
+    return items([(f"`{c.__name__}`", summary(c)) for c in found])
 
 
 # --- the command line ---------------------------------------------------------------------------------------
@@ -138,15 +144,15 @@ def command(name: str) -> str:
     parser = _subparsers()[name]
     reads = any(action.dest == "log" for action in parser._actions)
     left_out = _COMMON + (_READING if reads else ())
-    body = [["`LOG`, ...", "[the log](#options-of-a-log)"]] if reads else []
-    return rows(["option", "meaning"], body + [_option(a) for a in parser._actions if a.dest not in left_out])
+    body = [("`LOG`", "and [its options](#options-of-a-log)")] if reads else []
+    return items(body + [_option(a) for a in parser._actions if a.dest not in left_out])
 
 
-def _option(action: argparse.Action) -> list[str]:
+def _option(action: argparse.Action) -> tuple[str, str]:
     metavar = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
     flags = ", ".join(action.option_strings)
     label = " ".join(part for part in (flags, str(metavar) if action.nargs != 0 else "") if part)
-    return [f"`{label}`", action.help or ""]
+    return f"`{label}`", action.help or ""
 
 
 def log_options() -> str:
@@ -159,14 +165,14 @@ def log_options() -> str:
                 said = _option(actions[dest])
                 if found.setdefault(dest, said) != said:
                     raise ValueError(f"pamid {name} says of {dest}: {said}. Expected, as elsewhere: {found[dest]}.")
-    return rows(["option", "meaning"], [found[dest] for dest in _READING])
+    return items([found[dest] for dest in _READING])
 
 
 def common_options() -> str:
     """Options of every command."""
     parser = next(iter(_subparsers().values()))
     actions = [a for a in parser._actions if a.dest in _COMMON]
-    return rows(["option", "meaning"], [[f"`{', '.join(a.option_strings)}`", a.help or ""] for a in actions])
+    return items([(f"`{', '.join(a.option_strings)}`", a.help or "") for a in actions])
 
 
 def commands() -> str:
@@ -174,7 +180,7 @@ def commands() -> str:
     from pamid.cli.app import build_parser
 
     (group,) = (a for a in build_parser()._actions if hasattr(a, "choices") and isinstance(a.choices, dict))
-    return rows(["command", "what it does"], [[f"`pamid {c.dest}`", c.help or ""] for c in group._choices_actions])
+    return items([(f"`pamid {c.dest}`", c.help or "") for c in group._choices_actions])
 
 
 def _subparsers() -> dict[str, argparse.ArgumentParser]:

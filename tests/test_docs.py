@@ -28,7 +28,7 @@ if not DOCS.is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "benchmarks").glob("*.md"))]
+LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "benchmarks").rglob("*.md"))]
 
 
 class Block(NamedTuple):

@@ -18,7 +18,7 @@ from pamid.volume.bou_saba import BouSabaVolume
 from pamid.volume.tondu_lopez import TonduLopezVolume
 
 ROOT = Path(__file__).parent.parent
-PAGE = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "benchmarks" / "papers.md").read_text(encoding="utf-8")
 ESTIMATORS = {name for name, _ in all_estimators()}
 
 

@@ -102,7 +102,18 @@ def test_links_to_the_repository_become_links_of_the_site() -> None:
     assert rewritten("[`MLP`](../estimators/mlp.py)") == "{py:obj}`~pamid.estimators.MLP`"
     assert rewritten("[x](../CONTRIBUTING.md#style)") == "[x](contributing.md#style)"
     assert rewritten("[x](gallery/plot_06_gas.py)") == "[x](auto_gallery/plot_06_gas.rst)"
+    assert rewritten("[`creep`](../pamid/effects/creep.py)") == "{py:obj}`creep <pamid.effects.creep.Creep>`"
     assert rewritten("[`Nothing`](../estimators/nothing.py)") == "[`Nothing`](../estimators/nothing.py)"
+
+
+def test_pages_outside_the_docs_link_as_from_their_own_folder() -> None:
+    links = module(DOCS / "_ext" / "source_links.py")
+    text = "[a](../docs/logs.md#units) ![b](../docs/images/x.png) [c](papers.md) [d](#here) [e](https://x.org/a.md)"
+    moved = links.from_docs(text, "benchmarks/adaptation.md")
+    expected = "[a](logs.md#units) ![b](images/x.png) [c](../benchmarks/papers.md) [d](#here) [e](https://x.org/a.md)"
+    assert moved == expected
+    assert "[c](paper-status.md)" in links.rewritten(moved)
+    assert links.from_docs("[x](docs/simulators.md)", "CHANGELOG.md") == "[x](simulators.md)"
 
 
 def test_formulas_need_no_script() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import posixpath
 import re
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ _PAPERS = {
     "raw_logs": "tests/raw_logs.md",
     "benchmarks": "benchmarks/figures.md",
     "adaptation-study": "benchmarks/adaptation.md",
+    "paper-status": "benchmarks/papers.md",
+    "withheld-benches": "benchmarks/withheld/README.md",
 }
 """Pages of the site whose text is a paper outside the docs."""
 
@@ -40,10 +43,20 @@ def rewritten(text: str) -> str:
     return text
 
 
+def from_docs(text: str, file: str) -> str:
+    """Return a paper's text with its relative links as they are from the folder of the docs."""
+
+    def moved(found: re.Match[str]) -> str:
+        path = posixpath.normpath(posixpath.join("/", posixpath.dirname(file), found[1]))
+        return f"]({posixpath.relpath(path, '/docs')}"
+
+    return re.sub(r"\]\((?!https?:|#)([^)#\s]+)", moved, text)
+
+
 def _read(app: Any, docname: str, source: list[str]) -> None:
     if docname in _PAPERS:
         text = (Path(app.srcdir).parent / _PAPERS[docname]).read_text(encoding="utf-8")
-        source[0] = rewritten(re.sub(r"\]\((?:\.\./)*docs/", "](", text))
+        source[0] = rewritten(from_docs(text, _PAPERS[docname]))
     elif docname.partition("/")[0] not in ("api", "auto_gallery"):
         source[0] = rewritten(source[0])
 
