@@ -95,17 +95,6 @@ def effects() -> str:
 
 
 # --- models -------------------------------------------------------------------------------------------------
-def estimators() -> str:
-    """Every public estimator."""
-    from pamid.estimators import all_estimators
-
-    body = []
-    for name, cls in all_estimators():
-        file = f"../estimators/{cls.__module__.rpartition('.')[2]}.py"
-        body.append((f"[`{name}`]({file})", summary(cls)))
-    return items(body)
-
-
 def volumes() -> str:
     """Every classical volume model."""
     from pamid.volume import all_volumes
@@ -124,14 +113,6 @@ def units() -> str:
 
     body = [[d, f"`{SI_UNITS[d]}`", ", ".join(f"`{u}`" for u in names)] for d, names in _TABLE.items()]
     return rows(["dimension", "SI", "units"], body)
-
-
-def errors() -> str:
-    """Every error that a log can raise."""
-    from pamid import errors as module
-
-    found = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, module.LogError)]
-    return items([(f"`{c.__name__}`", summary(c)) for c in found])
 
 
 # --- the command line ---------------------------------------------------------------------------------------
@@ -210,10 +191,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "simulator_file": simulator_file,
     "data_sets": data_sets,
     "effects": effects,
-    "estimators": estimators,
     "volumes": volumes,
     "units": units,
-    "errors": errors,
     "commands": commands,
     "common_options": common_options,
     "log_options": log_options,

@@ -37,6 +37,8 @@ def rewritten(text: str) -> str:
         ),
         text,
     )
+    text = text.replace("](../estimators)", "](api/pamid.estimators.room.rst)")
+    text = text.replace("](../pamid/errors.py)", "](api/pamid.errors.room.rst)")
     text = re.sub(r"\]\(gallery/(plot_\w+)\.py\)", r"](auto_gallery/\1.rst)", text)
     for page, file in {**_PAPERS, "index": "README.md"}.items():
         text = text.replace(f"](../{file}", f"]({page}.md")
