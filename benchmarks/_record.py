@@ -1,8 +1,8 @@
 """Measure the blocks of the page of figures again: ``python benchmarks/_record.py NAME ...``.
 
-Above each block of ``benchmarks/figures.md`` one line names the block, its command, the revision at which it was measured and
-the date, and the data that it needs where they are not part of the repository. A block is measured alone: the others
-keep their older revisions. ``--list`` shows all of them and how many commits have passed since.
+Above each block of ``benchmarks/figures.md`` one line names the block, its command, the revision at which it was
+measured and the date, and the data that it needs where they are not part of the repository. A block is measured alone:
+the others keep their older revisions. ``--list`` shows all of them and how many commits have passed since.
 
     python benchmarks/_record.py --list
     python benchmarks/_record.py import-time scaling
