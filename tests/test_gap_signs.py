@@ -11,17 +11,17 @@ from benchmarks.withheld import trust
 from pamid.bench import BenchParameters, simulate, sine
 from pamid.gap import diagnose, settings
 from pamid.gap.diagnosis.signs import agreement
-from pamid.gap.diagnosis.trusted import SIGNS, TRUSTED
+from pamid.gap.diagnosis.trusted import SIGNS, SURE, TRUSTED
 from pamid.gap.learned import learn, predict
 
 NOMINAL = BenchParameters.for_muscle("B")
 RUNS = [sine(2, 10, 600), sine(5, 12, 600), sine(8, 10, 600)]
+LEAKING = simulate(NOMINAL.replace(effects=[("leakage", {"conductance": 2e-10})]), RUNS, seed=0)
 
 
 @pytest.fixture(scope="module")
 def leak():
-    log = simulate(NOMINAL.replace(effects=[("leakage", {"conductance": 2e-10})]), RUNS, seed=0)
-    return diagnose(log, NOMINAL, ["leakage", "flow_bias", "coulomb_friction"])
+    return diagnose(LEAKING, NOMINAL, ["leakage", "flow_bias", "coulomb_friction"])
 
 
 def test_cochrans_q_is_that_of_the_books():
@@ -75,6 +75,20 @@ def test_a_true_cause_shows_no_sign_and_leads_the_hypotheses(leak):
     first, *others = leak.as_dict()["hypotheses"]
     assert first["effects"] == ["leakage"]
     assert all(first["gain"] >= h["gain"] for h in others)
+
+
+@pytest.mark.parametrize(("constant", "reserve"), [(5.0, False), (0.5 * (TRUSTED + SURE), True)])
+def test_a_name_that_is_not_sure_is_said_with_reserve(monkeypatch, constant, reserve):
+    from pamid.gap.diagnosis import open_set
+    from pamid.report import answers
+
+    p = constant if constant < 1.0 else 1.0 / (1.0 + np.exp(-constant))
+    monkeypatch.setattr(open_set, "SIGNS", {"constant": float(np.log(p / (1.0 - p)))})
+    found = diagnose(LEAKING, NOMINAL, ["leakage", "flow_bias"])
+    assert found.verdict == "cause"
+    assert found.with_reserve is reserve
+    assert found.as_dict()["with_reserve"] is reserve
+    assert ("or something that looks like it on this log" in answers(found).verdict) is reserve
 
 
 def test_weights_are_found_again_and_the_bar_holds_its_bound(monkeypatch):

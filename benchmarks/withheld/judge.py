@@ -133,6 +133,7 @@ def answer(
         amplitude=amplitude,
         interval=closure and _interval(closure["ci90"]),
         seconds=seconds,
+        reserved=bool(d.get("with_reserve")),
     )
 
 

@@ -90,6 +90,8 @@ class Answer:
         Whether the 90 % interval of the amplitude holds the true one, where it means the same on the bench.
     seconds : float
         Time it took.
+    reserved : bool
+        Whether its names are said with reserve.
     """
 
     gap: bool
@@ -105,6 +107,7 @@ class Answer:
     interval: tuple[float, float] | None = None
     amplitude: bool | None = None
     seconds: float = math.nan
+    reserved: bool = False
 
     @property
     def ranking(self) -> list[str]:
@@ -238,6 +241,23 @@ def class_size(records: Sequence[Record]) -> Figure:
 def off_library_named(records: Sequence[Record]) -> Figure:
     """Share of causes outside the library that are given a name of the library."""
     return share(bool(a.named) for _, a in of_suite(records, "off-library"))
+
+
+def off_library_sure(records: Sequence[Record]) -> Figure:
+    """Share of causes outside the library that are given a name of the library without reserve."""
+    return share(bool(a.named) and not a.reserved for _, a in of_suite(records, "off-library"))
+
+
+def wrong_and_sure(records: Sequence[Record]) -> Figure:
+    """Share of causes named without reserve, whatever is true, none of whose names is an effect of the bench."""
+    kept = [(t, names) for t, a in records if a.verdict in NAMING and not a.reserved for names in a.causes]
+    return share(not set(names) & set(t.effects) for t, names in kept)
+
+
+def reserved(records: Sequence[Record]) -> Figure:
+    """Share of detectable effects of the library, alone or in pairs, whose names are said with reserve."""
+    kept = [r for r in of_suite(records, "single", "confusable", "pairs") if r[0].strength >= DETECTABLE]
+    return share(a.verdict in NAMING and a.reserved for _, a in kept)
 
 
 def wrong_names(records: Sequence[Record]) -> Figure:

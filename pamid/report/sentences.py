@@ -89,11 +89,18 @@ def verdict(d: Diagnosis) -> str:
         return "A gap whose cause is not in the library"
     if d.verdict == "several":
         count = len(d.causes)
-        return f"{_count(count)} causes: {listed([_either(c) for c in d.causes])}"
+        return f"{_count(count)} causes: {listed([_either(c) for c in d.causes])}{_reserve(d)}"
     first = d.causes[0]
     if len(first.effects) > 1:
-        return f"One cause, and this log cannot tell which: {_either(first)}"
-    return f"One cause: {_names(first)[0]}"
+        return f"One cause, and this log cannot tell which: {_either(first)}{_reserve(d)}"
+    return f"One cause: {_names(first)[0]}{_reserve(d)}"
+
+
+def _reserve(d: Diagnosis) -> str:
+    """Return what is added to names of which a cause beyond the library cannot be excluded."""
+    if not d.with_reserve:
+        return ""
+    return f", or something that looks like {'them' if len(d.causes) > 1 else 'it'} on this log"
 
 
 # --- where --------------------------------------------------------------------------------------------------

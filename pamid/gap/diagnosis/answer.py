@@ -102,6 +102,7 @@ def answer(
         windows=_windows(evidence, before, after),
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
         remainder=remainder(evidence, before, after) if verdict.named else {},
+        with_reserve=verdict.reserved,
         signs=dict(verdict.trust.signs) if verdict.trust is not None else {},
         hypotheses=_hypotheses(verdict),
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),

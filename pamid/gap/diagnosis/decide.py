@@ -54,6 +54,11 @@ class Verdict:
         return self.kind in ("cause", "class", "several")
 
     @property
+    def reserved(self) -> bool:
+        """Whether what is named may be something that only looks like it: a cause beyond the library is not excluded."""
+        return self.named and self.trust is not None and not self.trust.sure
+
+    @property
     def unknown(self) -> float:
         """Probability that a gap has a cause outside the library."""
         return 0.0 if self.kind == "none" else 1.0 if self.trust is None else 1.0 - self.trust.probability

@@ -6,8 +6,9 @@ that undo or mend each other. These signs are weighed by logistic regression,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
-fitted to logs of benches whose cause is in the library and of ones whose cause is not; a name is said where p is above
-the threshold at which at most one in twenty of the names said on such logs is wrong.
+fitted to logs of benches whose cause is in the library and of ones whose cause is not. A name is said where it is more
+likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is above the
+bar at which at most one in twenty of the names said on such logs is wrong.
 
 References
 ----------
@@ -25,7 +26,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
 from .signs import signs_of
-from .trusted import SIGNS, TRUSTED
+from .trusted import SIGNS, SURE, TRUSTED
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,15 @@ class Trust:
         Probability that they are.
     named : bool
         Whether that is enough to say them.
+    sure : bool
+        Whether it is enough to say them without reserve.
     signs : dict of str to float
         What it rests on, see `signs_of`.
     """
 
     probability: float
     named: bool
+    sure: bool
     signs: dict[str, float]
 
 
@@ -63,7 +67,7 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
     if not competition.evidence.exact:
         # Any other model may be wrong in several small ways at once: names are said of what they close.
         closed = 1.0 - signs["left_of_gap"]
-        return Trust(closed, closed > 0.5, signs)
+        return Trust(closed, closed > TRUSTED, closed > SURE, signs)
     score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
     probability = float(1.0 / (1.0 + np.exp(-score)))
-    return Trust(probability, probability >= TRUSTED, signs)
+    return Trust(probability, probability >= TRUSTED, probability >= SURE, signs)

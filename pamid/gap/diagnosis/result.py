@@ -354,6 +354,9 @@ class Diagnosis:
     remainder : dict
         What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
+    with_reserve : bool
+        Whether each name stands for the effect "or something that looks like it on this log": more likely right than
+        not, but below the bar from which at most one name in twenty is wrong.
     signs : dict of str to float
         What trust in the names of the best hypothesis rests on, see `pamid.gap.diagnosis.signs.signs_of`; empty where
         no effect explains anything.
@@ -401,6 +404,7 @@ class Diagnosis:
     windows: pd.DataFrame
     leftover: dict[str, Any] = field(default_factory=dict)
     remainder: dict[str, Any] = field(default_factory=dict)
+    with_reserve: bool = False
     signs: dict[str, float] = field(default_factory=dict)
     hypotheses: list[HypothesisFinding] = field(default_factory=list)
     deviations: dict[str, float] = field(default_factory=dict)
@@ -444,6 +448,7 @@ class Diagnosis:
                 "next_experiment": None if experiment is None else vars(experiment),
                 "leftover": self.leftover,
                 "remainder": self.remainder,
+                "with_reserve": self.with_reserve,
                 "signs": self.signs,
                 "hypotheses": [vars(h) for h in self.hypotheses],
                 "not_tested": self.not_tested,
