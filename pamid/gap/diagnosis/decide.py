@@ -55,7 +55,7 @@ class Verdict:
 
     @property
     def reserved(self) -> bool:
-        """Whether what is named may be something that only looks like it: a cause beyond the library is not excluded."""
+        """Whether what is named may only look like the cause: one beyond the library is not excluded."""
         return self.named and self.trust is not None and not self.trust.sure
 
     @property
