@@ -12,6 +12,7 @@ import importlib
 import inspect
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -116,44 +117,33 @@ def units() -> str:
 
 
 # --- the command line ---------------------------------------------------------------------------------------
-_COMMON = ("help", "json", "quiet", "seed", "debug")
-_READING = ("log", "columns", "nan", "trust")
+sys.path.insert(0, str(DOCS / "_ext"))
+commands_ = importlib.import_module("commands")
 
 
 def command(name: str) -> str:
-    """Options of one command, without those that all commands share that read a log."""
-    parser = _subparsers()[name]
-    reads = any(action.dest == "log" for action in parser._actions)
-    left_out = _COMMON + (_READING if reads else ())
-    body = [("`LOG`", "and [its options](#options-of-a-log)")] if reads else []
-    return items(body + [_option(a) for a in parser._actions if a.dest not in left_out])
-
-
-def _option(action: argparse.Action) -> tuple[str, str]:
-    metavar = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
-    flags = ", ".join(action.option_strings)
-    label = " ".join(part for part in (flags, str(metavar) if action.nargs != 0 else "") if part)
-    return f"`{label}`", action.help or ""
-
-
-def log_options() -> str:
-    """Options of every command that reads a log; each with the same words wherever it stands."""
-    found = {}
-    for name, parser in _subparsers().items():
-        actions = {a.dest: a for a in parser._actions}
-        if "log" in actions:
-            for dest in (d for d in _READING if d in actions):
-                said = _option(actions[dest])
-                if found.setdefault(dest, said) != said:
-                    raise ValueError(f"pamid {name} says of {dest}: {said}. Expected, as elsewhere: {found[dest]}.")
-    return items([found[dest] for dest in _READING])
+    """Usage of one command; what each option means stands in the site's reference, as ``--help`` prints it."""
+    lines = textwrap.wrap(commands_.usage(name), 120, break_on_hyphens=False, break_long_words=False)
+    return "\n".join(["```text", *(line.replace("\N{NO-BREAK SPACE}", " ") for line in lines), "```"])
 
 
 def common_options() -> str:
     """Options of every command."""
-    parser = next(iter(_subparsers().values()))
-    actions = [a for a in parser._actions if a.dest in _COMMON]
+    parser = next(iter(commands_.subparsers().values()))
+    actions = [a for a in parser._actions if a.dest in commands_.COMMON]
     return items([(f"`{', '.join(a.option_strings)}`", a.help or "") for a in actions])
+
+
+def log_options() -> str:
+    """Options of every command that reads a log; each with the same words wherever it stands."""
+    found: dict[str, tuple[str, str]] = {}
+    for name, parser in commands_.subparsers().items():
+        actions = {a.dest: a for a in parser._actions}
+        for dest in (d for d in ("log", *commands_.READING) if "log" in actions and d in actions):
+            said = commands_.option(actions[dest])
+            if found.setdefault(dest, said) != said:
+                raise ValueError(f"pamid {name} says of {dest}: {said}. Expected, as elsewhere: {found[dest]}.")
+    return items([(f"`{written}`", meaning) for written, meaning in found.values()])
 
 
 def commands() -> str:
@@ -162,13 +152,6 @@ def commands() -> str:
 
     (group,) = (a for a in build_parser()._actions if hasattr(a, "choices") and isinstance(a.choices, dict))
     return items([(f"`pamid {c.dest}`", c.help or "") for c in group._choices_actions])
-
-
-def _subparsers() -> dict[str, argparse.ArgumentParser]:
-    from pamid.cli.app import build_parser
-
-    (group,) = (a for a in build_parser()._actions if hasattr(a, "choices") and isinstance(a.choices, dict))
-    return dict(group.choices)
 
 
 # --- benchmarks ---------------------------------------------------------------------------------------------

@@ -138,7 +138,9 @@ def test_tables_are_up_to_date(tables: ModuleType) -> None:
     assert set(tables.TABLES) <= shown
     stubs = [file.name for file, text in tables.stubs().items() if file.read_text(encoding="utf-8") != text]
     assert not stubs, "run: python docs/tables.py"
-    assert {f"command:{c}" for c in tables._subparsers()} <= shown, "a command without its options in command-line.md"
+    assert {f"command:{c}" for c in tables.commands_.subparsers()} <= shown, (
+        "a command without its options in command-line.md"
+    )
 
 
 def test_a_stale_table_is_noticed(tables: ModuleType) -> None:
@@ -212,3 +214,14 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert path.is_relative_to(ROOT), target
         if anchor:
             assert anchor in anchors(path), target
+
+
+def words(text: str) -> int:
+    """Words of a page, whatever stands between the bars of a table; the bars are none."""
+    return sum(any(c.isalnum() for c in word) for word in text.split())
+
+
+def test_the_docs_stay_short() -> None:
+    """A page that grows takes words from another: what is read is what is short."""
+    counted = {page.name: words(page.read_text(encoding="utf-8")) for page in DOCS.glob("*.md")}
+    assert sum(counted.values()) <= 30_000, sorted(counted.items(), key=lambda item: -item[1])[:8]

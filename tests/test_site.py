@@ -85,6 +85,15 @@ def test_what_pages_include_is_there() -> None:
     assert included >= 3
 
 
+def test_the_reference_has_every_option_of_every_command() -> None:
+    commands = module(DOCS / "_ext" / "commands.py")
+    sections = dict(re.findall(r"^pamid (\w+)\n-+\n(.*?)(?=^pamid \w+\n-|\Z)", commands.page(), re.M | re.S))
+    assert set(sections) == set(commands.subparsers())
+    for name, parser in commands.subparsers().items():
+        flags = [flag for action in parser._actions for flag in action.option_strings]
+        assert [flag for flag in flags if flag not in sections[name]] == [], name
+
+
 def test_the_reference_has_every_room() -> None:
     rooms = module(DOCS / "_ext" / "rooms.py")
     pages = {room: rooms.page(room, line) for room, line in rooms.rooms().items()}

@@ -121,6 +121,7 @@ def _write(app: Any, _: Any) -> None:
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
     texts = {f"{room}.room.rst": page(room, line) for room, line in rooms().items()}
+    texts["commands.rst"] = importlib.import_module("commands").page()
     listed = "".join(f"   {Path(name).stem}\n" for name in texts)
     texts["index.rst"] = (
         "Reference\n=========\n\nThe rooms of the house, from what a user meets first down to the laws. Quantities are "
