@@ -255,6 +255,12 @@ class OversizedSimulatorError(SimulatorFileError):
     """A file far too large to be a simulator file."""
 
 
+class SimulatorRunError(SimulatorFileError):
+    """A simulator of a user's own raises an error, or gives no finite numbers."""
+
+    page = "docs/simulators.md"
+
+
 class SimulatorTypeError(SimulatorFileError, TypeError):
     """A simulator parameter is of the wrong type, such as text where a number belongs."""
 

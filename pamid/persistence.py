@@ -33,6 +33,8 @@ FORMAT_VERSION = 1
 """Version of the file format that `save` writes; `load` reads this one and every earlier one."""
 
 Migration = Callable[[dict[str, Any], dict[str, Any]], tuple[dict[str, Any], dict[str, Any]]]
+_HEAD = {"pamid": str, "class": str, "steps": list, "columns": list, "units": dict, "created": str, "metadata": dict}
+"""What a file says about itself."""
 MIGRATIONS: dict[int, Migration] = {}
 """For each earlier version, what turns (metadata, schema) of a file into those of the next version.
 
@@ -329,6 +331,13 @@ def _read_head(entries: dict[str, bytes], name: str, max_bytes: int) -> tuple[di
             f"a format from 1 to {FORMAT_VERSION} (this is pamid {__version__})",
             "Update pamid, or save the model again with this version.",
         )
+    for key, kind in _HEAD.items():
+        if not isinstance(head.get(key), kind):
+            raise TruncatedModelError(
+                f"{METADATA} of {name} has {key} = {str(head.get(key))[:60]!r}.",
+                "what pamid.persistence.save wrote there",
+                "Save the model again.",
+            )
     return head, parse_json(entries[SCHEMA], SCHEMA, name, max_bytes)
 
 

@@ -53,7 +53,7 @@ def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]
     PamidError
         One of the three.
     """
-    text = _text(Path(path), what, errors)
+    text = read_small_text(Path(path), what, errors)
     if _LONG_KEY.search(text):
         raise errors.broken(f"{path} has a key of more than 17 parts.", f"{what} with short keys", "Correct it.")
     try:
@@ -64,7 +64,28 @@ def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]
         ) from None
 
 
-def _text(path: Path, what: str, errors: TomlErrors) -> str:
+def read_small_text(path: Path, what: str, errors: TomlErrors) -> str:
+    """Read a text in UTF-8 of at most a megabyte.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    what : str
+        What it should be, in words.
+    errors : TomlErrors
+        The errors to raise.
+
+    Returns
+    -------
+    str
+        Its content.
+
+    Raises
+    ------
+    PamidError
+        One of the three.
+    """
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import sys
@@ -21,7 +22,8 @@ if not (ROOT / "benchmarks").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 sys.path.append(str(ROOT))
 
-from benchmarks.damaged_models import X, Y, bombs, healthy_models, outcomes  # noqa: E402
+from benchmarks.damaged_models import X, Y, bombs, entries_of, healthy_models, outcomes, packed  # noqa: E402
+from pamid.cli import main  # noqa: E402
 from pamid.errors import ModelFileError  # noqa: E402
 from pamid.persistence import load, save  # noqa: E402
 from pamid.training import Adam  # noqa: E402
@@ -80,3 +82,23 @@ def test_series_and_rates_come_back(tmp_path):
     assert np.array_equal(load(save(model, tmp_path / "m.pamid")).predict(table), model.predict(table))
     narx = PolynomialNARX(inputs=("x",), signals={"x": 0}, one_trajectory=True).fit(X, Y)
     assert np.array_equal(load(save(narx, tmp_path / "m.pamid")).predict(X), narx.predict(X))
+
+
+def test_a_file_that_lies_about_itself_is_refused_or_shown_without_it(healthy, tmp_path, capsys):
+    file, _ = healthy["force"]
+    head = json.loads(entries_of(file)["pamid.json"])
+
+    def written(**changes) -> str:
+        text = json.dumps({k: v for k, v in {**head, **changes}.items() if v is not ...})
+        (tmp_path / "m.pamid").write_bytes(packed({**entries_of(file), "pamid.json": text.encode()}))
+        return str(tmp_path / "m.pamid")
+
+    for key in ("class", "steps", "created", "metadata", "columns", "units"):
+        for value in (None, -1, "\x1b[31mred" if not isinstance(head[key], str) else [], ...):
+            assert main(["present", written(**{key: value})]) == 2
+            assert f"has {key} = " in capsys.readouterr().err
+    for number in (None, "x", [], {}):
+        assert main(["present", written(metadata={"training": {"rmse": number, "nrmse": 0.1}})]) == 0
+        assert "fit / %" not in capsys.readouterr().out
+    assert main(["present", written(created="\x1b[31mred", metadata={"equation": "\x1b[31mred"})]) == 0
+    assert "\x1b" not in capsys.readouterr().out

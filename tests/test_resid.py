@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.bench import BenchParameters, simulate, sine
 from pamid.cli import main
 from pamid.compare import residual_test
 from pamid.errors import ShapeError, ShortTrajectoryError
@@ -50,6 +51,9 @@ def test_what_is_left_is_found_and_runs_are_kept_apart():
     assert residual_test(tail, {}, groups, lags=20).auto[15] < whole - 0.1
     holed = np.where(np.arange(1200) == 300, np.nan, e)
     assert residual_test(holed, {"u": u}, groups, lags=10).n_rows == 1199
+    lost = np.where(np.arange(1200) < 700, np.nan, u)
+    part = residual_test(e, {"u": lost, "gone": np.full(1200, np.nan)}, groups, lags=10)
+    assert list(part.cross) == ["u"] and part.cross_lags[np.argmax(part.cross["u"])] == 2
     drawn = ResidualTestDisplay(found).plot()
     assert [ax.get_ylabel().split("\n")[0] for ax in drawn.axes_] == ["residual with its past", "residual with u"]
     assert drawn.axes_[-1].get_xlabel() == "lag / s"
@@ -109,3 +113,17 @@ def test_a_saved_model_is_presented_and_tested(tmp_path, capsys):
     assert "std. error" in capsys.readouterr().out
     assert main(["resid", log, "--model", out, "--json", "--quiet"]) == 0
     assert set(json.loads(capsys.readouterr().out)["equations"]["force"]["inputs"]) == {"eps", "P"}
+
+
+def test_an_input_that_is_not_known_is_named(tmp_path, capsys):
+    bench = BenchParameters.for_muscle("B")
+    bench.to_toml(tmp_path / "sim.toml")
+    log = simulate(bench, [sine(4, 15, 2000)], seed=0)
+    for change in (log.drop(columns="u1"), log.drop(columns=["u1", "u2"]), log.assign(u1=np.nan), log.assign(u1=0.0)):
+        file = str(write_log(change, tmp_path / "log.parquet"))
+        argv = ["resid", file, "--sim", str(tmp_path / "sim.toml"), "--lags", "5", "--equation", "force", "--quiet"]
+        assert main(argv) == 0
+        out = capsys.readouterr().out
+        assert main([*argv, "--json"]) == 0
+        left_out = json.loads(capsys.readouterr().out)["equations"]["force"]["left_out"]
+        assert ("Not looked at" in out) == bool(left_out)

@@ -11,7 +11,16 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, triangle
 from pamid.cli import main
-from pamid.errors import IncompatibleError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+from pamid.errors import (
+    IncompatibleError,
+    LogFormatError,
+    LogNotFoundError,
+    MissingColumnError,
+    PamidError,
+    ParameterError,
+    TruncatedLogError,
+    UnknownOptionError,
+)
 from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
 from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
@@ -22,7 +31,7 @@ from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.several import Conditions, diagnose_logs, read_conditions
 from pamid.gap.several.go_on import go_on
-from pamid.gap.several.history import History, read_history
+from pamid.gap.several.history import History, _mark, read_history
 from pamid.gap.several.stacked import Log, StackedEvidence
 
 NOMINAL = BenchParameters.for_muscle("B")
@@ -108,9 +117,32 @@ def test_a_table_of_conditions_is_read_and_checked(tmp_path: Path) -> None:
     file.write_text("log,temperature\nmonday,warm\n")
     with pytest.raises(ParameterError, match="Row 2"):
         read_conditions(file)
-    file.write_text("log,day\nmonday,1\nmonday,2\n")
-    with pytest.raises(ParameterError, match="Row 3"):
-        read_conditions(file)
+    for again in ("monday", "monday.csv"):
+        file.write_text(f"log,day\nmonday,1\n{again},2\n")
+        with pytest.raises(ParameterError, match="Row 3"):
+            read_conditions(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("\ufefflog,day\nmonday\n", "Row 2 of .* has 1 fields"),
+        ("log,day\nx,monday,1\n", "Row 2 of .* has 3 fields"),
+        ("log,temperature\nmonday,nan\n", "temperature is nan"),
+        ("log,temperature\nmonday,25\n", "temperature is 25"),
+        ("log,temperature\nmonday,1e300\n", "temperature is 1e"),
+        ("log,temperature,temperature\nmonday,290,300\n", "'temperature' twice"),
+        ("log,temperature [K]\nmonday,290\n", "is no number"),
+        ('log,day\n"monday,1\n', "is no table"),
+        ("log;day\nmonday;1\n", "a column 'log'"),
+        ("log,day\n" + "monday,1\n" * 200_000, "at most 1,000,000"),
+    ],
+)
+def test_a_damaged_table_of_conditions_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "conditions.csv").write_text(text)
+    with pytest.raises(PamidError, match=words):
+        read_conditions(tmp_path / "conditions.csv")
 
 
 def test_a_history_is_refused_where_simulator_or_library_changed(
@@ -126,13 +158,49 @@ def test_a_history_is_refused_where_simulator_or_library_changed(
         read_history(tmp_path, NOMINAL.replace(inertia=0.03))
     with pytest.raises(ParameterError, match="part of the earlier"):
         go_on(again, {"first": leaking})
-    state = json.loads((tmp_path / "state.json").read_text())
-    state["library"]["leakage"] = "0" * 16
-    (tmp_path / "state.json").write_text(json.dumps(state))
+    monkeypatch.setattr("pamid.gap.several.history.fingerprint", lambda name: "0" * 16)
     with pytest.raises(IncompatibleError, match="leakage is another one"):
         read_history(tmp_path, NOMINAL)
     with pytest.raises(LogNotFoundError):
         read_history(tmp_path / "nowhere")
+
+
+def test_what_somebody_has_edited_is_no_posterior(tmp_path: Path, leaking: pd.DataFrame) -> None:
+    history = History(NOMINAL, ["leakage"])
+    go_on(history, {"first": leaking})
+    history.write(tmp_path)
+    state, logs = tmp_path / "state.json", tmp_path / "logs.parquet"
+    text, whole = state.read_text(), json.loads(state.read_text())
+    assert read_history(tmp_path).rivals == history.rivals
+
+    def refused(content: str, words: str) -> None:
+        state.write_text(content)
+        for sim in (NOMINAL, None):
+            with pytest.raises(LogFormatError, match=words):
+                read_history(tmp_path, sim)
+
+    for key in whole:
+        refused(json.dumps({**whole, key: None}), "was changed since|cannot be gone on from")
+        refused(json.dumps({k: v for k, v in whole.items() if k != key}), "was changed since|cannot be gone on from")
+    refused(text.replace('"leakage"', '"creep"'), "was changed since")
+    for broken in ("", "[" * 200_000, '{"schema": ' + "9" * 6000 + "}", "[]", "null", text[:-200]):
+        refused(broken, "cannot be gone on from|was changed since")
+    for change in ({"rivals": [{**whole["rivals"][0], "effects": {"nosuch": {}}}]}, {"logs": 3}, {"rounds": [{}]}):
+        crafted = {k: v for k, v in {**whole, **change}.items() if k != "mark"}
+        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be gone on from")
+    state.write_text(text)
+    table = pd.read_parquet(logs)
+    table.assign(F1=0.0).to_parquet(logs, index=False)
+    with pytest.raises(LogFormatError, match="was changed since"):
+        read_history(tmp_path)
+    crafted = {k: v for k, v in whole.items() if k != "mark"}
+    for change in ({"q": "x"}, {"P1": 0.0}, {"log": "another"}):
+        table.assign(**change).to_parquet(logs, index=False)
+        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be gone on from")
+    logs.write_bytes(b"PAR1 and no more")
+    state.write_text(json.dumps({**crafted, "mark": _mark(crafted, logs)}))
+    with pytest.raises(TruncatedLogError, match="damaged"):
+        read_history(tmp_path)
 
 
 # --- designs ------------------------------------------------------------------------------------------------

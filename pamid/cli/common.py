@@ -202,7 +202,7 @@ def _note_assumed(args: argparse.Namespace) -> None:
             note(args, f"{path} still assumes {', '.join(lines[:8])}: replace or confirm it, and remove ASSUMED")
 
 
-def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
+def parse_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """Turn ``name=value`` texts into a dictionary; values are Python literals, anything else is text."""
     import ast
 
@@ -210,7 +210,7 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         name, equals, text = pair.partition("=")
         if not equals or not name.strip():
-            raise ParameterError(f"--set got {pair!r}.", "name=value", "Write for instance --set max_iter=200.")
+            raise ParameterError(f"{option} got {pair[:60]!r}.", "name=value", "Write for instance max_iter=200.")
         try:
             settings[name.strip()] = ast.literal_eval(text.strip())
         except (ValueError, SyntaxError, MemoryError, RecursionError):

@@ -121,7 +121,7 @@ def residual_test(
     residual : array_like, shape (n_samples,)
         Measured less modelled, evenly sampled within each run.
     inputs : mapping of str to array_like, shape (n_samples,)
-        Signals that the model reads.
+        Signals that the model reads; one that stands still or is hardly known is left out.
     groups : array_like, shape (n_samples,), optional
         Run of each row, contiguous; one run without.
     lags : int, default=25
@@ -167,10 +167,9 @@ def residual_test(
     given = {str(name): np.asarray(x, dtype=float) for name, x in inputs.items()}
     if any(len(x) != len(e) for x in given.values()) or (groups is not None and len(groups) != len(e)):
         raise ShapeError("residual, inputs and groups differ in length.", "one entry a row in each", "Correct them.")
-    edges = _edges(e, groups)
-    runs = [slice(a, b) for a, b in edges if b - a >= _LEAST * lags]
+    runs = _runs(e, groups, lags)
     if not runs:
-        longest = max((b - a for a, b in edges), default=0)
+        longest = max((b - a for a, b in _edges(e, groups)), default=0)
         raise ShortTrajectoryError(
             f"The longest run has {longest} rows.", f"{_LEAST * lags} rows for {lags} lags", "Look at fewer lags."
         )
@@ -184,20 +183,27 @@ def residual_test(
     Q = n * (n + 2) * float(np.sum(np.square(auto[1 : lags + 1]) / (n - k)))
     cross, band, p_input = {}, {}, {}
     for name, x in given.items():
-        centre = float(np.mean(np.concatenate([x[r] for r in runs])))
-        others = [x[r] - centre for r in runs]
+        both = runs if np.all(np.isfinite(x)) else _runs(e + x, groups, lags)
+        centre = float(np.mean(np.concatenate([x[r] for r in both]))) if both else 0.0
+        others = [x[r] - centre for r in both]
         if not any(np.any(o) for o in others):
-            continue  # stands still: nothing can be said of it
+            continue  # stands still or is not known: nothing can be said of it
+        parts, m = [e[r] - mean for r in both], sum(r.stop - r.start for r in both)
         c = _correlation(parts, others, lags)
         spread = _joint_spread(auto, _correlation(others, others, reach)[reach:], lags)
         later = c[lags:]
-        xi = n * float(later @ np.linalg.pinv(spread, hermitian=True, rcond=1e-8) @ later)
-        cross[name], band[name] = c, z * float(np.sqrt(spread[0, 0] / n))
+        xi = m * float(later @ np.linalg.pinv(spread, hermitian=True, rcond=1e-8) @ later)
+        cross[name], band[name] = c, z * float(np.sqrt(spread[0, 0] / m))
         p_input[name] = float(chi2.sf(xi, np.linalg.matrix_rank(spread, hermitian=True, rtol=1e-8)))
     return ResidualTest(
         np.arange(lags + 1), auto[: lags + 1], z / float(np.sqrt(n)), np.arange(-lags, lags + 1), cross, band,
         float(chi2.sf(Q, lags)), p_input, float(interval), float(level), n,
     )  # fmt: skip
+
+
+def _runs(e: np.ndarray, groups: Any, lags: int) -> list[slice]:
+    """Return the rows of each run without a hole that is long enough for the lags."""
+    return [slice(a, b) for a, b in _edges(e, groups) if b - a >= _LEAST * lags]
 
 
 def _edges(e: np.ndarray, groups: Any) -> list[tuple[int, int]]:

@@ -121,6 +121,12 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
     laws, volume = getattr(last, "_laws", None), _fitted_volume(last)
+    if (laws is None or volume is None) and effects:
+        raise ExportError(
+            f"{type(last).__name__} has no gas volume, and {', '.join(e.name for e in effects)} shall be added to it.",
+            "a hybrid model where effects are added",
+            "Leave --effect out, or fit a hybrid model.",
+        )
     if laws is None or volume is None:
         raise ExportError(
             f"{type(last).__name__} has no gas volume of a form that can be written elsewhere.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import inspect
@@ -13,7 +14,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import PamidError, ParameterError, ShapeError, SimulatorNotFoundError, UnknownOptionError
+from ..errors import (
+    PamidError,
+    ParameterError,
+    ShapeError,
+    SimulatorNotFoundError,
+    SimulatorRunError,
+    UnknownOptionError,
+)
 from .base import Simulator
 from .ports import ModelParameter, Port, Values
 
@@ -121,7 +129,7 @@ class FunctionSimulator(Simulator):
         def at(k: Any) -> np.ndarray:
             given = [Values.of(rows[:, k], labels) for rows, labels in arguments]
             with np.errstate(all="ignore"):
-                return _rows(function(*([] if t is None else [t[k]]), *given), names, function)
+                return _rows(_asked(function, *([] if t is None else [t[k]]), *given), names, function)
 
         if n == 0:
             return np.zeros((len(names), 0))
@@ -152,7 +160,7 @@ class FunctionSimulator(Simulator):
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
         """Return the outputs of a whole run, shape (n_outputs, n)."""
         given = Values.of(np.vstack([t[None], u]), ("time", *self.inputs))
-        answer = self.function(given, Values.of(p, self.parameters), Values.of(x0, self.states))
+        answer = _asked(self.function, given, Values.of(p, self.parameters), Values.of(x0, self.states))
         out = _rows(answer, self.outputs, self.function)
         if out.shape != (len(self.outputs), len(t)):
             raise ShapeError(
@@ -189,7 +197,9 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
     if not colon or not module or not name:
         raise ParameterError(f"The function is {source!r}.", "'module:function' or 'file.py:function'", "Correct it.")
     try:
-        loaded = _load_file(Path(folder or ".") / module) if module.endswith(".py") else _load_module(module, folder)
+        with contextlib.redirect_stdout(sys.stderr):
+            by_path = module.endswith(".py")
+            loaded = _load_file(Path(folder or ".") / module) if by_path else _load_module(module, folder)
     except (SimulatorNotFoundError, ParameterError):
         raise
     except (Exception, SystemExit) as error:
@@ -201,7 +211,26 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
         raise SimulatorNotFoundError(
             f"{module} has no {name!r}.", "the name of a function in it", "Correct the name after the colon."
         )
+    if not callable(found):
+        raise ParameterError(f"{source} is no function.", "the name of a function", "Correct the name after the colon.")
     return found
+
+
+def _asked(function: Callable[..., Any], *given: Any) -> Any:
+    """Call a user's function: what it raises is told as its own, and what it prints stays out of the results."""
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            return function(*given)
+    except (PamidError, MemoryError):
+        raise
+    except (Exception, SystemExit) as error:
+        trace = error.__traceback__.tb_next if error.__traceback__ else None
+        line = f" in line {trace.tb_lineno}" if trace is not None else ""
+        raise SimulatorRunError(
+            f"{_name(function)} raised {type(error).__name__}{line}: {str(error)[:200]}.",
+            f"a function of {len(given)} arguments that returns numbers",
+            "Correct the function.",
+        ) from error
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:
@@ -300,7 +329,8 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
                 "Return every port by name.",
             )
         answer = [answer[n] for n in names]
-    rows = [answer] if len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer) else list(answer)
+    one = len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer)
+    rows = list(answer) if not one and np.iterable(answer) else [answer]
     if len(rows) != len(names):
         raise ShapeError(
             f"{_name(function)} returned {len(rows)} values.",

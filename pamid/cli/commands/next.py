@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import LogFormatError, ParameterError
+from ...errors import ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ..common import DONE, add_command, note, number, print_json, progress, table, wrapped
@@ -115,23 +115,13 @@ def _undecided(folder: Path) -> tuple[list[Any], dict[str, Any], Any, float]:
     """Return what a diagnosis left open, the logs of its last day, the simulator then, the largest angle in degrees."""
     import numpy as np
 
-    from ...gap.diagnosis.rivals import Rival
     from ...gap.several.history import read_history
 
     history = read_history(folder)
-    try:
-        said = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-        rivals = [Rival.from_dict(r) for r in said["rivals"]]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LogFormatError(
-            f"{folder / 'diagnosis.json'} cannot be read: {type(error).__name__}: {error}.",
-            "the file as 'pamid diagnose' wrote it",
-            "Diagnose the logs anew.",
-        ) from error
     last = list(history.held.values())[-1]
     now = {name: log for name, log in history.logs.items() if history.held[name].day == last.day}
     swing = max(float(np.nanmax(np.abs(log["q"]))) for log in history.logs.values())
-    return rivals, now, last.under(history.params), float(np.clip(np.degrees(swing), 5.0, 45.0))
+    return history.rivals, now, last.under(history.params), float(np.clip(np.degrees(swing), 5.0, 45.0))
 
 
 def _write(plan: Plan, out: Path) -> list[Path]:

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from .._parameters import fitted_parameters, parameter_lines
+from .._style import plain
 from ..common import DONE, add_command, number, print_json, table
 
 _DESCRIPTION = """\
@@ -63,7 +64,7 @@ def _fits(metadata: dict[str, Any]) -> dict[str, dict[str, float]]:
     return {
         name: {"rmse": float(s["rmse"]), "fit": 100.0 * (1.0 - float(s["nrmse"]))}
         for name, s in told.items()
-        if isinstance(s, dict) and {"rmse", "nrmse"} <= s.keys()
+        if isinstance(s, dict) and all(isinstance(s.get(k), (int, float)) for k in ("rmse", "nrmse"))
     }
 
 
@@ -77,13 +78,13 @@ def _settings(model: Any) -> dict[str, str]:
 
 
 def _tell(found: dict[str, Any], name: str) -> None:
-    steps = f", after {' and '.join(found['steps'][:-1])}" if len(found["steps"] or ()) > 1 else ""
+    steps = f", after {' and '.join(map(str, found['steps'][:-1]))}" if len(found["steps"]) > 1 else ""
     of = f" of the {found['equation']}" if found["equation"] else ""
-    print(f"{name}{of}{steps}; written {found['created']}")
+    print(plain(f"{name}{of}{steps}; written {found['created']}"))
     if found["n_parameters"] is not None:
         print(f"{found['n_parameters']} fitted parameters")
     if found["settings"]:
-        print("settings  " + ", ".join(f"{k}={v[:_LONG]}" for k, v in found["settings"].items()))
+        print(plain("settings  " + ", ".join(f"{k}={v[:_LONG]}" for k, v in found["settings"].items())))
     if found["fits"]:
         rows = [[where, number(s["rmse"]), number(s["fit"])] for where, s in found["fits"].items()]
         print("\n" + table(["on", f"rmse / {found['unit'] or 'unit of y'}", "fit / %"], rows))

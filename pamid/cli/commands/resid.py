@@ -65,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
     tests = {name: _test(left, args.lags) for name, left in found.items()}
     files = _draw(tests, args.out)
     if args.json:
-        print_json({"equations": {k: t.as_dict() for k, t in tests.items()}, "files": [str(f) for f in files]})
+        said = {k: {**t.as_dict(), "left_out": _left_out(t, found[k])} for k, t in tests.items()}
+        print_json({"equations": said, "files": [str(f) for f in files]})
         return DONE
     for name, test in tests.items():
         _tell(name, test, found[name])
@@ -80,11 +81,20 @@ def _test(left: Left, lags: int) -> ResidualTest:
     from ...compare.whiteness import residual_test
 
     data = left.table
-    inputs = {str(c): data[c] for c in data.columns if c not in ("trajectory", "time", "residual")}
+    inputs = {name: data[name] for name in _inputs(left)}
     steps = [np.diff(run["time"].to_numpy(dtype=float)) for _, run in data.groupby("trajectory", sort=False)]
     interval = float(np.median(np.concatenate(steps)))
     names = data["trajectory"].to_numpy()
     return residual_test(data["residual"], inputs, names, lags=lags, interval=interval)
+
+
+def _inputs(left: Left) -> list[str]:
+    return [str(c) for c in left.table.columns if c not in ("trajectory", "time", "residual")]
+
+
+def _left_out(test: ResidualTest, left: Left) -> list[str]:
+    """Return the inputs of which nothing can be said."""
+    return [name for name in _inputs(left) if name not in test.cross]
 
 
 def _draw(tests: dict[str, ResidualTest], out: str | None) -> list[Path]:
@@ -122,7 +132,10 @@ def _tell(name: str, test: ResidualTest, left: Left) -> None:
         outside = f"{test.outside(key)} of {lags + 1}"
         rows.append([key, outside, number(later[at]), _seconds(at, test), _chance(test.p_input[key])])
     print(table(["correlated with", "lags outside", "largest", "at lag", "chance"], rows))
-    print(wrapped("", _verdict(test)) + "\n")
+    print(wrapped("", _verdict(test)))
+    if silent := _left_out(test, left):
+        print(wrapped("", f"Not looked at: {', '.join(silent)}, which stand still or are hardly known."))
+    print()
 
 
 def _seconds(lag: int, test: ResidualTest) -> str:

@@ -133,7 +133,7 @@ def _beside(out: Path, kind: str) -> Path:
 
 def _numbers(text: str, option: str, example: str) -> dict[str, float]:
     """Read ``name=value,name=value`` with numbers for values."""
-    settings = parse_settings([part for part in text.split(",") if part.strip()]) if text else {}
+    settings = parse_settings([part for part in text.split(",") if part.strip()], option) if text else {}
     for name, value in settings.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ParameterError(

@@ -51,6 +51,15 @@ class Rival:
         """Its effects."""
         return tuple(self.effects)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and text."""
+        return {
+            "effects": {name: {k: float(v) for k, v in values.items()} for name, values in self.effects.items()},
+            "deviations": {name: float(v) for name, v in self.deviations.items()},
+            "score": float(self.score),
+            "belief": float(self.belief),
+        }
+
     @classmethod
     def from_dict(cls, found: Mapping[str, Any]) -> Rival:
         """Return an explanation that was written as plain numbers and text."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...effects import all_effects
 from ...equations.noise import channel_noise
+from ...errors import SimulatorRunError
 from ...simulators.base import Simulator
 from ...simulators.catalogue import Survey, placements
 from ...simulators.placement import Placement
@@ -117,10 +118,12 @@ class PortEvidence(ABC):
         self.measured = np.concatenate([w.measured for w in self.windows] or [np.zeros(0)])
         self.centre = centre
         plain = self._residual([], self.simulator.numbers)
+        self._refuse_not_finite(plain)
         gaps = {e: _rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.placements = placements(self.simulator, self._survey(gaps))
         self._own = self._made_own()
         self.value = self._residual(self._own, self.simulator.numbers)
+        self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
         self._measure_noise()
         self.weights = np.ones(len(self.parts))
@@ -130,6 +133,17 @@ class PortEvidence(ABC):
         self.z0 = self._whitening.white(self.value / self.noise)
         columns = [self.z({}, {name: 1.0}) - self.z0 for name in self.free]
         self.J = np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def _refuse_not_finite(self, residual: np.ndarray) -> None:
+        bad = np.flatnonzero(~np.isfinite(residual))
+        if len(bad):
+            run = self.trajectories[int(self.run[bad[0]])]
+            raise SimulatorRunError(
+                f"The simulator gives no finite numbers in {len(bad):,} of {len(residual):,} windows, first at "
+                f"{self.time[bad[0]]:.4g} s of '{run}'.",
+                "finite rates and outputs wherever the log has readings",
+                "Look at its parameters and their units, or leave those rows out.",
+            )
 
     def _made_own(self) -> Active:
         made: Active = []

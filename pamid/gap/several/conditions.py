@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import difflib
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ...bench.parameters import NUMBERS, BenchParameters
 from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+from ...toml_files import TomlErrors, read_small_text
+
+_ERRORS = TomlErrors(LogNotFoundError, EmptyLogError, EmptyLogError)
 
 
 class Conditions(NamedTuple):
@@ -66,52 +71,67 @@ def read_conditions(path: str | Path) -> dict[str, Conditions]:
     ...     read_conditions(file)["friday"].numbers
     {'temperature': 303.0}
     """
-    import pandas as pd
-
     file = Path(path)
-    if not file.is_file():
-        raise LogNotFoundError(f"There is no table of conditions {file}.", "a CSV file", "Correct --conditions.")
-    try:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise EmptyLogError(f"{file.name} is no table: {error}.", "CSV with a header", "Correct the file.") from error
-    table.columns = [str(c).strip() for c in table.columns]
-    if "log" not in table.columns:
+    header, *rows = _rows(file)
+    if "log" not in header:
         raise MissingColumnError(
-            f"{file.name} has the columns {', '.join(table.columns)}.", "a column 'log'", "Name each row's log."
+            f"{file.name} has the columns {', '.join(header)[:300]}.", "a column 'log'", "Name each row's log."
         )
-    for name in table.columns:
-        if name not in ("log", "day") and name not in NUMBERS:
+    for k, name in enumerate(header):
+        if name not in ("log", "day", *NUMBERS) or name in header[:k]:
             close = difflib.get_close_matches(name, [*NUMBERS, "day"], n=2)
             raise UnknownOptionError(
-                f"{file.name} has a column '{name}', which is no number of the simulator.",
+                f"{file.name} has a column '{name}'{', which is no number of the simulator' * (name not in header[:k])}"
+                f"{' twice' * (name in header[:k])}.",
                 f"log, day, or any of {', '.join(NUMBERS)}",
                 f"Did you mean {' or '.join(close)}?" if close else "Correct or remove it.",
             )
     found: dict[str, Conditions] = {}
-    for row, cells in enumerate(table.to_dict("records"), start=2):
-        name = str(cells["log"]).strip()
-        if not name or name in found:
+    stems: set[str] = set()
+    for row, fields in enumerate(rows, start=2):
+        cells = dict(zip(header, fields, strict=True))
+        name = cells["log"]
+        if not name or Path(name).stem in stems:
             raise ParameterError(
                 f"Row {row} of {file.name} names {'the log ' + name + ' again' if name else 'no log'}.",
                 "each log once",
                 "Correct the row.",
             )
-        found[name] = Conditions(_numbers(cells, file.name, row), str(cells.get("day", "")).strip() or name)
+        stems.add(Path(name).stem)
+        found[name] = Conditions(_numbers(cells, file.name, row), cells.get("day", "") or name)
     return found
 
 
-def _numbers(cells: Mapping[Any, Any], file: str, row: int) -> dict[str, float]:
+def _rows(file: Path) -> list[list[str]]:
+    """Return the fields of each line, the header first, all of one length."""
+    text = read_small_text(file, "a table of conditions", _ERRORS)
+    try:
+        rows = [[field.strip() for field in row] for row in csv.reader(io.StringIO(text), strict=True) if any(row)]
+    except csv.Error as error:
+        raise EmptyLogError(f"{file.name} is no table: {error}.", "CSV with a header", "Correct the file.") from error
+    if not rows:
+        raise EmptyLogError(f"{file.name} is empty.", "CSV with a header", "Name each row's log.")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(rows[0]):
+            raise ParameterError(
+                f"Row {number} of {file.name} has {len(row)} fields.", f"{len(rows[0])}, as the header", "Correct it."
+            )
+    return rows
+
+
+def _numbers(cells: Mapping[str, str], file: str, row: int) -> dict[str, float]:
     found = {}
     for name, text in cells.items():
-        if name in ("log", "day") or not str(text).strip():
+        if name in ("log", "day") or not text:
             continue
         try:
-            found[str(name)] = float(text)
+            found[name] = float(text)
         except ValueError:
             raise ParameterError(
-                f"Row {row} of {file} has {name} = {text!r}.", "a number in SI units", "Correct the cell."
+                f"Row {row} of {file} has {name} = {text[:60]!r}.", "a number in SI units", "Correct the cell."
             ) from None
+    if found:
+        BenchParameters.for_muscle("B").replace(**found)  # says which number is out of its range
     return found
 
 

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...effects import all_effects
-from ...errors import IncompatibleError, LogFormatError, LogNotFoundError
+from ...errors import IncompatibleError, LogFormatError, LogNotFoundError, PamidError
+from ...toml_files import TomlErrors, read_small_text
+from ..diagnosis.rivals import Rival
 from .conditions import Conditions
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
     from ..diagnosis.result import Diagnosis
 
 STATE, LOGS = "state.json", "logs.parquet"
-SCHEMA = 1
+SCHEMA = 2
+_ERRORS = TomlErrors(LogNotFoundError, LogFormatError, LogFormatError)
 _SHOWN = 6
 """Effects whose confidence a round keeps."""
 
@@ -74,6 +77,8 @@ class History:
         What held for each.
     rounds : list of Round
         What was said after each further log.
+    rivals : list of Rival
+        Explanations that the last diagnosis left.
     """
 
     params: BenchParameters
@@ -81,6 +86,7 @@ class History:
     logs: dict[str, pd.DataFrame] = field(default_factory=dict)
     held: dict[str, Conditions] = field(default_factory=dict)
     rounds: list[Round] = field(default_factory=list)
+    rivals: list[Rival] = field(default_factory=list)
 
     def add(self, found: Diagnosis, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
         """Take in further logs and what a diagnosis of all of them says.
@@ -98,6 +104,7 @@ class History:
         self.held |= dict(zip(logs, held, strict=True))
         self.rounds.append(_round(found, list(logs), seconds(self.logs.values())))
         found.rounds = list(self.rounds)
+        self.rivals = list(found.rivals)
 
     def write(self, folder: Path) -> None:
         """Write what a later diagnosis goes on from into a folder."""
@@ -112,10 +119,12 @@ class History:
                 for name, c in self.held.items()
             ],
             "rounds": [asdict(r) for r in self.rounds],
+            "rivals": [r.as_dict() for r in self.rivals],
         }
-        (folder / STATE).write_text(json.dumps(state, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         parts = [log.assign(log=name) for name, log in self.logs.items()]
         pd.concat(parts, ignore_index=True).to_parquet(folder / LOGS, index=False)
+        state["mark"] = _mark(state, folder / LOGS)
+        (folder / STATE).write_text(json.dumps(state, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def read_history(folder: str | Path, params: BenchParameters | None = None) -> History:
@@ -140,8 +149,6 @@ def read_history(folder: str | Path, params: BenchParameters | None = None) -> H
     IncompatibleError
         Simulator or library changed since; the message says what.
     """
-    import pandas as pd
-
     from ...bench.parameters import BenchParameters
 
     path = Path(folder)
@@ -152,28 +159,72 @@ def read_history(folder: str | Path, params: BenchParameters | None = None) -> H
             "Name that folder; diagnoses of other systems cannot be gone on from.",
         )
     try:
-        state = json.loads((path / STATE).read_text(encoding="utf-8"))
-        then = _parameters(BenchParameters, state["simulator"])
-        held = {str(e["name"]): Conditions(dict(e["conditions"]), str(e["day"])) for e in state["logs"]}
-        rounds = [Round(**r) for r in state["rounds"]]
-        table = pd.read_parquet(path / LOGS)
-        logs = {name: table[table["log"] == name].drop(columns="log").reset_index(drop=True) for name in held}
-        library = {str(k): str(v) for k, v in state["library"].items()}
-        whole = all(len(logs[str(e["name"])]) == e["rows"] for e in state["logs"])
-    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+        state = json.loads(read_small_text(path / STATE, "what an earlier diagnosis left", _ERRORS))
+        whole = state["schema"] == SCHEMA and state.pop("mark") == _mark(state, path / LOGS)
+    except PamidError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OSError, RecursionError) as error:
+        raise _broken(path, error) from None
+    if not whole:
         raise LogFormatError(
-            f"{path} cannot be gone on from: {type(error).__name__}: {error}.",
-            f"{STATE} and {LOGS} as 'pamid diagnose' wrote them",
-            "Diagnose the logs anew.",
-        ) from error
-    if not whole or state.get("schema") != SCHEMA:
-        raise LogFormatError(
-            f"{STATE} and {LOGS} of {path} do not belong together, or are of another version.",
+            f"{STATE} or {LOGS} of {path} was changed since, or is of another version.",
             "both as one diagnosis wrote them",
             "Diagnose the logs anew.",
         )
+    try:
+        then = _parameters(BenchParameters, state["simulator"])
+        held = {str(e["name"]): Conditions(dict(e["conditions"]), str(e["day"])) for e in state["logs"]}
+        rounds = [Round(**r) for r in state["rounds"]]
+        rivals = [_rival(r) for r in state["rivals"]]
+        library = {str(k): str(v) for k, v in state["library"].items()}
+        table = _table(path / LOGS)
+        logs = {name: table[table["log"] == name].drop(columns="log").reset_index(drop=True) for name in held}
+        if not held or any(log.empty for log in logs.values()):
+            raise ValueError("a log has no rows")
+    except PamidError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+        raise _broken(path, error) from None
     _refuse(path, then, params, library)
-    return History(then if params is None else params, list(library), logs, held, rounds)
+    return History(then if params is None else params, list(library), logs, held, rounds, rivals)
+
+
+def _broken(path: Path, error: Exception) -> LogFormatError:
+    return LogFormatError(
+        f"{path} cannot be gone on from: {type(error).__name__}: {str(error)[:200]}.",
+        f"{STATE} and {LOGS} as 'pamid diagnose' wrote them",
+        "Diagnose the logs anew.",
+    )
+
+
+def _rival(found: Mapping[str, Any]) -> Rival:
+    rival, known = Rival.from_dict(found), all_effects()
+    for name, values in rival.effects.items():
+        if values.keys() != {p.name for p in known[name].parameters}:
+            raise ValueError(f"{name} has other parameters")
+    return rival
+
+
+def _mark(state: Mapping[str, Any], logs: Path) -> str:
+    """Return a mark of a state and its logs that changes with either: what a hand has edited is no posterior."""
+    text = json.dumps(state, sort_keys=True)
+    return hashlib.sha256(text.encode() + hashlib.sha256(logs.read_bytes()).digest()).hexdigest()
+
+
+def _table(path: Path) -> pd.DataFrame:
+    """Read logs as any log is read: within the memory, and nothing but readings that a sensor can give."""
+    from pandas.api.types import is_numeric_dtype
+
+    from ...signals.formats.parquet import FORMAT
+    from ...signals.log import MAX_BYTES
+    from ...signals.mapping import LogMapping
+    from ...signals.readings import impossible
+
+    frame = FORMAT.read(path, LogMapping(), MAX_BYTES)[0][0].frame
+    for name in (str(c) for c in frame.columns if c not in ("trajectory", "log")):
+        if not is_numeric_dtype(frame[name]) or impossible(name, frame[name].to_numpy(dtype=float)).any():
+            raise ValueError(f"{name} holds what is no reading")
+    return frame
 
 
 def _refuse(path: Path, then: BenchParameters, now: BenchParameters | None, library: Mapping[str, str]) -> None:

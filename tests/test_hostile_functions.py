@@ -1,0 +1,107 @@
+"""Simulators of a user's own that fail: told as their error, with a line; nothing half written, and no answer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+
+PAGE = """
+kind = "ode"
+[ode]
+function = "{source}"
+[ports]
+F = {{ kind = "input", unit = "N" }}
+x = {{ kind = "state", unit = "m" }}
+v = {{ kind = "state", unit = "m/s" }}
+[parameters]
+m = {{ value = 2.0, unit = "kg" }}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A cart on a rail, and simulators of it."""
+    folder = tmp_path_factory.mktemp("cart")
+    t, parts = np.arange(0, 4, 0.01), []
+    for k in range(2):
+        F = 6 * np.sin((1 + k) * t)
+        v = np.cumsum(F) * 0.01 / 2.0
+        parts.append(pd.DataFrame({"trajectory": f"run {k}", "time": t, "F": F, "x": np.cumsum(v) * 0.01, "v": v}))
+    noisy = pd.concat(parts)
+    noisy[["x", "v"]] += np.random.default_rng(0).normal(0, [1e-5, 1e-3], (len(noisy), 2))
+    noisy.to_csv(folder / "log.csv", index=False)
+    return folder
+
+
+def asked(folder: Path, source: str, command: str, capsys) -> tuple[int, str, str]:
+    (folder / "sim.toml").write_text(PAGE.format(source=source))
+    options = ["--out", str(folder / "out"), "--effects", "viscous_friction"] if command == "diagnose" else []
+    sim = ["--sim", str(folder / "sim.toml"), "--trust"]
+    code = main([command, str(folder / "log.csv"), *sim, *options, "--quiet", "--json"])
+    out, err = capsys.readouterr()
+    assert not (folder / "out").exists() or code == 0
+    return code, out, err
+
+
+@pytest.mark.parametrize("command", ["evaluate", "diagnose", "resid"])
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("raise ValueError('no')", "rates raised ValueError in line 2: no"),
+        ("import sys; sys.exit(0)", "rates raised SystemExit in line 2"),
+        ("return [x.v, 1 / 0]", "raised ZeroDivisionError"),
+        ("return [x.v, u.F / p.nosuch]", "no value is named 'nosuch'"),
+        ("return rates(t, x, u, p)", "raised RecursionError"),
+        ("return None", "returned 1 values"),
+        ("return 'ab'", "no plain numbers"),
+        ("return [x.v, 1j]", "no plain numbers"),
+        ("return [x.v]", "returned 1 values"),
+        ("return [float('nan')] * 2", "gives no finite numbers in"),
+        ("return [x.v, u.F * 1e308 * 1e10]", "gives no finite numbers in"),
+    ],
+)
+def test_a_function_that_fails_says_where(body, words, command, folder, capsys):
+    (folder / "cart.py").write_text(f"def rates(t, x, u, p):\n    {body}\n")
+    code, out, err = asked(folder, "cart.py:rates", command, capsys)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("os:system", "raised TypeError"),
+        ("json:loads", "raised TypeError"),
+        ("few.py:rates", "raised TypeError"),
+        ("number.py:rates", "is no function"),
+        ("none.py:rates", "is not there"),
+        ("syntax.py:rates", "SyntaxError"),
+        ("exits.py:rates", "SystemExit"),
+        ("cart.py", "'module:function' or 'file.py:function'"),
+    ],
+)
+def test_what_is_no_such_function_is_refused(source, words, folder, capsys):
+    (folder / "few.py").write_text("def rates(a, b):\n    return 1\n")
+    (folder / "number.py").write_text("rates = 3\n")
+    (folder / "syntax.py").write_text("def rates(:\n")
+    (folder / "exits.py").write_text("import sys\nsys.exit(0)\n")
+    code, out, err = asked(folder, source, "evaluate", capsys)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+def test_what_a_function_prints_stays_out_of_the_answer(folder, capsys):
+    (folder / "cart.py").write_text(
+        "print('hello')\ndef rates(t, x, u, p):\n    print('here')\n    return [x.v, u.F / p.m]\n"
+    )
+    code, out, err = asked(folder, "cart.py:rates", "evaluate", capsys)
+    assert code == 0
+    assert json.loads(out)["equations"]
+    assert "hello" in err
+    assert "here" in err
