@@ -16,6 +16,9 @@ from .reference import SERIES_BELOW, Reference
 REALS = {"float64": "double", "float32": "float"}
 """Floating types of C by those of numpy."""
 
+AT_ONCE = 4
+"""States that go through the network in one pass over its weights."""
+
 _ACTIVATIONS = {"softplus": 0, "tanh": 1, "silu": 2}
 _EXP_DEGREE = {"float64": 10, "float32": 6}
 _LOG_DEGREE = {"float64": 9, "float32": 5}
@@ -62,7 +65,8 @@ def c_sources(plan: Plan, reference: Reference, dtype: str = "float64") -> dict[
             f"/* {o.name} alone, {o.unit} */\n{plan.name}_real {plan.name}_{o.name}(const {plan.name}_state *s);"
             for o in plan.outputs
         ),
-        "FUNCTIONS": _functions(plan, write),
+        "FUNCTIONS": _formulas(plan, write),
+        "SINGLE": _single_outputs(plan),
     } | _reference_values(plan, reference, dtype)
     sources = {f"{plan.name}{ending}": fill(name, values) for ending, name in _FILES.items()}
     sources[f"{plan.name}_parameters.h"] = tables
@@ -101,6 +105,7 @@ class Writer:
 
     def __init__(self, dtype: str) -> None:
         self.type = np.dtype(dtype)
+        self.block = 64 // self.type.itemsize
         self.constants = 0
 
     def number(self, value: float) -> str:
@@ -117,6 +122,15 @@ class Writer:
         body = ", ".join(self.number(v) for v in flat)
         return f"{const} {name}[{flat.size}] = {{{_wrapped(body)}}};"
 
+    def padded(self, width: int) -> int:
+        """Return a width, rounded up to whole blocks."""
+        return -(-width // self.block) * self.block
+
+    def filled(self, values: Any) -> np.ndarray:
+        """Return an array whose last axis is filled up with zeros to whole blocks."""
+        given = np.asarray(values)
+        return np.pad(given, [(0, 0)] * (given.ndim - 1) + [(0, self.padded(given.shape[-1]) - given.shape[-1])])
+
     def series(self, function: Any, degree: int, low: float, high: float, name: str) -> str:
         """Return the nested polynomial of a function on an interval, through its Chebyshev points."""
         near = np.polynomial.Chebyshev.interpolate(function, degree, (low, high))
@@ -132,8 +146,8 @@ class Writer:
 
     def stack(self, plan: Plan) -> int:
         """Return how many bytes a call keeps on the stack, rounded up."""
-        widths = [len(b) for b in plan.network.weights[1:-1:2]] if plan.network else []
-        return 512 + (2 + len(widths)) * max(widths, default=0) * self.type.itemsize
+        widths = [4, *(len(b) for b in plan.network.weights[1:-1:2])] if plan.network else [0]
+        return 1024 + AT_ONCE * (1 + len(widths)) * self.padded(max(widths)) * self.type.itemsize
 
     def tables(self, plan: Plan) -> str:
         """Return the header with all numbers of a model."""
@@ -156,12 +170,15 @@ class Writer:
             self.define("EXP_LIMIT", 44.0),
             f"#define EXP_SERIES(q) {_wrapped(exp, continued=True)}",
             f"#define LOG_SERIES(r) {_wrapped(log, continued=True)}",
-            # Sums that run side by side: as many as fill a few vector registers.
-            *(
-                ["#define LANES 8"]
-                if wide
-                else ["#ifdef __AVX512F__", "#define LANES 16", "#else", "#define LANES 8", "#endif"]
-            ),
+            f"#define BLOCK {self.block}",
+            f"#define AT_ONCE {AT_ONCE}",
+            f"#define SUMS {AT_ONCE * self.block}",
+            # Fused where it is quick and a compiler would not do it by itself.
+            f"#ifdef FP_FAST_FMA{'' if wide else 'F'}",
+            f"#define MULTIPLY_ADD(a, b, c) {'fma' if wide else 'fmaf'}(a, b, c)",
+            "#else",
+            "#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))",
+            "#endif",
             self.define("VOLUME_FACTOR", plan.factor),
             self.define("VOLUME_OFFSET", plan.offset),
             f"#define HAS_ANCHOR {int(plan.anchor is not None)}",
@@ -175,7 +192,8 @@ class Writer:
 
     def _anchor(self, anchor: Any) -> list[str]:
         return [
-            f"#define POINTS {len(POINTS)}",
+            f"#define POINTS {self.padded(len(POINTS))}",
+            f"#define LAST {len(POINTS) - 1}",
             self.define("CONTACT_SMALL", SERIES_BELOW[self.type.name]),
             self.define("ANCHOR_AMBIENT", anchor.atmospheric_pressure),
             self.define("ANCHOR_LENGTH_AREA", anchor.rest_length * anchor.area),
@@ -186,8 +204,8 @@ class Writer:
             self.define("ANCHOR_CONTACT_WIDTH", anchor.contact_width),
             self.define("ANCHOR_REST_VOLUME", anchor.rest_volume),
             self.define("ANCHOR_STRETCH", anchor._stretch),
-            self.table("anchor_nodes", POINTS),
-            self.table("anchor_weights", SHARES),
+            self.table("anchor_nodes", self.filled(POINTS)),
+            self.table("anchor_weights", self.filled(SHARES)),
         ]
 
     def _network(self, network: Any) -> list[str]:
@@ -209,17 +227,22 @@ class Writer:
             self.table("last_weights", weights[-2]),
             f"static const real last_bias = {self.number(float(np.ravel(weights[-1])[0]))};",
         ]
-        if hidden:
-            widths = [4, *(len(b) for _, b in hidden)]
+        widths = [4, *(len(b) for _, b in hidden)]
+        lines += [
+            f"#define WIDEST {self.padded(max(widths))}",
+            f"static const int widths[{len(widths)}] = {{{', '.join(map(str, widths))}}};",
+        ]
+        widest = self.padded(max(widths))
+        tables = {"weights": [w.T for w, _ in hidden], "transposed": [w for w, _ in hidden]}
+        for kind, layers in tables.items() if hidden else ():
+            filled = [np.ravel(self.filled(values)) for values in layers]
+            starts = np.cumsum([0, *(len(values) for values in filled[:-1])])
             lines += [
-                f"#define WIDEST {max(widths[1:])}",
-                f"static const int widths[{len(widths)}] = {{{', '.join(map(str, widths))}}};",
+                self.table(kind, np.concatenate(filled)),
+                f"static const int {kind}_at[{len(starts)}] = {{{', '.join(map(str, starts))}}};",
             ]
-            for k, (W, b) in enumerate(hidden):
-                lines += [self.table(f"weights_{k}", np.asarray(W).T), self.table(f"biases_{k}", b)]
-            for kind in ("weights", "biases"):
-                names = ", ".join(f"{kind}_{k}" for k in range(len(hidden)))
-                lines.append(f"static const real *const {kind}[{len(hidden)}] = {{{names}}};")
+        if hidden:  # of one width, so that no compiler fears an index beyond the last
+            lines.append(self.table("biases", np.array([np.pad(b, (0, widest - len(b))) for _, b in hidden])))
         return lines
 
 
@@ -235,34 +258,31 @@ def _wrapped(body: str, continued: bool = False) -> str:
 
 
 # --- formulas -----------------------------------------------------------------------------------------------
-def _functions(plan: Plan, write: Writer) -> str:
+def _formulas(plan: Plan, write: Writer) -> str:
+    """Return the function that reads all predictions from a volume."""
     name, upper = plan.name, plan.name.upper()
     names = {s: f"s->{s}" for s in UNITS} | {v: f"jet->{v}" for v in JET}
     lines, results = statements([o.formula for o in plan.outputs], names, write)
-    out = [
-        f"void {name}_predict(const {name}_state *s, {name}_real y[{upper}_OUTPUTS], {name}_jet *jet)",
-        "{",
-        f"    {name}_jet own;",
-        "    if (!jet)",
-        "        jet = &own;",
-        f"    {name}_volume(s, jet);",
-        "    {",
-        *(f"        {line}" for line in lines),
-        *(f"        y[{k}] = {r};" for k, r in enumerate(results)),
-        "    }",
-        "}",
-    ]
-    for k, output in enumerate(plan.outputs):
-        out += [
-            "",
-            f"{name}_real {name}_{output.name}(const {name}_state *s)",
+    return "\n".join(
+        [
+            f"static inline void formulas(const {name}_state *s, const {name}_jet *jet, real y[{upper}_OUTPUTS])",
             "{",
-            f"    {name}_real y[{upper}_OUTPUTS];",
-            f"    {name}_predict(s, y, 0);",
-            f"    return y[{k}];",
+            *(f"    {line}" for line in lines),
+            *(f"    y[{k}] = {r};" for k, r in enumerate(results)),
+            *(["    (void)s;"] if not any("s->" in line for line in [*lines, *results]) else []),
             "}",
         ]
-    return "\n".join(out)
+    )
+
+
+def _single_outputs(plan: Plan) -> str:
+    """Return a function for each prediction alone."""
+    name, upper = plan.name, plan.name.upper()
+    return "\n\n".join(
+        f"{name}_real {name}_{output.name}(const {name}_state *s)\n{{\n    {name}_real y[{upper}_OUTPUTS];\n"
+        f"    {name}_predict(s, y, 0);\n    return y[{k}];\n}}"
+        for k, output in enumerate(plan.outputs)
+    )
 
 
 def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer) -> tuple[list[str], list[str]]:

@@ -36,6 +36,10 @@ void @NAME@_volume(const @NAME@_state *s, @NAME@_jet *jet);
 /* All predictions: @OUTPUTS_TEXT@; the volume behind them as well if jet is not a null pointer. */
 void @NAME@_predict(const @NAME@_state *s, @NAME@_real y[@NAME_UPPER@_OUTPUTS], @NAME@_jet *jet);
 
+/* The same of n states, four at a time in one pass over the weights, which takes a half to a third of the time; the
+ * last digits may differ from those of one state. jet holds n volumes or is a null pointer. */
+void @NAME@_predict_rows(int n, const @NAME@_state *s, @NAME@_real (*y)[@NAME_UPPER@_OUTPUTS], @NAME@_jet *jet);
+
 @PROTOTYPES@
 
 #endif
