@@ -12,13 +12,16 @@ import numpy as np
 from ...effects import all_effects
 from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError
+from ...signals.paths import play, reversals
 from ...simulators.base import Simulator
 from ...simulators.catalogue import Survey, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from ...simulators.structure import Joint
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
-from .single import _memory
+from .single import UNTURNED, _memory
+from .states import integral
 from .whitening import Whitening
 
 Active = list[tuple[Placement, Any]]
@@ -100,6 +103,8 @@ class PortEvidence(ABC):
         self._spreads: dict[str, np.ndarray] = {}
         self.notes: list[str] = list(log.notes)
         self.placements: dict[str, Placement] = {}
+        self.joints: list[Joint] = []
+        self._turning: dict[str, bool] = {}
         self._own: Active = []
 
     def _settle(self) -> None:
@@ -126,7 +131,7 @@ class PortEvidence(ABC):
         self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
         self._measure_noise()
-        self.weights = np.ones(len(self.parts))
+        self.weights = 1.0 / self.memory
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
         self.free = [n for n, p in self.simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
@@ -195,7 +200,7 @@ class PortEvidence(ABC):
             if not k:
                 self._noisy_copy = noise
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
-        self.noise = np.empty(len(self.value))
+        self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
         self._drawn, self._whitening = drawn, Whitening()
         for part in self.parts:
             power = np.mean(np.square(drawn[:, part]), axis=0)
@@ -211,22 +216,37 @@ class PortEvidence(ABC):
     def _repeat(self) -> None:
         """Let runs that repeat each other say how large the noise is: no model of these signals predicts what differs.
 
-        What neighbouring samples differ by is not all of it where readings were smoothed, or drift.
+        What neighbouring samples differ by is not all of it where readings were smoothed, or drift; then it also
+        remembers, and that many windows count as one.
         """
-        pairs = self._repeats()
-        for part in self.parts if pairs else []:
-            powers, counts = [], []
-            for a, b in pairs:
-                mine = [np.flatnonzero(self.run[part] == k) for k in (a, b)]
-                at = [self.first[part][m] - self.log.starts[k] for m, k in zip(mine, (a, b), strict=True)]
-                _, one, two = np.intersect1d(*at, return_indices=True)
-                if len(one) >= FEWEST:
-                    one, two = part.start + mine[0][one], part.start + mine[1][two]
-                    spread = np.square(self.value[one] - self.value[two])
-                    powers.append(float(np.mean(spread / (self.noise[one] ** 2 + self.noise[two] ** 2))))
-                    counts.append(len(one))
-            if counts:
-                self.noise[part] *= np.sqrt(max(1.0, float(np.average(powers, weights=counts))))
+        found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
+        for pair in self._repeats():
+            for k, spread in enumerate(self._differences(*pair)):
+                if len(spread) >= FEWEST:
+                    memory = _memory(spread, np.zeros(len(spread), int)) if len(spread) > 8 else 1.0
+                    found[k].append((float(np.mean(np.square(spread))), memory, len(spread)))
+        for k, (part, some) in enumerate(zip(self.parts, found, strict=True)):
+            if some:
+                power, memory, count = np.array(some).T
+                more = float(np.average(power, weights=count))
+                self.noise[part] *= np.sqrt(max(1.0, more))
+                self.memory[k] = float(np.average(memory, weights=count)) if more > 1.0 else 1.0
+
+    def _differences(self, a: int, b: int) -> list[np.ndarray]:
+        """Return for each equation by how much the residuals of two runs differ, in units of the noise of both."""
+        found = []
+        for part in self.parts:
+            one, two = self._common(part, a, b)
+            spread = self.value[one] - self.value[two]
+            found.append(spread / np.hypot(self.noise[one], self.noise[two]))
+        return found
+
+    def _common(self, part: slice, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the windows of an equation that two runs have at the same times."""
+        mine = [np.flatnonzero(self.run[part] == k) for k in (a, b)]
+        at = [self.first[part][m] - self.log.starts[k] for m, k in zip(mine, (a, b), strict=True)]
+        _, one, two = np.intersect1d(*at, return_indices=True)
+        return part.start + mine[0][one], part.start + mine[1][two]
 
     def _repeats(self) -> list[tuple[int, int]]:
         """Return the pairs of runs that were driven alike over the same time and went much the same way."""
@@ -268,7 +288,7 @@ class PortEvidence(ABC):
         """
         for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
             if len(rest) > 8:
-                memory = _memory(self._whitened(rest, part), self.run[part])
+                memory = max(float(self.memory[k]), _memory(self._whitened(rest, part), self.run[part]))
                 self.weights[k] = 1.0 / memory
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step
@@ -362,8 +382,33 @@ class PortEvidence(ABC):
         return self._spreads[key]
 
     def prior(self, name: str) -> float:
-        """Return the logarithm of the odds with which an effect is expected."""
-        return float(all_effects()[name].prior)
+        """Return the logarithm of the odds with which an effect is expected.
+
+        A memory of a path that was never seen to turn back is a mere function of it.
+        """
+        place, prior = self.placements.get(name), float(all_effects()[name].prior)
+        if place is not None and place.effect.path_dependent and not self._turns(place.follows.get("position", "")):
+            return min(prior, UNTURNED)
+        return prior
+
+    def _turns(self, path: str) -> bool:
+        """Tell whether a path turns back at least once a run."""
+        if path not in self._turning:
+            x = self._path_of(path)
+            slack = 0.01 * float(np.ptp(x))  # what a sensor's noise turns is no turn
+            turns = [len(reversals(play(x[a:b], slack))) - 2 for a, b in self.log.spans if b - a > 1]
+            self._turning[path] = sum(turns) >= len(self.log.spans)
+        return self._turning[path]
+
+    def _path_of(self, name: str) -> np.ndarray:
+        """Return the path that an effect at a joint follows: a position, or the integral of a speed alone."""
+        signals = self.signals()
+        return signals[name] if name in signals else integral(signals[self.speeds[name]], self.log)
+
+    @property
+    def speeds(self) -> dict[str, str]:
+        """The speeds of the joints that have no position, by the names of their paths."""
+        return {f"{j.name}.path": j.velocity for j in self.joints if not j.position}
 
     @property
     def state(self) -> dict[str, np.ndarray]:

@@ -77,7 +77,6 @@ class ShootingEvidence(PortEvidence):
             self.shown = [n for n in self.shown if n in simulator.outputs]
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
         self.n = max(1, min(log.n // LEAST_WINDOWS, min(b - a for a, b in log.spans) // 12))
-        self.joints: list[Joint] = []
         self.pushes: dict[tuple[str, str], float] = {}
         self.substeps = 1
         self.simulated = 0.0
@@ -366,6 +365,31 @@ class ShootingEvidence(PortEvidence):
             return np.zeros((0, 0))
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         return self._shift([slope / sigma for slope in self._O], [e / sigma for e in left])
+
+    def _differences(self, a: int, b: int) -> list[np.ndarray]:
+        """Return by how much two runs differ beyond what their initial states, which differ, would explain.
+
+        Projections over stretches of other lengths differ by themselves: initial states are taken out of the
+        difference, not of each run.
+        """
+        left = self._left(self.log.channels, self._plain)
+        whole = np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+        slopes = [np.concatenate([o[:, j] for o in self._O], axis=1) for j in range(len(self.shown))]
+        stretch = np.concatenate([np.full(len(f), k) for k, f in enumerate(self._first)])
+        n = len(stretch)
+        at, spreads, columns = [], [], []
+        for j, part in enumerate(self.parts):
+            one, two = self._common(part, a, b)
+            both = np.hypot(self.noise[one], self.noise[two])
+            spreads.append((whole[one] - whole[two]) / both)
+            columns.append((slopes[j][:, one - j * n] / both).T)
+            at.append(stretch[one - j * n])
+        place, spread, A = np.concatenate(at), np.concatenate(spreads), np.concatenate(columns)
+        for k in np.unique(place):
+            mine = place == k
+            spread[mine] -= A[mine] @ np.linalg.lstsq(A[mine], spread[mine], rcond=1e-9)[0]
+        ends = np.cumsum([0, *(len(x) for x in at)])
+        return [spread[x:y] for x, y in pairwise(ends)]
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> Survey:

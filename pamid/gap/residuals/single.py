@@ -28,6 +28,8 @@ _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 LEAST_WINDOWS = 400
 MOST_KEPT = 2000
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
+UNTURNED = -12.0
+"""Logarithm of the odds of an effect that remembers a path which was never seen to turn back."""
 _DITHER = 3.0  # a turn of the path smaller than this many standard deviations of the position's noise is none
 
 
@@ -208,7 +210,7 @@ class SignalEvidence:
         if self.scale == 1.0:
             return effect.prior
         if effect.path_dependent and self._turns() < len(self.borders):
-            return min(effect.prior, -12.0)
+            return min(effect.prior, UNTURNED)
         return 0.0 if "bench" in effect.kinds else effect.prior
 
     def _turns(self) -> int:
