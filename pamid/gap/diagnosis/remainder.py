@@ -131,7 +131,7 @@ def _rhythm(y: np.ndarray, evidence: ResidualSource, part: slice) -> dict[str, A
         phase = np.exp(-2j * np.pi * np.outer(grid, t))
         power += 2.0 * np.abs(phase @ x) ** 2 / len(x)
         total += float(x @ x)
-    if not total:
+    if not total or not len(grid):  # a log of one reading in seconds holds no rhythm that the grid knows
         return {}
     best = int(np.argmax(power))
     return {"peak_hz": float(grid[best]), "peak_share": float(min(power[best] / total, 1.0))}
