@@ -12,13 +12,14 @@ import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # processes run side by side
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[2])  # not this folder, whose modules are a package's
 
-from benchmarks.withheld import metrics, report, runner, suites, trust
+from benchmarks.withheld import metrics, novelty, report, runner, suites, trust
 
 TRUSTED = Path(__file__).resolve().parents[2] / "pamid/gap/diagnosis/trusted.py"
 
@@ -41,31 +42,40 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--develop", action="store_true", help="name causes however little is to be trusted, and fit what trust is"
     )
+    parser.add_argument(
+        "--learn", action="store_true", help="take signatures alone, for the rivals of the open set to learn from"
+    )
     parser.add_argument("--write", action="store_true", help="with --develop: write what was fitted into the library")
     args = parser.parse_args(argv)
 
-    whole = suites.DEVELOP if args.develop else suites.COUNTS
+    whole = suites.LEARN if args.learn else suites.DEVELOP if args.develop else suites.COUNTS
     counts = dict(suites.SHORT if args.short else whole)
     if args.cases:
         counts = {s: max(1, round(args.cases * n / sum(whole.values()))) for s, n in whole.items()}
     if args.suite:
         counts = {s: n for s, n in counts.items() if s in args.suite}
     listed = suites.batches(counts, args.seed)
-    folder = args.out / f"{'develop' if args.develop else 'seed'}-{args.seed}"
-    rivals, diagnose = not (args.no_rivals or args.develop), runner.named_always if args.develop else runner.ours
+    folder = args.out / f"{'learn' if args.learn else 'develop' if args.develop else 'seed'}-{args.seed}"
+    rivals = not (args.no_rivals or args.develop or args.learn)
+    diagnose = runner.named_always if args.develop else runner.ours
     if not args.report:
-        runner.run(listed, folder / "cases", args.jobs, rivals, args.only_rivals, args.keep, diagnose)
+        runner.run(listed, folder / "cases", args.jobs, rivals, args.only_rivals or args.learn, args.keep, diagnose)
     names = sorted(s.name for b in listed for s in b.specs)
     there = [n for n in names if (folder / "cases" / f"{n}.json").is_file()]
     if not there:
         print(f"There are no results in {folder}.", file=sys.stderr)
         return 1
     results = runner.load(folder / "cases", there)
+    if args.learn:
+        print(f"{len(there)} of {len(names)} signatures.")
+        return 0 if len(there) == len(names) else 1
     if args.develop:
-        folders = sorted(args.out.glob("develop-*/cases"))
-        runs = [runner.load(f, sorted(path.stem for path in f.glob("*.json"))) for f in folders]
+        runs = [_written(f) for f in sorted(args.out.glob("develop-*/cases"))]
         print(trust.report([case for run in runs for case in trust.told(run)], TRUSTED if args.write else None))
         return 0 if len(there) == len(names) else 1
+    learned = [r for kind in ("learn", "develop") for f in args.out.glob(f"{kind}-*/cases") for r in _written(f)]
+    for name, answers in novelty.judged(novelty.known(learned), results).items():
+        next(r for r in results if r["name"] == name)["answers"].update(answers)
     trust.draw(results, folder / "risk-coverage.png")
     text = report.report(results, f"python benchmarks/withheld --seed {args.seed}")
     (folder / "report.md").write_text(text, encoding="utf-8")
@@ -80,6 +90,10 @@ def main(argv: list[str] | None = None) -> int:
     if len(there) < len(names):
         print(f"{len(names) - len(there)} of {len(names)} cases have no result yet.", file=sys.stderr)
     return 0 if len(there) == len(names) else 1
+
+
+def _written(folder: Path) -> list[dict[str, Any]]:
+    return runner.load(folder, sorted(path.stem for path in folder.glob("*.json")))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import metrics as m
+from . import novelty
 from .metrics import Figure, Record
 from .oracle import decidable
 from .runner import METHODS, records
@@ -59,6 +60,23 @@ ROWS: tuple[Row, ...] = (
 UNANSWERED = {
     "ranking": ("region F1", "off", "the same", "effects of", "predicted", "coverage"),
     "sindy": ("region F1", "the same", "effects of", "predicted", "coverage"),
+    **dict.fromkeys(
+        novelty.METHODS,
+        (
+            "false",
+            "detected",
+            "equation",
+            "region",
+            "mean size",
+            "the same",
+            "effects of the library named",
+            "two",
+            "explainable",
+            "predicted",
+            "coverage",
+            "closed",
+        ),
+    ),
     "black box": (
         "region F1",
         "right",
@@ -92,7 +110,7 @@ def shown(figure: Figure, style: str) -> str:
 def figures(results: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Figure]]:
     """Return every figure of every method that ran."""
     out: dict[str, dict[str, Figure]] = {}
-    for method in METHODS:
+    for method in (*METHODS, *novelty.METHODS):
         listed = records(results, method)
         if not listed:
             continue

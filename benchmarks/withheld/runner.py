@@ -71,12 +71,14 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
     """
     from pamid.effects.registry import chosen_effects
 
-    from . import judge
+    from . import judge, novelty
 
     params = judge.simulator(case.sim_toml)
     true = judge.truth(case.key)
     names = [n for n in chosen_effects("all", "bench") if n not in case.spec.left_out]
     out: dict[str, Any] = {"name": case.spec.name, "key": case.key, "answers": {}}
+    if case.spec.targets:
+        out["signature"] = novelty.signature(case.log, params)
     if diagnose is not None:
         out["oracle"] = oracle(case, params)
         began = time.perf_counter()

@@ -14,6 +14,8 @@ COUNTS = {"none": 600, "single": 400, "pairs": 100, "off-library": 400, "confusa
 """Cases of each suite in a full check."""
 DEVELOP = {"single": 120, "pairs": 40, "off-library": 120, "confusable": 20}
 """Cases of each suite on which trust in names is measured."""
+LEARN = {"single": 250}
+"""Cases whose signatures the rivals of the open set learn from."""
 SHORT = {"none": 10, "single": 18, "pairs": 4, "off-library": 6, "confusable": 4}
 """Cases of each suite in a short one."""
 LAYOUTS = ((5, 2600), (6, 2800), (4, 4200), (5, 3400))
@@ -91,11 +93,13 @@ def batches(counts: dict[str, int], root: int) -> list[Batch]:
     root : int
         Seed of the check.
     """
-    out = []
+    out: list[tuple[float, Batch]] = []
     for suite, count in counts.items():
         # Cases of one effect stand together: a batch costs what all that is in it costs.
         listed = sorted(specs(suite, count, root), key=lambda s: (sorted(s.targets), s.index))
         for k, start in enumerate(range(0, count, BATCH)):
             layout = LAYOUTS[k % len(LAYOUTS)]
-            out.append(Batch(f"{suite}-{k:03d}", tuple(listed[start : start + BATCH]), layout))
-    return out
+            # Suites take turns, so that a check that is stopped holds a fair share of each.
+            batch = Batch(f"{suite}-{k:03d}", tuple(listed[start : start + BATCH]), layout)
+            out.append(((start + 0.5 * BATCH) / count, batch))
+    return [batch for _, batch in sorted(out, key=lambda turn: turn[0])]

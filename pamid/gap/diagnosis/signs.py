@@ -28,9 +28,12 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
+from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 
+OCTAVES = 5
+"""Octaves of rates that are told apart, a window being 20 ms."""
 LAGS = 8
 """Windows back to which what is left is held against its own past."""
 
@@ -116,6 +119,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         ``coloured``: root mean square correlation of what is left with its own past, where that is most.
         ``disagreeing``, ``uneven``: spread of the factors over runs, and over halves of the state, of the cause for
         which it is largest.
+        ``split``, ``paced``: the same over equations, and over slow and fast changes, octave by octave.
         ``uncertain``: half of the 90 % interval of the least certain factor.
         ``rivalled``: gain of the best set that lacks one of the causes, as a share of that of all.
         ``many``: number of causes beyond the first; four count as all.
@@ -164,13 +168,15 @@ def _of_factors(
     weight = np.empty(len(fit.z))
     for part, s, share in zip(evidence.parts, fit.scales, competition.fitter.weights, strict=True):
         weight[part] = share * (NU + 1.0) / (NU + np.square(fit.z[part] / s)) / s**2
-    found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0}
+    found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0, "split": 0.0, "paced": 0.0}
     for whole in contributions.values():
         d = whole - J @ np.linalg.lstsq(J, whole, rcond=None)[0] if J.shape[1] else whole
         information, score = weight * d * d, -weight * d * fit.z
         runs = _summed(evidence.block, information, score)
         found["disagreeing"] = max(found["disagreeing"], runs.spread)
         found["uncertain"] = max(found["uncertain"], runs.half)
+        found["split"] = max(found["split"], _summed(_equation(evidence), information, score).spread)
+        found["paced"] = max(found["paced"], _over_rates(evidence, np.sqrt(weight) * d, np.sqrt(weight) * fit.z).spread)
         for x in evidence.state.values():
             known = np.isfinite(x)
             if known.any() and np.ptp(x[known]) > 0.0:
@@ -182,6 +188,30 @@ def _of_factors(
 
 def _summed(label: np.ndarray, information: np.ndarray, score: np.ndarray) -> Agreement:
     return agreement(np.bincount(label, information), np.bincount(label, score))
+
+
+def _over_rates(evidence: ResidualSource, d: np.ndarray, z: np.ndarray) -> Agreement:
+    """Return how well slow and fast changes agree on the factor of a contribution, octave by octave (Haar)."""
+    order = np.lexsort((evidence.time, evidence.side, evidence.run, _equation(evidence)))
+    lane = ((_equation(evidence) * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side)[order]
+    d, z = d[order], z[order]
+    information, score = [], []
+    for _ in range(OCTAVES):
+        even = len(d) // 2 * 2
+        same = lane[0:even:2] == lane[1:even:2]
+        fast_d, fast_z = ((x[1:even:2] - x[0:even:2])[same] / np.sqrt(2.0) for x in (d, z))
+        information.append(float(fast_d @ fast_d))
+        score.append(-float(fast_d @ fast_z))
+        d, z = ((x[1:even:2] + x[0:even:2])[same] / np.sqrt(2.0) for x in (d, z))
+        lane = lane[0:even:2][same]
+    information.append(float(d @ d))
+    score.append(-float(d @ z))
+    return agreement(np.array(information), np.array(score))
+
+
+def _equation(evidence: ResidualSource) -> np.ndarray:
+    """Return the place of each window's equation."""
+    return np.repeat(np.arange(len(evidence.parts)), [part.stop - part.start for part in evidence.parts])
 
 
 def _colour(competition: Competition, z: np.ndarray, part: slice) -> float:
