@@ -263,6 +263,16 @@ def best_effect(d: Diagnosis) -> Any:
     return max(own, key=lambda c: c.closed_share, default=None)
 
 
+def closes(d: Diagnosis, c: Candidate) -> str:
+    """Return what share of the gap a candidate closes by itself, or as one of several causes with the others."""
+    if c.effect in NOT_EFFECTS:
+        return ""
+    shared = next((cause.share for cause in d.causes if c.effect == cause.effects[0]), None)
+    if d.verdict == "several" and shared is not None:
+        return f"{percent(shared)} with the others"
+    return percent(c.closed_share) if math.isfinite(c.closed_share) else "–"
+
+
 # --- how far ------------------------------------------------------------------------------------------------
 def how_far(d: Diagnosis) -> str:
     """Return how far the gap shrinks."""

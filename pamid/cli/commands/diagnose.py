@@ -256,7 +256,7 @@ def _short(path: str) -> str:
 
 def _ranking(d: Diagnosis) -> str:
     from ...report.drawings.ranking import answer_names
-    from ...report.sentences import NOT_EFFECTS, reason
+    from ...report.sentences import closes, reason
 
     told = answer_names(d)
     first = sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))[: max(_CANDIDATES, len(told))]
@@ -264,7 +264,7 @@ def _ranking(d: Diagnosis) -> str:
         [
             f"{c.effect} at {c.where}" if c.where else c.effect,
             number(round(c.confidence, 3)),
-            number(round(c.closed_share, 3)) if c.effect not in NOT_EFFECTS else "-",
+            closes(d, c) or "-",
             "" if c.effect in told else reason(d, c),
         ]
         for c in first

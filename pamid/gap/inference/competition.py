@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -156,7 +156,18 @@ class Competition:
     def _outcome(
         self, best: Hypothesis, singles: dict[str, Single], alternatives: dict[str, list[Hypothesis]]
     ) -> Outcome:
+        singles = {**singles, **self._exactly(singles)}
         return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
+
+    def _exactly(self, singles: Mapping[str, Single]) -> dict[str, Single]:
+        """Return what effects that were refitted alone close; to first order large ones close too little."""
+        room = _excess(self.evidence, self.base.fit.z)
+        alone = {next(iter(h.names)): h for h in self._done.values() if len(h.names) == 1}
+        return {
+            name: singles[name]._replace(closed=_closed(_excess(self.evidence, h.fit.z), room))
+            for name, h in alone.items()
+            if name in singles
+        }
 
     def _singles(self, about: Subsets) -> dict[str, Single]:
         """Return what each effect explains by itself."""
@@ -168,8 +179,7 @@ class Competition:
             name = self.templates[t].effect
             if name not in found:
                 left = _excess(self.evidence, about.unweighted(about.fit((int(t),)))) if gains[t] > 0 else room
-                closed = float(np.clip(1.0 - left / room, 0.0, 1.0)) if room > 0 else 0.0
-                found[name] = Single(float(gains[t]) - about.cost[name], closed)
+                found[name] = Single(float(gains[t]) - about.cost[name], _closed(left, room))
         return found
 
     def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
@@ -358,6 +368,11 @@ class Competition:
 
 def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
     return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
+
+
+def _closed(left: float, room: float) -> float:
+    """Return the share of an excess that is gone."""
+    return float(np.clip(1.0 - left / room, 0.0, 1.0)) if room > 0 else 0.0
 
 
 def _excess(evidence: ResidualSource, z: np.ndarray) -> float:

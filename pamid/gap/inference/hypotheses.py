@@ -51,14 +51,15 @@ class Hypothesis:
 
 
 class Single(NamedTuple):
-    """An effect by itself, to first order.
+    """An effect by itself.
 
     Parameters
     ----------
     gain : float
-        Gain in log-likelihood less the effect's price.
+        Gain in log-likelihood less the effect's price, to first order.
     closed : float
-        Share of the excess over the noise, of all equations together, that it closes.
+        Share of the excess over the noise, of all equations together, that it closes; to first order where it was not
+        refitted.
     """
 
     gain: float

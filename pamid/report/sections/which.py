@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.ranking import answer_names
 from ..quantities import cell, effect
-from ..sentences import NOT_EFFECTS, query_words, reason
+from ..sentences import closes, query_words, reason
 from .base import Section
 
 _FIRST = 6
@@ -36,7 +36,7 @@ class WhichSection(Section):
                 "name": _name(c.effect),
                 "confidence": c.confidence,
                 "text": cell(c.confidence),
-                "closes": cell(c.closed_share) if c.effect not in NOT_EFFECTS else "",
+                "closes": closes(d, c),
                 "why": "the answer" if c.effect in told else reason(d, c),
                 "told": c.effect in told,
             }
