@@ -2,7 +2,8 @@
 
 Every log and size runs in a process of its own: a log without a gap, with one cause and with two. Processor time is
 that of one core; memory is the peak of the process, read from Linux's ``/proc``. Run with
-``python benchmarks/diagnosis_time.py``; ``--full`` adds ten million rows.
+``python benchmarks/diagnosis_time.py``; ``--full`` adds ten million rows, ``--against DIR`` takes turns with another
+checkout of pamid on 80,000 rows.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the figures are for one core
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -72,21 +74,43 @@ def one(rows: int, causes: str) -> dict[str, object]:
     return {"rows": len(log), "seconds": spent, "cpu": busy, "peak": peak, "named": named}
 
 
+def apart(rows: int, causes: str, checkout: str | None = None) -> dict[str, Any]:
+    """Return what `one` does, in a process of its own, of this pamid or of another checkout's."""
+    command = [sys.executable, __file__, "--one", str(rows), causes]
+    environment = os.environ if checkout is None else {**os.environ, "PYTHONPATH": str(Path(checkout).resolve())}
+    ran = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    return dict(json.loads(ran.stdout))
+
+
+def compare(checkout: str) -> None:
+    """Print the processor time of this pamid and another, each log one after the other, thrice; medians."""
+    print("| log | other, processor time (s) | this (s) | ratio | other named | this named |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for causes in CAUSES:
+        found = [[apart(ROWS[-1], causes, where) for where in (checkout, None)] for _ in range(3)]
+        other, this = (float(np.median([pair[k]["cpu"] for pair in found])) for k in (0, 1))
+        names = " | ".join(str(found[0][k]["named"]) for k in (0, 1))
+        print(f"| {causes} | {other:.1f} | {this:.1f} | {this / other:.2f} | {names} |", flush=True)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--full", action="store_true", help="ten million rows as well")
+    parser.add_argument("--against", metavar="DIR", help="another checkout to take turns with, on 80,000 rows")
     parser.add_argument("--one", nargs=2, metavar=("ROWS", "LOG"), help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
         print(json.dumps(one(int(args.one[0]), args.one[1])))
         return
+    if args.against:
+        compare(args.against)
+        return
     print("| log | rows | time (s) | processor time (s) | peak memory (GB) | named |")
     print("| --- | --- | --- | --- | --- | --- |")
     for causes in CAUSES:
         for rows in (*ROWS, FULL) if args.full and causes == "one cause" else ROWS:
-            command = [sys.executable, __file__, "--one", str(rows), causes]
-            r = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+            r = apart(rows, causes)
             print(
                 f"| {causes} | {r['rows']:,} | {r['seconds']:.1f} | {r['cpu']:.1f} | {r['peak']:.2f} | {r['named']} |",
                 flush=True,

@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -58,7 +59,7 @@ def test_no_number_that_decides_stands_elsewhere(module):
     path = Path(settings.__file__).parent / "diagnosis" / f"{module}.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
     named = [n for n in tree.body if isinstance(n, ast.Assign) and isinstance(n.value, ast.Constant)]
-    assert {t.id for n in named for t in n.targets if isinstance(t, ast.Name)} <= {"LAGS"}
+    assert {t.id for n in named for t in n.targets if isinstance(t, ast.Name)} <= {"LAGS", "OCTAVES"}
 
 
 def test_every_sign_is_weighed_and_only_speaks_against_a_name(leak):
@@ -89,6 +90,20 @@ def test_a_name_that_is_not_sure_is_said_with_reserve(monkeypatch, constant, res
     assert found.with_reserve is reserve
     assert found.as_dict()["with_reserve"] is reserve
     assert ("or something that looks like it on this log" in answers(found).verdict) is reserve
+
+
+def test_slow_and_fast_changes_that_disagree_are_told():
+    from pamid.gap.diagnosis.signs import _over_rates
+
+    rng = np.random.default_rng(3)
+    n = 4096
+    source = SimpleNamespace(
+        parts=[slice(0, n)], time=np.arange(n) * 0.02, side=np.zeros(n, int), run=np.repeat(np.arange(4), n // 4)
+    )
+    d = 30.0 * (np.sin(0.02 * np.arange(n)) + np.sin(1.9 * np.arange(n)))
+    slow, noise = 30.0 * np.sin(0.02 * np.arange(n)), rng.standard_normal(n)
+    assert _over_rates(source, d, noise).spread < 0.02
+    assert _over_rates(source, d, noise - 0.5 * slow).spread > 0.1  # slow changes speak for half as much again
 
 
 def test_weights_are_found_again_and_the_bar_holds_its_bound(monkeypatch):

@@ -17,7 +17,7 @@ if not (ROOT / "benchmarks" / "withheld").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 sys.path.append(str(ROOT))
 
-from benchmarks.withheld import generator, judge, metrics, regions, report, runner, suites  # noqa: E402
+from benchmarks.withheld import generator, judge, metrics, novelty, regions, report, runner, suites  # noqa: E402
 from benchmarks.withheld.catalogue import CONFUSABLE, FOREIGN, VOCABULARY, catalogue  # noqa: E402
 from benchmarks.withheld.generator import Spec  # noqa: E402
 from benchmarks.withheld.metrics import Answer, Truth  # noqa: E402
@@ -173,7 +173,7 @@ def test_every_name_of_the_vocabulary_is_in_the_library() -> None:
 
 def test_the_generator_uses_nothing_of_the_librarys_physics() -> None:
     for file in (ROOT / "benchmarks" / "withheld").glob("*.py"):
-        if file.stem in ("judge", "oracle", "rivals", "runner", "report", "trust", "__main__"):
+        if file.stem in ("judge", "novelty", "oracle", "rivals", "runner", "report", "trust", "__main__"):
             continue
         assert "pamid" not in file.read_text(encoding="utf-8"), file.name
 
@@ -355,3 +355,26 @@ def test_form_is_checked() -> None:
     assert judge.checked(good) == []
     assert judge.checked({**good, "verdict": "none"}) == ["gap True with verdict none"]
     assert judge.checked({**good, "candidates": good["candidates"][:2]})[0].startswith("candidates lack")
+
+
+# --- rivals for the open set --------------------------------------------------------------------------------
+def test_rivals_for_the_open_set_know_what_they_have_seen() -> None:
+    rng = np.random.default_rng(0)
+    names = list(VOCABULARY)[:6]
+    place = {name: 4.0 * rng.standard_normal(12) for name in [*names, "foreign"]}
+
+    def case(k: int, name: str, left_out: tuple[str, ...] = ()) -> dict:
+        key = {"effects": {name: {}}, "left_out": left_out}
+        return {"name": f"{k}", "key": key, "signature": [*(place[name] + 0.2 * rng.standard_normal(12))]}
+
+    learned = novelty.known([case(k, names[k % 6]) for k in range(180)] + [case(999, "foreign")])
+    assert len(learned) == 180
+    asked = [case(k, names[k % 6]) for k in range(30)] + [case(k, "foreign") for k in range(30, 45)]
+    asked += [case(k, names[k % 6], (names[k % 6],)) for k in range(45, 60)]
+    said = novelty.judged(learned, asked)
+    for method in novelty.METHODS:
+        verdicts = [said[r["name"]][method]["verdict"] for r in asked]
+        assert verdicts[:30].count("unknown") <= 6, method
+        assert verdicts[30:].count("unknown") >= 25, method
+    heads = [said[r["name"]]["conformal test"]["causes"] for r in asked[:30]]
+    assert all(h in ((), ((next(iter(r["key"]["effects"])),),)) for h, r in zip(heads, asked, strict=False))

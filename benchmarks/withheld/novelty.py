@@ -114,7 +114,9 @@ def _judged(
     forest = RandomForestClassifier(400, min_samples_leaf=2, class_weight="balanced", random_state=seed).fit(X, label)
     rng = np.random.default_rng(seed)
     half = rng.permutation(len(X)) < len(X) // 2
-    network = MLPRegressor((24, CODE, 24), activation="tanh", alpha=1e-2, max_iter=3000, random_state=seed)
+    network = MLPRegressor(
+        hidden_layer_sizes=(24, CODE, 24), activation="tanh", alpha=1e-2, max_iter=3000, random_state=seed
+    )
     network.fit(X[half], X[half])
     strange = {
         "autoencoder": [np.mean(np.square(network.predict(x) - x), axis=1) for x in (X[~half], Z)],

@@ -198,6 +198,9 @@ class Muscles:
         f = self.shape_factor * (3.0 * squared - self.thread_squared)
         V = self.shape_factor * (self.thread_squared - squared) * L
         into, per_rate = self.mdot + P * f * L_rate / self.RT, V / (self.gamma * self.RT)
+        if self.by_hook["flow"]:  # an effect may go by whether the pressure rises
+            np.divide(into, per_rate, out=P_rate)
+            s.pressure_rate = P_rate
         for e in self.by_hook["flow"]:
             a, b = e.flow(s, memory.get(id(e)), plant)
             into = into - a

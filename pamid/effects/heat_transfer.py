@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..signals.recursion import recursive
 from ..signals.state import Array
-from ._memory import relax, relax_along
 from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
 
@@ -13,16 +13,22 @@ from .plant import Plant
 class HeatTransfer(Effect):
     r"""Gas that warms when compressed and cools at the walls: adiabatic when fast, isothermal when slow.
 
-    .. math:: \Delta\dot m = \frac{P V}{R T^2}\,\frac{\theta}{\tau}, \qquad
-        \dot\theta = \frac{\gamma - 1}{\gamma}\,T\,\frac{\dot P}{P} - \frac{\theta}{\tau}
+    By the first law, with what flows in and out at the temperature T of the walls, a muscle holds less gas by E than it
+    would at that temperature,
 
-    with the excess temperature θ of the gas and the time constant τ of its cooling at constant pressure, for small θ.
-    As θ = h − x with h = (γ − 1)/γ T ln P and τ ẋ = h − x, the memory is a first-order lag.
+    .. math:: \Delta\dot m = \frac{E}{\tau_P}, \qquad
+        \dot E = \frac{\gamma - 1}{\gamma}\,\frac{V \dot P}{R T} - \frac{E}{\tau_P}, \qquad
+        \tau_P = \tau \Big(\frac{P}{3\,P_a}\Big)^{\varsigma}
+
+    for an excess of temperature E T/m that is small beside T. With ς = 0 denser gas gives off more heat; with ς = 1 the
+    conductance of the walls is constant, and more gas takes longer to cool. A log may begin in the middle of a motion,
+    the gas being as warm as if it came from the mean pressure of the run.
 
     Parameters
     ----------
     **values : float
-        ``time_constant`` τ (s).
+        ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
+        ``settled``, how far the gas had cooled when a logged run begins (dimensionless). Simulated runs begin at rest.
 
     References
     ----------
@@ -33,7 +39,7 @@ class HeatTransfer(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("heat_transfer", time_constant=0.2)
-    heat_transfer(time_constant=0.2 s)
+    heat_transfer(time_constant=0.2 s, slowing=0, settled=1)
     """
 
     name = "heat_transfer"
@@ -42,28 +48,58 @@ class HeatTransfer(Effect):
     roles = ("position", "pressure")
     source = "10.1115/1.1286336"
     n_states = 1
-    parameters = (Parameter("time_constant", "s", 1e-3, 1e4, 0.2, "time constant of the cooling"),)
+    parameters = (
+        Parameter("time_constant", "s", 1e-3, 1e4, 0.2, "time constant of the cooling"),
+        Parameter("slowing", "-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure"),
+        Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the gas had cooled when a run begins"),
+    )
     time_constant: float
+    slowing: float
+    settled: float
 
-    def _adiabatic(self, s: Signals, plant: Plant) -> Array:
-        """Return the temperature that an adiabatic compression would give, up to a constant, K."""
+    def _rate(self, P: Array, plant: Plant) -> Array:
+        """Return one over the time constant, 1/s."""
+        return np.power(3.0 * plant.atmospheric_pressure / P, self.slowing) / self.time_constant
+
+    def _gained(self, P0: Array, P1: Array, V: Array, plant: Plant) -> Array:
+        """Return what an adiabatic change of pressure adds to the missing gas, kg."""
         g = plant.heat_capacity_ratio
-        return (g - 1.0) / g * plant.temperature * np.log(s.pressure / plant.atmospheric_pressure)
+        return (g - 1.0) / g * V * (P1 - P0) / plant.RT
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return gas at the temperature of the walls."""
-        return self._adiabatic(s, plant)[None]
+        """Return gas at the temperature of the walls: nothing is missing."""
+        return np.zeros_like(np.asarray(s.pressure, dtype=float))[None]
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Cool towards the walls."""
-        return relax(x, self._adiabatic(s0, plant), self._adiabatic(s1, plant), dt, self.time_constant)
+        """Warm by compression, cool towards the walls."""
+        V = 0.5 * (plant.volume(s0.position) + plant.volume(s1.position))
+        r = dt * self._rate(0.5 * (s0.pressure + s1.pressure), plant)
+        return x * np.exp(-r) + self._gained(s0.pressure, s1.pressure, V, plant) * _mean_decay(r)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the lag along each trajectory, without a loop over time."""
-        return relax_along(self._adiabatic(s, plant), dt, self.time_constant, starts)[None]
+        """Return the missing gas along each trajectory, without a loop over time."""
+        P, V = np.asarray(s.pressure, dtype=float), np.asarray(plant.volume(s.position), dtype=float)
+        drive, decay = np.zeros_like(P), np.zeros_like(P)
+        r = dt * self._rate(0.5 * (P[:-1] + P[1:]), plant)
+        drive[1:] = self._gained(P[:-1], P[1:], 0.5 * (V[:-1] + V[1:]), plant) * _mean_decay(r)
+        decay[1:] = np.exp(-r)
+        runs = np.diff([*starts, len(P)]).reshape(-1, *[1] * (P.ndim - 1))
+        before = np.add.reduceat(P, starts, axis=0) / runs
+        drive[starts] = (1.0 - self.settled) * self._gained(before, P[starts], V[starts], plant)
+        return _along(drive, decay, starts)[None]
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
-        """Return the extra gas that the cooling makes room for, kg/s."""
-        theta = self._adiabatic(s, plant) - x[0]
-        room = s.pressure * plant.volume(s.position) / (plant.RT * plant.temperature)
-        return Step(room * theta / self.time_constant, 0.0)
+        """Return the gas that the cooling makes room for, kg/s."""
+        return Step(x[0] * self._rate(s.pressure, plant), 0.0)
+
+
+def _mean_decay(r: Array) -> Array:
+    """Return the mean of exp(−r t) for t from 0 to 1."""
+    return -np.expm1(-r) / np.maximum(r, 1e-300)
+
+
+def _along(drive: Array, decay: Array, starts: Array) -> Array:
+    """Return the recursion of each column by its own decay."""
+    if drive.ndim == 1:
+        return recursive(drive, [decay], starts)
+    return np.stack([recursive(drive[:, k], [decay[:, k]], starts) for k in range(drive.shape[1])], axis=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..signals.state import Array
 from .base import Effect, Parameter, Signals, Step
 from .plant import Plant
@@ -10,12 +12,15 @@ from .plant import Plant
 class PolytropicExponent(Effect):
     r"""Compression between isothermal (exponent 1) and adiabatic (1.4 for air).
 
-    .. math:: \Delta\dot m = \frac{\dot P\,V}{R T}\left(\frac{1}{n} - \frac{1}{\gamma}\right)
+    .. math:: \Delta\dot m = \frac{\dot P\,V}{R T}\left(\frac{1}{n_P} - \frac{1}{\gamma}\right), \qquad
+        n_P = \gamma - (\gamma - n)\,(1 + \sigma\,\mathrm{sgn}\,\dot P)
+
+    Filling and venting exchange heat differently, and have exponents of their own where σ is not 0.
 
     Parameters
     ----------
     **values : float
-        ``exponent`` n (dimensionless).
+        ``exponent`` n, ``skew`` σ (both dimensionless).
 
     References
     ----------
@@ -26,7 +31,7 @@ class PolytropicExponent(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("polytropic_exponent", exponent=1.2)
-    polytropic_exponent(exponent=1.2)
+    polytropic_exponent(exponent=1.2, skew=0)
     """
 
     name = "polytropic_exponent"
@@ -34,9 +39,15 @@ class PolytropicExponent(Effect):
     equations = ("flow",)
     roles = ("position", "pressure_rate")
     source = "10.1115/1.1286336"
-    parameters = (Parameter("exponent", "-", 1.0, 1.4, 1.2, "exponent of the compression"),)
+    parameters = (
+        Parameter("exponent", "-", 1.0, 1.4, 1.2, "exponent of the compression"),
+        Parameter("skew", "-", -0.5, 0.5, 0.0, "by how much it is further from adiabatic while the pressure rises"),
+    )
     exponent: float
+    skew: float
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
         """Return (0, V/(R T) (1/n − 1/γ))."""
-        return Step(0.0, plant.volume(s.position) / plant.RT * (1.0 / self.exponent - 1.0 / plant.heat_capacity_ratio))
+        adiabatic = plant.heat_capacity_ratio
+        exponent = adiabatic - (adiabatic - self.exponent) * (1.0 + self.skew * np.sign(s.pressure_rate))
+        return Step(0.0, plant.volume(s.position) / plant.RT * (1.0 / exponent - 1.0 / adiabatic))

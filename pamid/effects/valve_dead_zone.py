@@ -12,14 +12,16 @@ from .plant import Plant
 class ValveDeadZone(Effect):
     r"""Overlap of the spool: small commands open nothing, larger ones less than they should.
 
-    .. math:: u' = \mathrm{sgn}(u)\,\max(|u| - d,\, 0)\,\Big(1 + \frac{\kappa\, d}{1 - d}\Big)
+    .. math:: u' = \mathrm{sgn}(u)\,\max(|u| - d_u,\, 0)\,\Big(1 + \frac{\kappa\, d_u}{1 - d_u}\Big), \qquad
+        d_u = d\,(1 + \sigma\, \mathrm{sgn}\, u)
 
-    With κ = 1 a full command still opens the valve fully, with κ = 0 it opens it by d less.
+    With κ = 1 a full command still opens the valve fully, with κ = 0 it opens it by d less. Overlaps may differ for
+    filling and venting (σ), and ports open gradually: within ρ d_u about the edge a parabola takes the corner's place.
 
     Parameters
     ----------
     **values : float
-        ``width`` d, ``stretch`` κ (both dimensionless).
+        ``width`` d, ``stretch`` κ, ``skew`` σ, ``rounding`` ρ (all dimensionless).
 
     References
     ----------
@@ -30,7 +32,7 @@ class ValveDeadZone(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("valve_dead_zone", width=0.04)
-    valve_dead_zone(width=0.04, stretch=0)
+    valve_dead_zone(width=0.04, stretch=0, skew=0, rounding=0)
     """
 
     name = "valve_dead_zone"
@@ -41,11 +43,18 @@ class ValveDeadZone(Effect):
     parameters = (
         Parameter("width", "-", 0.0, 0.5, 0.04, "command below which the valve is shut"),
         Parameter("stretch", "-", 0.0, 1.0, 0.0, "share of the lost travel that larger commands make up for"),
+        Parameter("skew", "-", -0.9, 0.9, 0.0, "by how much the zone is wider where the valve fills than on the mean"),
+        Parameter("rounding", "-", 0.0, 1.0, 0.0, "half width of the round edges, as a share of the zone"),
     )
     width: float
     stretch: float
+    skew: float
+    rounding: float
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command less the dead zone."""
-        steeper = 1.0 + self.stretch * self.width / (1.0 - self.width)
-        return (u - np.clip(u, -self.width, self.width)) * steeper
+        width = self.width * (1.0 + self.skew * np.sign(u))
+        steeper = 1.0 + self.stretch * width / (1.0 - width)
+        past, edge = np.abs(u) - width, np.maximum(self.rounding * width, 1e-12)
+        opened = np.where(np.abs(past) < edge, np.square(past + edge) / (4.0 * edge), np.maximum(past, 0.0))
+        return np.sign(u) * opened * steeper
