@@ -17,12 +17,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..fitting.grouped_ridge import grouped_ridge
 from ..signals.recursion import past
+from .inference.discrepancy import AGES
 
-AGES = 0.05, 0.3, 1.5
-"""Ages of the past, s."""
 _COSINES = 120
-_RIDGES = 10.0 ** np.arange(-2.0, 5.0)
+_RIDGES = (0.01, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 _ROWS = 20_000  # rows that weights are fitted to
 _FOLDS = 5
 
@@ -73,32 +73,14 @@ def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray
     names, fold = np.unique(codes[rows], return_inverse=True)
     # One trajectory tells nothing of others: its parts stand for them.
     fold = fold % _FOLDS if len(names) > 2 else (2 * _FOLDS * np.arange(len(rows)) // len(rows)) % _FOLDS
-    used = np.unique(fold)
-    H = np.array([B[fold == k].T @ B[fold == k] for k in used])
-    g = np.array([B[fold == k].T @ r[fold == k] for k in used])
-    least, ridge = float(np.sum(r * r)), np.inf
-    for trial in _RIDGES:
-        predicted = np.empty(len(r))
-        for k, name in enumerate(used):
-            predicted[fold == name] = B[fold == name] @ _solved(H.sum(axis=0) - H[k], g.sum(axis=0) - g[k], trial)
-        error = float(np.sum(np.square(r - predicted)))
-        if error < least:
-            least, ridge = error, float(trial)
-    power = float(np.sum(r * r))
-    model["share"] = np.array(1.0 - least / power if power > 0 else 0.0)
-    model["weights"] = _solved(H.sum(axis=0), g.sum(axis=0), ridge) if np.isfinite(ridge) else np.zeros(B.shape[1])
+    fit = grouped_ridge(B, r, fold, _RIDGES)
+    model["share"], model["weights"] = np.array(fit.share), fit.weights
     return model
 
 
 def predict(model: Model, signals: Mapping[str, np.ndarray], codes: np.ndarray, dt: float) -> np.ndarray:
     """Return the remainder that a model predicts; the arguments are those of `learn`."""
     return np.asarray(_basis(model, _past_and_present(signals, codes, dt)) @ model["weights"])
-
-
-def _solved(H: np.ndarray, g: np.ndarray, ridge: float) -> np.ndarray:
-    penalty = ridge * np.eye(len(g))
-    penalty[0, 0] = 1e-9  # the mean costs nothing
-    return np.asarray(np.linalg.solve(H + penalty, g))
 
 
 def _basis(model: Model, S: np.ndarray) -> np.ndarray:

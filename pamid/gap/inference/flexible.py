@@ -18,11 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...fitting.grouped_ridge import grouped_ridge
 from ..residuals.protocol import ResidualSource
 from .discrepancy import pasts
 
 _COSINES = 40  # of each of two widths
-_RIDGES = 10.0 ** np.arange(-1.0, 5.0)
+_RIDGES = (0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 
 
 @dataclass(frozen=True)
@@ -96,25 +97,9 @@ class Flexible:
         B, r = self.basis(equation), z[part]
         size = max(float(np.median(np.abs(r))) / 0.6745, 1e-12)
         r = np.clip(r, -6.0 * size, 6.0 * size)
-        folds = _folds(self.evidence, part)
-        names = np.unique(folds)
-        H = np.array([B[folds == k].T @ B[folds == k] for k in names])
-        g = np.array([B[folds == k].T @ r[folds == k] for k in names])
-        best, least = np.zeros(len(r)), float(np.mean(np.square(r)))
-        whole_H, whole_g = H.sum(axis=0), g.sum(axis=0)
-        scale = np.sqrt(np.maximum(np.diag(whole_H) / max(len(r), 1), 1e-12))
-        for ridge in _RIDGES:
-            predicted = np.empty(len(r))
-            for k, name in enumerate(names):
-                A = (whole_H - H[k]) / np.outer(scale, scale) + ridge * np.eye(len(scale))
-                predicted[folds == name] = B[folds == name] @ (np.linalg.solve(A, (whole_g - g[k]) / scale) / scale)
-            left = float(np.mean(np.square(r - predicted)))
-            if left < least:
-                best, least = predicted, left
-        power = float(np.mean(np.square(r)))
-        share = 1.0 - least / power if power > 0 else 0.0
-        gain = -0.5 * len(r) * float(np.log(max(least, 1e-12) / max(power, 1e-12))) if share > 0 else 0.0
-        return Remainder(equation, best, max(share, 0.0), gain)
+        fit = grouped_ridge(B, r, _folds(self.evidence, part), _RIDGES)
+        gain = -0.5 * len(r) * float(np.log(max(1.0 - fit.share, 1e-12)))
+        return Remainder(equation, fit.held_out, fit.share, gain)
 
 
 def _folds(evidence: ResidualSource, part: slice) -> np.ndarray:

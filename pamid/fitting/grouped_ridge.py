@@ -1,0 +1,77 @@
+r"""Ridge regression whose penalty is what predicts groups best that it has not seen.
+
+.. math:: w = \arg\min \|B S^{-1} w - r\|^2 + \lambda \|w\|^2
+
+with S the root mean square of each column; every λ is judged by predicting each fold from the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+
+class GroupedRidge(NamedTuple):
+    """A fitted ridge regression.
+
+    Parameters
+    ----------
+    held_out : array, shape (n,)
+        Prediction of each row from the other folds; zero where no penalty predicts better than nothing.
+    weights : array, shape (n_columns,)
+        Weights fitted to all rows; zero likewise.
+    share : float
+        Share of the mean square that `held_out` explains, at least 0.
+    """
+
+    held_out: np.ndarray
+    weights: np.ndarray
+    share: float
+
+
+def grouped_ridge(B: np.ndarray, r: np.ndarray, folds: np.ndarray, ridges: Sequence[float]) -> GroupedRidge:
+    """Fit a ridge regression.
+
+    Parameters
+    ----------
+    B : array, shape (n, n_columns)
+        The columns.
+    r : array, shape (n,)
+        What they are to predict.
+    folds : array of int, shape (n,)
+        Fold of each row; a group must not be in two.
+    ridges : sequence of float
+        Penalties to choose from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.fitting.grouped_ridge import grouped_ridge
+    >>> x = np.linspace(-1.0, 1.0, 60)
+    >>> fit = grouped_ridge(np.column_stack([np.ones(60), x]), 2.0 * x, np.arange(60) % 3, [1e-6, 1.0])
+    >>> fit.weights.round(3).tolist(), round(fit.share, 3)
+    ([0.0, 2.0], 1.0)
+    """
+    names = np.unique(folds)
+    H = np.array([B[folds == k].T @ B[folds == k] for k in names])
+    g = np.array([B[folds == k].T @ r[folds == k] for k in names])
+    whole_H, whole_g = H.sum(axis=0), g.sum(axis=0)
+    scale = np.sqrt(np.maximum(np.diag(whole_H) / max(len(r), 1), 1e-12))
+
+    def solved(H: np.ndarray, g: np.ndarray, ridge: float) -> np.ndarray:
+        A = H / np.outer(scale, scale) + ridge * np.eye(len(scale))
+        return np.asarray(np.linalg.solve(A, g / scale) / scale)
+
+    power = float(np.mean(np.square(r))) if len(r) else 0.0
+    best, chosen, least = np.zeros(len(r)), None, power
+    for ridge in ridges:
+        predicted = np.empty(len(r))
+        for k, name in enumerate(names):
+            predicted[folds == name] = B[folds == name] @ solved(whole_H - H[k], whole_g - g[k], ridge)
+        left = float(np.mean(np.square(r - predicted)))
+        if left < least:
+            best, chosen, least = predicted, ridge, left
+    weights = np.zeros(B.shape[1]) if chosen is None else solved(whole_H, whole_g, chosen)
+    return GroupedRidge(best, weights, max(1.0 - least / power, 0.0) if power > 0 else 0.0)
