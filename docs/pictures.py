@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import matplotlib as mpl
@@ -19,7 +20,7 @@ from pamid import BenchParameters, simulate
 from pamid.bench import hold, isobaric, isometric, multisine, sealed_hold, sine, step, triangle, unfold
 from pamid.bench.references import Trajectory
 from pamid.effects import all_effects
-from pamid.gap import diagnose
+from pamid.gap import Diagnosis, diagnose
 from pamid.gap.residuals.bench import Evidence
 from pamid.plots.style import BLUE, FAINT, GREY, INK, ORANGE, save_figure, style
 from pamid.report.quantities import effect as called
@@ -37,25 +38,36 @@ def friction_log() -> pd.DataFrame:
 # --- the landing page ---------------------------------------------------------------------------------------
 def landing() -> Figure:
     """A log and a simulator, where they part, which effect is the cause, how far the gap shrinks."""
-    log = friction_log()
-    found = diagnose(log, BENCH)
-    force = next(c for c in found.closure if c.equation == "force")
-    windows = found.windows[found.windows["equation"] == "force"]
     with style():
         figure = Figure(figsize=(12, 3.0), layout="constrained")
-        loop, where, which, how = figure.subplots(1, 4, width_ratios=[1.05, 1.15, 0.85, 0.75])
-        _loop(loop, log)
-        _map(figure, where, windows)
-        _ranking(which, found)
-        _closure(how, force)
-        for ax, word, text in zip(
-            (loop, where, which, how),
-            ("Log and simulator", "Where they part", "Which effect is the cause", "How far it closes"),
-            (INK, BLUE, BLUE, BLUE),
-            strict=True,
-        ):
-            ax.set_title(word, fontsize=11, fontweight="bold", color=text, pad=8, x=-0.45 if ax is which else 0)
+        _four(figure, figure.subplots(1, 4, width_ratios=[1.05, 1.15, 0.85, 0.75]))
     return figure
+
+
+def landing_narrow() -> Figure:
+    """The same, one below the other, for a phone."""
+    with style():
+        figure = Figure(figsize=(3.8, 10.4), layout="constrained")
+        _four(figure, figure.subplots(4, 1, height_ratios=[1.1, 1.1, 0.9, 0.9]))
+    return figure
+
+
+@cache
+def _friction() -> tuple[pd.DataFrame, Diagnosis]:
+    log = friction_log()
+    return log, diagnose(log, BENCH)
+
+
+def _four(figure: Figure, axes: np.ndarray) -> None:
+    log, found = _friction()
+    loop, where, which, how = axes
+    _loop(loop, log)
+    _map(figure, where, found.windows[found.windows["equation"] == "force"])
+    _ranking(which, found)
+    _closure(how, next(c for c in found.closure if c.equation == "force"))
+    titles = ("1  Log and simulator", "2  Where they part", "3  Which effect is the cause", "4  How far it closes")
+    for ax, word, colour in zip(axes, titles, (INK, BLUE, BLUE, BLUE), strict=True):
+        ax.set_title(word, fontsize=11, fontweight="bold", color=colour, pad=8, x=-0.45 if ax is which else 0)
 
 
 def _loop(ax: mpl.axes.Axes, log: pd.DataFrame) -> None:
@@ -194,7 +206,12 @@ def kinds() -> Figure:
     return figure
 
 
-PICTURES: dict[str, Callable[[], Figure]] = {"landing": landing, "recording": recording, "runs": kinds}
+PICTURES: dict[str, Callable[[], Figure]] = {
+    "landing": landing,
+    "landing-narrow": landing_narrow,
+    "recording": recording,
+    "runs": kinds,
+}
 
 
 def main() -> int:

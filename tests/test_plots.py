@@ -15,6 +15,7 @@ from sklearn.frozen import FrozenEstimator
 
 from pamid.compare.comparison import Comparison, Score
 from pamid.errors import (
+    ExcitationError,
     IncompatibleError,
     MissingColumnError,
     MissingTrajectoryError,
@@ -149,6 +150,13 @@ def test_volume_display(fitted, data):
         VolumeDisplay.from_estimator(SINDyRegressor(inputs=("eps", "P")).fit(*data), data[0])
     with pytest.raises(MissingColumnError, match="eps"):
         VolumeDisplay.from_estimator(fitted, data[0].drop(columns="eps"))
+
+
+def test_no_volume_is_drawn_over_a_contraction_that_stands_still(fitted, data):
+    with pytest.raises(ExcitationError, match="stays between 12 and 12 %"):
+        VolumeDisplay.from_estimator(fitted, data[0].assign(eps=0.12))
+    slope = volume_plot(fitted, data[0], level=False)
+    assert [ax.get_ylabel() for ax in slope.axes] == ["slope of the volume, ∂V/∂ε / cm³"]
 
 
 def test_a_flow_model_has_a_volume_too(data):

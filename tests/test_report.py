@@ -5,6 +5,7 @@ from __future__ import annotations
 import html.parser
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,6 +38,7 @@ from pamid.report.drawings.windows import telling_trajectories
 from pamid.report.quantities import amount, percent, share_span, span, target
 from pamid.report.sections import Source, all_sections
 from pamid.report.sentences import query_words
+from pamid.systems.cylinder import Cylinder
 
 TRUE = ("coulomb_friction", {"amplitude": 6.0, "presliding": 5e-4})
 VERDICTS = ("cause", "class", "several", "unknown", "none")
@@ -173,6 +175,31 @@ def diagnosis_of(verdict: str, material: tuple[BenchParameters, BenchParameters,
         if verdict == "unknown"
         else {},
     )
+
+
+def with_offset(d: Diagnosis, unit: str, value: float, corrected: Any) -> Diagnosis:
+    offset = {"offset": ParameterEstimate(value, unit, (0.99 * value, 1.01 * value))}
+    return replace(d, causes=[replace(d.causes[0], parameters=offset)], corrected=corrected)
+
+
+def test_an_offset_of_the_ambient_pressure_is_asked_about_first(material) -> None:
+    d = diagnosis_of("cause", material)
+    assert not answers(d).where.startswith("Is ")
+    for value, asked in ((101_325.0, True), (-95_000.0, True), (60_000.0, False), (120_000.0, False)):
+        assert answers(with_offset(d, "Pa", value, d.corrected)).where.startswith("Is gauge pressure") == asked
+    cylinder = Cylinder(bore=0.025)  # 491 mm²: 49.7 N
+    for off, asked in ((49.7, True), (-47.0, True), (30.0, False)):
+        said = answers(replace(d, corrected=cylinder, windows=d.windows.assign(before=off))).where
+        assert said.startswith("Is gauge pressure") == asked
+        assert ("the ambient pressure on 490.9 mm²" in said) == asked
+
+
+def test_a_gain_of_a_power_of_ten_is_asked_about_first(material) -> None:
+    d = diagnosis_of("cause", material)
+    simulated = 300.0 + 30.0 * np.sin(np.arange(len(d.windows)) / 5.0)
+    for gain, asked in ((0.1, True), (1 / 9.80665, True), (10.0, True), (1e3, True), (1.0, False), (3.0, False)):
+        windows = d.windows.assign(measured=gain * simulated, before=(gain - 1.0) * simulated, equation="force")
+        assert answers(replace(d, windows=windows)).where.startswith("Is a unit wrong?") == asked, gain
 
 
 @pytest.fixture(scope="module")

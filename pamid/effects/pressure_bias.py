@@ -34,5 +34,5 @@ class PressureBias(Bias):
     site = "muscle"
     roles = ("pressure",)
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("offset", "Pa", -5e4, 5e4, 2e3, "offset of the reading", linear=True),)
+    parameters = (Parameter("offset", "Pa", -1.2e5, 1.2e5, 2e3, "offset of the reading", linear=True),)
     offset: float

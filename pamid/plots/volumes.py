@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..errors import IncompatibleError, MissingColumnError
+from ..errors import ExcitationError, IncompatibleError, MissingColumnError
 from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 81
+_LEAST = 5e-3  # contraction over which a volume is drawn at least
 
 
 class VolumeDisplay:
@@ -105,6 +106,8 @@ class VolumeDisplay:
             If the estimator identifies no volume.
         MissingColumnError
             If X has no ``eps`` or ``P``.
+        ExcitationError
+            If the contraction stands still, as in an isometric log.
         """
         if not hasattr(estimator, "volume"):
             raise IncompatibleError(
@@ -118,6 +121,12 @@ class VolumeDisplay:
         low, high = np.quantile(all_P, (0.1, 0.9))
         pressures = np.linspace(low, high, n_pressures)
         least, most = np.quantile(all_eps, (0.001, 0.999))
+        if most - least < _LEAST:
+            raise ExcitationError(
+                f"The contraction stays between {100 * least:.4g} and {100 * most:.4g} %.",
+                f"data over {100 * _LEAST:g} % of contraction at least, to draw a volume over it",
+                "Take runs at other contractions as well.",
+            )
         eps = np.linspace(least, most, _POINTS)
         covered = np.array([_covered(all_eps, all_P, P) for P in pressures])
         grid = resting(estimator, np.tile(eps, n_pressures), np.repeat(pressures, _POINTS))
@@ -172,7 +181,13 @@ class VolumeDisplay:
 
 
 def volume_plot(
-    estimator: Any, X: pd.DataFrame, path: str | Path | None = None, *, title: str = "", **geometry: Any
+    estimator: Any,
+    X: pd.DataFrame,
+    path: str | Path | None = None,
+    *,
+    title: str = "",
+    level: bool = True,
+    **geometry: Any,
 ) -> Figure:
     """Draw the identified volume and its slope over the contraction, at several pressures, beside the geometry.
 
@@ -188,6 +203,8 @@ def volume_plot(
         PNG or SVG to write.
     title : str, default=""
         Title of the figure.
+    level : bool, default=True
+        Whether to draw the volume beside its slope; a force alone tells no level.
     **geometry
         ``rest_length`` (m), ``rest_diameter`` (m), ``braid_angle`` (rad), ``n_pressures``: see
         `VolumeDisplay.from_estimator`.
@@ -212,8 +229,8 @@ def volume_plot(
         path = checked_ending(path)
     display = VolumeDisplay.from_estimator(estimator, X, **geometry)
     with style():
-        figure, axes = new_figure(8.2, 3.6, 1, 2)
-        for ax, slope in zip(axes[0], (False, True), strict=True):
+        figure, axes = new_figure(8.2 if level else 4.6, 3.6, 1, 1 + level)
+        for ax, slope in zip(axes[0], (False, True)[1 - level :], strict=True):
             display._draw(ax, slope)
         handles, labels = axes[0, 0].get_legend_handles_labels()
         handles += axes[0, 0].plot([], [], color=INK, linewidth=0.8, alpha=0.5)

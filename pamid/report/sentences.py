@@ -6,6 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from .doubts import question
 from .quantities import amount, effect, equation, listed, percent, probability, share_span, signal, span
 
 if TYPE_CHECKING:
@@ -76,7 +77,9 @@ def answers(diagnosis: Diagnosis) -> Answers:
     >>> answers(diagnose(log, nominal, ["leakage"])).verdict
     'One cause: leakage'
     """
-    return Answers(verdict(diagnosis), where(diagnosis), which(diagnosis), how_far(diagnosis))
+    asked = question(diagnosis)
+    first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
+    return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
 
 
 def verdict(d: Diagnosis) -> str:

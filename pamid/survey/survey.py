@@ -212,7 +212,8 @@ def _record(s: Survey) -> list[str]:
     if s.next_run is not None:
         own = {k: v for k, v in s.next_run.items() if k not in ("splits", "kind")}
         settings = ", ".join(f"{k.replace('_', ' ')} {v:g}{_UNITS.get(k, '')}" for k, v in own.items())
-        names = ", ".join(s.next_run["splits"][:6]) + (" and more" if len(s.next_run["splits"]) > 6 else "")
+        splits = [str(name).replace("_", " ") for name in s.next_run["splits"][:6]]
+        names = ", ".join(splits) + (" and more" if len(s.next_run["splits"]) > 6 else "")
         kind = str(s.next_run["kind"]).replace("_", " ")
         told.append(f"A run of the kind {kind} ({settings}): it would show or tell apart {names}.")
     asked: dict[str, None] = {}

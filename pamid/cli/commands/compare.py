@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingParameterError, ParameterError
+from ...errors import ExcitationError, MissingParameterError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ..common import add_command, add_log_options, load_log, muscle_numbers, note, page_of, print_json, progress
 from ..rows import add_where, rows_where
@@ -269,11 +269,12 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
     for score in result.scores:
         model = result.fitted.get(score.estimator)
         if model is not None and hasattr(model, "volume") and getattr(model, "form", "area") == "area":
-            files.append(folder / f"volume-{name}.png")
-            level = "; a force tells its slope, not its level" if name == "force" else ""
-            volume_plot(
-                model, result.rows, files[-1], title=f"Volume identified by {score.estimator}{level}", **geometry
-            )
+            level = name != "force" or "rest_diameter" in model.get_params()  # else a force tells the slope alone
+            title = f"{'Volume' if level else 'Slope of the volume'} identified by {score.estimator}"
+            file = folder / f"volume-{name}.png"
+            with contextlib.suppress(ExcitationError):  # an isometric log tells no volume over the contraction
+                volume_plot(model, result.rows, file, title=title, level=level, **geometry)
+                files.append(file)
             break
     return files
 

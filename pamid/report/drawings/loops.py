@@ -67,7 +67,7 @@ def loop_figure(
         loop.set_ylabel(quantity.label)
         _draw(course, part, "time", quantity.factor, states(d))
         course.set_xlabel("time / s")
-        course.set_ylabel(f"/ {quantity.unit}" if quantity.unit else "")
+        course.set_ylabel(f"error / {quantity.unit}" if quantity.unit else "error")
         for ax in (loop, course) if limits is not None else ():
             ax.set_ylim(limits)
         handles, labels = loop.get_legend_handles_labels()

@@ -39,6 +39,8 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
     Figure
         The square root of the power density over frequency, with the band that holds most of the gap shaded.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     equation = chosen_equation(d, equation)
     frequency, before, after, noise = spectra(d.windows[d.windows["equation"] == equation])
     quantity = residual(equation, unit_of(d, equation))
@@ -73,7 +75,9 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
         ax.set_ylim(low / 2.5, high * 2.5)  # so that a flat spectrum looks flat
         ax.set_xlabel("frequency / Hz")
         ax.set_ylabel(f"{quantity.words} / ({quantity.unit}/√Hz)")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
         handles, labels = ax.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
