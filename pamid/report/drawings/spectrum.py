@@ -91,7 +91,7 @@ def spectra(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     ShortTrajectoryError
         No run is long enough.
     """
-    from scipy.signal import welch
+    from matplotlib.mlab import psd
 
     runs = part["trajectory"].unique()
     if len(runs) > _RUNS:
@@ -112,7 +112,7 @@ def spectra(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
         for name in ("before", "after"):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                f, power = welch(s[name].to_numpy(dtype=float), rate, nperseg=segment, detrend=False)
+                power, f = psd(s[name].to_numpy(dtype=float), segment, rate, noverlap=segment // 2)
             found.append(power)
         # Windows overlap by little, so their noise is nearly white.
         found.append(np.full_like(f, 2.0 / rate * float(np.mean(s["noise"].to_numpy(dtype=float) ** 2))))
