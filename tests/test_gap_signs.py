@@ -92,6 +92,26 @@ def test_a_name_that_is_not_sure_is_said_with_reserve(monkeypatch, constant, res
     assert ("or something that looks like it on this log" in answers(found).verdict) is reserve
 
 
+def test_every_member_of_a_class_has_its_parameters_and_one_at_its_end_says_so():
+    from pamid.report import answers, report_html
+
+    nominal = NOMINAL.replace(tolerance={"rest_diameter": 0.005, "braid_angle": 0.005})
+    log = simulate(nominal.replace(effects=[("polytropic_exponent", {"exponent": 1.36})]), RUNS, seed=3)
+    cause = diagnose(log, nominal, ["polytropic_exponent", "dead_volume", "leakage"]).causes[0]
+    assert len(cause.effects) == 1 + len(cause.others) == 2
+    each = dict(zip(cause.effects, (cause.parameters, *cause.others), strict=True))
+    assert each["polytropic_exponent"]["exponent"].value == pytest.approx(1.36, abs=0.02)
+    assert each["dead_volume"]["volume"].value > 0.0
+
+    isothermal = NOMINAL.replace(effects=[("polytropic_exponent", {"exponent": 1.0})])
+    found = diagnose(simulate(isothermal, RUNS, seed=4), NOMINAL, ["polytropic_exponent"])
+    parameters = found.causes[0].parameters
+    assert parameters["exponent"].at_bound
+    assert not parameters["skew"].at_bound
+    assert "at the end of what is physical" in answers(found).which
+    assert "at the end of what is physical" in report_html(found)
+
+
 def test_slow_and_fast_changes_that_disagree_are_told():
     from pamid.gap.diagnosis.signs import _over_rates
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects import Plant, all_effects
+from ..effects import Effect, Plant, all_effects
 from ..signals.stretches import stuck_rows
-from .diagnosis.result import Diagnosis
+from .diagnosis.result import Diagnosis, ParameterEstimate
 from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
 from .residuals.scaling import Scaling, Table, scaling_of
@@ -167,14 +167,11 @@ def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
     library = all_effects()
     causes = []
     for cause in found.causes:
-        effect, parameters = library[cause.effects[0]], {}
-        known = {p.name: p for p in effect.parameters}
-        for name, p in cause.parameters.items():
-            f = scaling.factor(effect, known[name])
-            low, high = sorted((p.ci90[0] * f, p.ci90[1] * f))
-            ci = (low, high)
-            parameters[name] = replace(p, value=p.value * f, unit=units.of(effect, known[name]), ci90=ci)
-        causes.append(replace(cause, parameters=parameters))
+        first, *others = [
+            _in_units(library[name], parameters, scaling, units)
+            for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False)
+        ]
+        causes.append(replace(cause, parameters=first, others=tuple(others)))
     windows = found.windows.assign(
         time=found.windows["time"] / scaling.time,
         **{k: found.windows[k] * scaling.target for k in ("measured", "before", "after")},
@@ -197,6 +194,17 @@ def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
         windows=windows,
         remainder={**found.remainder, "rmse": found.remainder["rmse"] * size} if found.remainder else {},
     )
+
+
+def _in_units(
+    effect: type[Effect], parameters: Mapping[str, ParameterEstimate], scaling: Scaling, units: Units
+) -> dict[str, ParameterEstimate]:
+    """Return the parameters of an effect in the units of the log."""
+    known = {p.name: p for p in effect.parameters}
+    return {
+        name: p.scaled(scaling.factor(effect, known[name]), units.of(effect, known[name]))
+        for name, p in parameters.items()
+    }
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:

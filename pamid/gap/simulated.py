@@ -14,7 +14,7 @@ from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
 from ..simulators.placement import Placement
 from ..simulators.port_log import port_log
-from .diagnosis.result import Candidate, Cause, Diagnosis
+from .diagnosis.result import Candidate, Cause, Diagnosis, ParameterEstimate
 from .engine import explain
 from .inference.floor import explainable
 from .inference.sensitivity import templates
@@ -234,14 +234,18 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
 
 
 def _cause(cause: Cause, places: Mapping[str, Placement]) -> Cause:
-    first = places[cause.effects[0]]
-    parameters = {}
-    for name, p in cause.parameters.items():
-        f = first.factor(name)
-        low, high = sorted((p.ci90[0] * f, p.ci90[1] * f))
-        parameters[name] = replace(p, value=p.value * f, ci90=(low, high), unit=first.units.get(name, p.unit))
+    first, *others = [
+        _at(places[name], parameters)
+        for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False)
+    ]
     names = tuple(places[e].name for e in cause.effects)
-    return replace(cause, effects=names, where=tuple(places[e].port for e in cause.effects), parameters=parameters)
+    ports = tuple(places[e].port for e in cause.effects)
+    return replace(cause, effects=names, where=ports, parameters=first, others=tuple(others))
+
+
+def _at(place: Placement, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
+    """Return the parameters of an effect in the units of its port."""
+    return {name: p.scaled(place.factor(name), place.units.get(name, p.unit)) for name, p in parameters.items()}
 
 
 def _candidate(c: Candidate, places: Mapping[str, Placement]) -> Candidate:

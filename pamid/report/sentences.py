@@ -251,7 +251,10 @@ def which(d: Diagnosis) -> str:
 def _sizes(cause: Cause) -> str:
     told = []
     for name, p in list(cause.parameters.items())[:2]:
-        told.append(f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)})")
+        bound = ", at the end of what is physical" if p.at_bound else ""
+        told.append(
+            f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
+        )
     return f": {', '.join(told)}" if told else ""
 
 

@@ -19,7 +19,7 @@ from .decide import Verdict
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
 from .remainder import leftover, remainder
-from .result import Cause, Closure, Diagnosis, EquationFinding, HypothesisFinding
+from .result import Cause, Closure, Diagnosis, EquationFinding, HypothesisFinding, ParameterEstimate
 from .rivals import rivals_of
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def answer(
     closure = closures(evidence, before, held_out, after, random_state)
     equations = _equations(evidence, before, after, verdict)
     main = [e.equation for e in equations if e.share > 0.1] or [e.equation for e in equations[:1]]
-    causes = _causes(evidence, verdict, clusters, closure) if clusters is not None else []
+    causes = _causes(fitter, verdict, clusters, closure) if clusters is not None else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
         say("look for the next experiment")
@@ -179,12 +179,12 @@ def _equations(
 
 
 def _causes(
-    evidence: ResidualSource,
+    fitter: Fitter,
     verdict: Verdict,
     clusters: Clusters,
     closure: list[Closure],
 ) -> list[Cause]:
-    fit, part_of = clusters.fit, verdict.part_of
+    evidence, fit, part_of = fitter.evidence, clusters.fit, verdict.part_of
     parameters = clusters.parameters()
     whole = evidence.z(fit.spec)
     by_equation = {c.equation: c for c in closure}
@@ -199,8 +199,20 @@ def _causes(
         names = verdict.classes.get(name, (name,))
         weights = verdict.weights.get(name, {name: 1.0})
         confidence = (1.0 - verdict.unknown) * sum(weights.get(n, 0.0) for n in names)
-        found.append(Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name]))
+        others = tuple(_in_place(fitter, verdict, name, other) for other in names[1:])
+        found.append(
+            Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name], others=others)
+        )
     return sorted(found, key=lambda c: -c.share)
+
+
+def _in_place(fitter: Fitter, verdict: Verdict, name: str, other: str) -> dict[str, ParameterEstimate]:
+    """Return the parameters of an effect that stands in the place of a cause."""
+    rest = verdict.outcome.best.names - {name}
+    fit = next(h.fit for h in verdict.outcome.alternatives[name] if h.names == rest | {other})
+    if len(fit.z) != len(fitter.evidence.z0):
+        fit = fitter.refine(fit.spec, near=fit.x)
+    return Clusters(fitter, fit).parameters()[other]
 
 
 def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause:

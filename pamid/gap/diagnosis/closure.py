@@ -94,7 +94,8 @@ class Clusters:
             wide = reach * float(np.hypot(error[m + k], FORM_LOCAL * value))
             known = np.isfinite(wide) and np.any(self.A[:, m + k])
             ci: Interval = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
-            found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)
+            at_bound = not p.lower < value < p.upper and value != p.nominal
+            found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci, at_bound)
         return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,6 +140,8 @@ class ParameterEstimate:
         Its unit.
     ci90 : (float, float)
         90 % interval over trajectories; infinite where the data do not bound it.
+    at_bound : bool
+        Whether the fit ended at the end of what is physical for it, and not at its usual value.
 
     Examples
     --------
@@ -152,6 +154,12 @@ class ParameterEstimate:
     value: float
     unit: str
     ci90: Interval
+    at_bound: bool = False
+
+    def scaled(self, factor: float, unit: str) -> ParameterEstimate:
+        """Return the estimate in another unit, of which one of this one's holds ``factor``."""
+        low, high = sorted((self.ci90[0] * factor, self.ci90[1] * factor))
+        return replace(self, value=self.value * factor, unit=unit, ci90=(low, high))
 
 
 @dataclass(frozen=True)
@@ -210,6 +218,8 @@ class Cause:
         What would split the class.
     where : tuple of str
         Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
+    others : tuple of dict of str to ParameterEstimate
+        Parameters of the other effects of a class, each fitted in the place of the first.
 
     Examples
     --------
@@ -227,6 +237,7 @@ class Cause:
     parameters: dict[str, ParameterEstimate]
     told_apart_by: str | None = None
     where: tuple[str, ...] = ()
+    others: tuple[dict[str, ParameterEstimate], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -442,7 +453,12 @@ class Diagnosis:
                 },
                 "candidates": [vars(c) for c in self.candidates],
                 "causes": [
-                    {**vars(c), "parameters": {k: vars(p) for k, p in c.parameters.items()}} for c in self.causes
+                    {
+                        **vars(c),
+                        "parameters": {k: vars(p) for k, p in c.parameters.items()},
+                        "others": [{k: vars(p) for k, p in other.items()} for other in c.others],
+                    }
+                    for c in self.causes
                 ],
                 "closure": [vars(c) for c in self.closure],
                 "next_experiment": None if experiment is None else vars(experiment),

@@ -112,7 +112,8 @@ def spectra(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
         for name in ("before", "after"):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                power, f = psd(s[name].to_numpy(dtype=float), segment, rate, noverlap=segment // 2)
+                pair = psd(s[name].to_numpy(dtype=float), segment, rate, noverlap=segment // 2)
+            power, f = (np.asarray(v, dtype=float) for v in pair)
             found.append(power)
         # Windows overlap by little, so their noise is nearly white.
         found.append(np.full_like(f, 2.0 / rate * float(np.mean(s["noise"].to_numpy(dtype=float) ** 2))))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..quantities import amount, effect, percent, share_span, span
 from .base import Section
+
+if TYPE_CHECKING:
+    from ...gap.diagnosis.result import ParameterEstimate
 
 
 class ParametersSection(Section):
@@ -36,9 +40,9 @@ class ParametersSection(Section):
                 "equation": c.equation,
                 "share": percent(c.share),
                 "ci": share_span(*c.share_ci90),
-                "rows": [
-                    {"name": name.replace("_", " "), "value": amount(p.value, p.unit), "ci": span(*p.ci90, p.unit)}
-                    for name, p in c.parameters.items()
+                "rows": _rows(c.parameters),
+                "instead": [
+                    {"name": effect(e), "rows": _rows(p)} for e, p in zip(c.effects[1:], c.others, strict=False)
                 ],
             }
             for c in d.causes
@@ -50,3 +54,14 @@ class ParametersSection(Section):
                 row = {"name": name, "value": value, "before": before, "tolerance": f"± {100 * tolerance:g} %"}
                 refitted.append(row)
         return {"causes": causes, "refitted": refitted}
+
+
+def _rows(parameters: Mapping[str, ParameterEstimate]) -> list[dict[str, str]]:
+    return [
+        {
+            "name": name.replace("_", " "),
+            "value": amount(p.value, p.unit),
+            "ci": span(*p.ci90, p.unit) + (", at the end of what is physical" if p.at_bound else ""),
+        }
+        for name, p in parameters.items()
+    ]
