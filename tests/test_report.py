@@ -15,18 +15,18 @@ from pamid.bench import BenchParameters, simulate
 from pamid.bench.references import sine, step, triangle
 from pamid.equations import all_equations, residuals
 from pamid.errors import OutputError, ParameterError, UnknownOptionError
-from pamid.gap.diagnosis.result import (
+from pamid.gap.diagnosis.findings import (
     Band,
     Candidate,
     Cause,
     Closure,
-    Diagnosis,
     EquationFinding,
     NextExperiment,
     ParameterEstimate,
     Region,
     TrajectoryShare,
 )
+from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
 from pamid.report.drawings.closure import closure_figure, waterfall
 from pamid.report.drawings.course import course_figure, fit, shared_limits

@@ -1,18 +1,18 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
-from .diagnosis.localise import state_table
-from .diagnosis.result import (
+from .diagnosis.findings import (
     Band,
     Candidate,
     Cause,
     Closure,
-    Diagnosis,
     EquationFinding,
     NextExperiment,
     ParameterEstimate,
     Region,
     TrajectoryShare,
 )
+from .diagnosis.localise import state_table
+from .diagnosis.result import Diagnosis
 from .engine import diagnose
 from .simulated import diagnose_simulator
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..effects import Effect, Plant, all_effects
 from ..signals.stretches import stuck_rows
-from .diagnosis.result import Diagnosis, ParameterEstimate
+from .diagnosis.findings import ParameterEstimate
+from .diagnosis.result import Diagnosis
 from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
 from .residuals.scaling import Scaling, Table, scaling_of

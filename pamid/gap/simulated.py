@@ -14,7 +14,8 @@ from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
 from ..simulators.placement import Placement
 from ..simulators.port_log import port_log
-from .diagnosis.result import Candidate, Cause, Diagnosis, ParameterEstimate
+from .diagnosis.findings import Candidate, Cause, ParameterEstimate
+from .diagnosis.result import Diagnosis
 from .engine import explain
 from .inference.floor import explainable
 from .inference.sensitivity import templates

@@ -10,7 +10,8 @@ from .doubts import question
 from .quantities import amount, effect, equation, listed, percent, probability, share_span, signal, span
 
 if TYPE_CHECKING:
-    from ..gap.diagnosis.result import Candidate, Cause, Closure, Diagnosis, NextExperiment, Region
+    from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, Region
+    from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
 _CONCENTRATED = 1.5  # a region is worth a word if it holds this many times its share of the samples

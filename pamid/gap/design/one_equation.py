@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..diagnosis.result import NextExperiment
+from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
 from ..one_equation import evidence_in
 from ..residuals.rates import with_rates

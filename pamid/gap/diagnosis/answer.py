@@ -16,10 +16,11 @@ from ..residuals.protocol import STATE, ResidualSource
 from .belief import candidates
 from .closure import Clusters, closures, main_equation
 from .decide import Verdict
+from .findings import Cause, Closure, EquationFinding, HypothesisFinding, ParameterEstimate
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
 from .remainder import leftover, remainder
-from .result import Cause, Closure, Diagnosis, EquationFinding, HypothesisFinding, ParameterEstimate
+from .result import Diagnosis
 from .rivals import rivals_of
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..settings import FALSE_ALARM, NONE_SURE
 from .decide import Verdict
-from .result import Candidate
+from .findings import Candidate
 
 
 def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:

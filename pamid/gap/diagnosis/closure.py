@@ -7,7 +7,7 @@ import numpy as np
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..residuals.protocol import ResidualSource
 from ..settings import FORM_LOCAL, NOISE_KNOWN, NU
-from .result import Closure, Interval, ParameterEstimate
+from .findings import Closure, Interval, ParameterEstimate
 
 DRAWS = 400
 FEW = 2

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..residuals.protocol import ResidualSource
-from .result import Band, Region, TrajectoryShare
+from .findings import Band, Region, TrajectoryShare
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ import numpy as np
 from ...bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
 from ..residuals.bench import Evidence
 from ..settings import DECIDED
-from .result import NextExperiment
+from .findings import NextExperiment
 
 if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters

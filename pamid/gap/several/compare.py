@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..diagnosis.decide import Verdict
-from ..diagnosis.result import Candidate, Cause, Diagnosis, ParameterEstimate
+from ..diagnosis.findings import Candidate, Cause, ParameterEstimate
+from ..diagnosis.result import Diagnosis
 from ..diagnosis.rivals import Rival
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit

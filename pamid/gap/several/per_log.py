@@ -17,7 +17,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..diagnosis.result import ParameterEstimate
+from ..diagnosis.findings import ParameterEstimate
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..residuals.bench import Evidence
 from ..settings import FORM_LOCAL, NU, TOLERANCE

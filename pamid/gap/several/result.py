@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..diagnosis.result import ParameterEstimate
+from ..diagnosis.findings import ParameterEstimate
 
 
 @dataclass(frozen=True)

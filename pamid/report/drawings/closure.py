@@ -12,7 +12,8 @@ from ..quantities import effect, listed, residual
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...gap.diagnosis.result import Closure, Diagnosis
+    from ...gap.diagnosis.findings import Closure
+    from ...gap.diagnosis.result import Diagnosis
 
 _WORDS = 26  # letters of a label that fit beside the bars
 

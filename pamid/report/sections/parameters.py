@@ -9,7 +9,7 @@ from ..quantities import amount, effect, percent, share_span, span
 from .base import Section
 
 if TYPE_CHECKING:
-    from ...gap.diagnosis.result import ParameterEstimate
+    from ...gap.diagnosis.findings import ParameterEstimate
 
 
 class ParametersSection(Section):

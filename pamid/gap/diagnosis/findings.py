@@ -1,0 +1,316 @@
+"""What a diagnosis is made of: findings about equations and regions, candidates, causes, closure, the next run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EquationFinding:
+    """What of the gap lies in one equation.
+
+    Parameters
+    ----------
+    equation : str
+        Its name.
+    share : float
+        Share of the explainable gap, 0 to 1; over all equations it adds to one.
+    p_value : float
+        Probability of as much as this without a gap.
+    excess : float
+        Root mean square of the residual beyond its noise, in units of the noise.
+
+    Examples
+    --------
+    >>> from pamid.gap import EquationFinding
+    >>> EquationFinding("flow", share=0.99, p_value=1e-6, excess=12.0).equation
+    'flow'
+    """
+
+    equation: str
+    share: float
+    p_value: float
+    excess: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """A region of the state in which the gap lies.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    query : str
+        A query for `pandas.DataFrame.query` on the table that `pamid.gap.state_table` makes of a log.
+    share : float
+        Share of the equation's gap that lies in it.
+    samples : float
+        Share of the samples that lie in it.
+
+    Examples
+    --------
+    >>> from pamid.gap import Region
+    >>> region = Region("force", "deps1 > 0 and P1 > 3e5", share=0.8, samples=0.3)
+    >>> f"{region.share:.0%} of the gap in {region.samples:.0%} of the samples"
+    '80% of the gap in 30% of the samples'
+    """
+
+    equation: str
+    query: str
+    share: float
+    samples: float
+
+
+@dataclass(frozen=True)
+class Band:
+    """What of an equation's gap lies in a band of frequencies.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    from_hz, to_hz : float
+        The band, Hz.
+    share : float
+        Share of the equation's gap.
+
+    Examples
+    --------
+    >>> from pamid.gap import Band
+    >>> Band("force", from_hz=0.0, to_hz=1.0, share=0.9).to_hz  # Hz
+    1.0
+    """
+
+    equation: str
+    from_hz: float
+    to_hz: float
+    share: float
+
+
+@dataclass(frozen=True)
+class TrajectoryShare:
+    """What of the gap lies in one trajectory.
+
+    Parameters
+    ----------
+    trajectory : str
+        Its name.
+    share : float
+        Share of the whole gap.
+
+    Examples
+    --------
+    >>> from pamid.gap import TrajectoryShare
+    >>> TrajectoryShare("sine-4-15", share=0.6).trajectory
+    'sine-4-15'
+    """
+
+    trajectory: str
+    share: float
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """An identified parameter of an effect.
+
+    Parameters
+    ----------
+    value : float
+        The estimate.
+    unit : str
+        Its unit.
+    ci90 : (float, float)
+        90 % interval over trajectories; infinite where the data do not bound it.
+    at_bound : bool
+        Whether the fit ended at the end of what is physical for it, and not at its usual value.
+
+    Examples
+    --------
+    >>> from pamid.gap import ParameterEstimate
+    >>> amplitude = ParameterEstimate(6.0, "N", (5.7, 6.3))
+    >>> f"{amplitude.value:g} {amplitude.unit}"
+    '6 N'
+    """
+
+    value: float
+    unit: str
+    ci90: Interval
+    at_bound: bool = False
+
+    def scaled(self, factor: float, unit: str) -> ParameterEstimate:
+        """Return the estimate in another unit, of which one of this one's holds ``factor``."""
+        low, high = sorted((self.ci90[0] * factor, self.ci90[1] * factor))
+        return replace(self, value=self.value * factor, unit=unit, ci90=(low, high))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect of the library, ``none`` or ``unknown``, and what speaks for it.
+
+    Parameters
+    ----------
+    effect : str
+        Name.
+    confidence : float
+        Probability; over all candidates it adds to one.
+    score : float
+        Logarithm of the likelihood ratio to no effect, less a penalty for each parameter.
+    closed_share : float
+        Share of the explainable gap that it closes on this log, by itself.
+    ruled_out : str
+        Why it is not the answer; empty for what is.
+    where : str
+        Port of the simulator at which it would act; empty where the effect itself says so.
+
+    Examples
+    --------
+    >>> from pamid.gap import Candidate
+    >>> Candidate("leakage", confidence=0.98, score=812.0, closed_share=0.99, ruled_out="").effect
+    'leakage'
+    """
+
+    effect: str
+    confidence: float
+    score: float
+    closed_share: float
+    ruled_out: str = ""
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause; more than one name where the data cannot tell them apart.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The effect, or the class of effects, the likeliest first.
+    equation : str
+        Equation in which most of its share lies.
+    confidence : float
+        Probability that the cause is among `effects`.
+    share : float
+        Share of the explainable gap that it closes (with several causes: its Shapley value).
+    share_ci90 : (float, float)
+        90 % interval over trajectories.
+    parameters : dict of str to ParameterEstimate
+        Parameters of the first effect.
+    told_apart_by : str or None
+        What would split the class.
+    where : tuple of str
+        Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
+    others : tuple of dict of str to ParameterEstimate
+        Parameters of the other effects of a class, each fitted in the place of the first.
+
+    Examples
+    --------
+    >>> from pamid.gap import Cause
+    >>> either = Cause(("gas_temperature", "dead_volume"), "flow", 0.97, 1.0, share_ci90=(0.9, 1.0), parameters={})
+    >>> len(either.effects)  # a class: the log cannot tell which
+    2
+    """
+
+    effects: tuple[str, ...]
+    equation: str
+    confidence: float
+    share: float
+    share_ci90: Interval
+    parameters: dict[str, ParameterEstimate]
+    told_apart_by: str | None = None
+    where: tuple[str, ...] = ()
+    others: tuple[dict[str, ParameterEstimate], ...] = ()
+
+
+@dataclass(frozen=True)
+class Closure:
+    """How far the gap of an equation shrinks once the causes are added, predicted for runs not seen.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    rmse_before, rmse_after : float
+        Root mean square residual of trajectories that were held out of the fit, in the equation's unit.
+    noise_floor : float
+        What the channels' noise alone would leave, in the equation's unit.
+    closed_share : float
+        (MSE before − after) / (MSE before − noise floor), 0 to 1.
+    ci90 : (float, float)
+        90 % interval over trajectories.
+    unit : str
+        The equation's unit.
+
+    Examples
+    --------
+    >>> from pamid.gap import Closure
+    >>> share = {"closed_share": 0.999, "ci90": (0.998, 1.0)}
+    >>> force = Closure("force", rmse_before=5.6, rmse_after=0.1, noise_floor=0.03, unit="N", **share)
+    >>> f"{force.rmse_before:g} {force.unit} becomes {force.rmse_after:g} {force.unit}"
+    '5.6 N becomes 0.1 N'
+    """
+
+    equation: str
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float
+    closed_share: float
+    ci90: Interval
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to record next.
+
+    Parameters
+    ----------
+    trajectory : dict
+        ``kind`` and its numbers, as ``pamid simulate`` takes them.
+    separates : tuple of str
+        The two explanations that it would tell apart.
+    expected : float
+        Expected logarithm of their likelihood ratio after one such run, each refitted.
+    reason : str
+        One sentence.
+
+    Examples
+    --------
+    >>> from pamid.gap import NextExperiment
+    >>> run = {"kind": "isobaric", "frequency": 4.0, "amplitude": 10.0}  # rad/s, degrees
+    >>> NextExperiment(run, ("dead_volume", "gas_temperature"), expected=730.0, reason="they differ there").separates
+    ('dead_volume', 'gas_temperature')
+    """
+
+    trajectory: dict[str, Any]
+    separates: tuple[str, ...]
+    expected: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class HypothesisFinding:
+    """A set of effects that was fitted to the whole of a log, and what speaks for it.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The effects.
+    gain : float
+        Logarithm of its evidence over that of no effect.
+    log_likelihood : float
+        Gain in log-likelihood alone, its forms taken as exact and its parameters as free.
+
+    Examples
+    --------
+    >>> from pamid.gap.diagnosis.findings import HypothesisFinding
+    >>> HypothesisFinding(("leakage",), gain=812.0, log_likelihood=818.5).effects
+    ('leakage',)
+    """
+
+    effects: tuple[str, ...]
+    gain: float
+    log_likelihood: float
