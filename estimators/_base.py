@@ -58,7 +58,7 @@ class SignalEstimator(BaseEstimator):
 
         Returns the table as a float array, and y (None if none was given).
         """
-        if y is None and not reset and not checks and (plain := self._plain(X)) is not None:
+        if y is None and not reset and not checks and (plain := plain_table(self, X)) is not None:
             return plain, None
         X = encode_text_columns(X, self._read_columns())
         if y is None and not reset:
@@ -93,25 +93,6 @@ class SignalEstimator(BaseEstimator):
                 "Pass np.column_stack([F, mdot]).",
             )
         return table, target
-
-    def _plain(self, X: Any) -> np.ndarray | None:
-        """Return X if it is already what validation would return, None if that is not plain to see.
-
-        In a control loop, on one row, the validation would take longer than the model.
-        """
-        names = getattr(self, "feature_names_in_", None)
-        if type(X) is np.ndarray:
-            table = X if names is None else None
-        elif names is not None and hasattr(X, "to_numpy") and X.shape[1] == len(names):
-            same = all(a is b or a == b for a, b in zip(X.columns, names, strict=True))
-            table = X.to_numpy() if same and TRAJECTORY not in names else None
-        else:
-            table = None
-        if table is None or table.dtype != np.float64 or table.ndim != 2 or not len(table):
-            return None
-        if table.shape[1] != self.n_features_in_ or not np.isfinite(table).all():
-            return None
-        return table
 
     def _locate(self, n_columns: int) -> dict[str, int]:
         """Find the column of each needed signal."""
@@ -163,4 +144,24 @@ class SignalEstimator(BaseEstimator):
         return X[:, self.signal_columns_[name]]
 
 
-__all__ = ["TRAJECTORY", "SignalEstimator", "Signals"]
+def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
+    """Return X if it is already what validation would return, None if that is not plain to see.
+
+    In a control loop, on one row, the validation would take longer than the model.
+    """
+    names = getattr(estimator, "feature_names_in_", None)
+    if type(X) is np.ndarray:
+        table = X if names is None else None
+    elif names is not None and hasattr(X, "to_numpy") and X.shape[1] == len(names):
+        same = all(a is b or a == b for a, b in zip(X.columns, names, strict=True))
+        table = X.to_numpy() if same and TRAJECTORY not in names else None
+    else:
+        table = None
+    if table is None or table.dtype != np.float64 or table.ndim != 2 or not len(table):
+        return None
+    if table.shape[1] != estimator.n_features_in_ or not np.isfinite(table).all():
+        return None
+    return table
+
+
+__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "plain_table"]

@@ -19,7 +19,7 @@ from sklearn.utils.validation import (
 
 from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterError
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, plain_table
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import TRAJECTORY, encode_text_columns, trajectory_codes
 
@@ -197,7 +197,8 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
             The regressor's prediction.
         """
         check_is_fitted(self, "estimator_")
-        validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
+        if plain_table(self, X) is None:
+            validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
         return np.asarray(self.estimator_.predict(X))
 
     def predict_interval(self, X: Any) -> Interval:

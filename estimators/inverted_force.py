@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -20,7 +21,50 @@ from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
 
 _CHUNK = 20_000
-_HALVINGS = 40
+_STEPS = 120
+
+
+def narrowed(
+    off: Callable[[np.ndarray], np.ndarray],
+    ends: tuple[np.ndarray, np.ndarray],
+    values: tuple[np.ndarray, np.ndarray],
+    rounding: float,
+) -> np.ndarray:
+    """Return roots between brackets, all at once: false position (Illinois), and a halving every third step.
+
+    Parameters
+    ----------
+    off : callable
+        The function, of an array of one point a bracket.
+    ends : (ndarray, ndarray), shape (n_brackets,) each
+        Ends of the brackets.
+    values : (ndarray, ndarray), shape (n_brackets,) each
+        The function there, of two signs; brackets without a root are left to themselves.
+    rounding : float
+        What counts as nought, in the function's unit.
+
+    Returns
+    -------
+    ndarray, shape (n_brackets,)
+        Points at which the function is nought, or between neighbours of two signs to twelve digits.
+    """
+    (a, b), (at_a, at_b) = ends, values
+    rooted = (at_a <= 0.0) != (at_b <= 0.0)
+    below, x, was = at_a <= 0.0, a, None
+    enough = 1e-12 * float(np.abs(b).max())
+    for step in range(1, _STEPS):
+        slope = at_b - at_a
+        x = 0.5 * (a + b) if step % 3 == 0 else b - at_b * (b - a) / np.where(slope, slope, 1.0)
+        value = off(x)
+        if ((np.abs(value) <= rounding) | (b - a <= enough) | ~rooted).all():
+            break
+        left = (value <= 0.0) == below
+        if was is not None:  # an end that stays twice counts half, so that it moves at last
+            at_a, at_b = np.where(~left & ~was, 0.5 * at_a, at_a), np.where(left & was, 0.5 * at_b, at_b)
+        a, at_a = np.where(left, x, a), np.where(left, value, at_a)
+        b, at_b = np.where(left, b, x), np.where(left, at_b, value)
+        was = left
+    return x
 
 
 class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
@@ -29,7 +73,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
         P_\mathrm{low} \le P^\ast \le P_\mathrm{high}
 
-    The range of pressure is searched on a grid for a change of sign of F − F_wanted, which is then halved to
+    The range of pressure is searched on a grid for a change of sign of F − F_wanted, which is then narrowed to
     rounding. Where the force is not monotonic the lowest root counts; where there is none the answer is the pressure
     of the grid whose force comes nearest, flagged.
 
@@ -233,28 +277,34 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         margin = 0.02 * (self.eps_high_ - self.eps_low_)
         beyond = (eps < self.eps_low_ - margin) | (eps > self.eps_high_ + margin)
         n, size = len(wanted), max(int(self.grid), 2)
-        levels = np.linspace(low, high, size)
-        force = self._force(np.tile(eps, size), np.tile(deps, size), np.repeat(levels, n)).reshape(size, n)
+        levels = low + (high - low) / (size - 1) * np.arange(size)
+        levels[-1] = high
+        whole = np.zeros((size, 1))  # one row of the table at each level
+        at = ((whole + eps).ravel(), (whole + deps).ravel(), np.repeat(levels, n))
+        force = self._force(*at).reshape(size, n)
         off = force - wanted
         crossing = (off[:-1] <= 0.0) != (off[1:] <= 0.0)
         rooted = crossing.any(axis=0)
         nearest = np.abs(off).argmin(axis=0)
         first = np.where(rooted, crossing.argmax(axis=0), np.minimum(nearest, size - 2))
         columns = np.arange(n)
-        a, b = levels[first], levels[first + 1]
-        below = off[first, columns] <= 0.0
-        for _ in range(_HALVINGS if rooted.any() else 0):
-            middle = 0.5 * (a + b)
-            same = (self._force(eps, deps, middle) - wanted <= 0.0) == below
-            a, b = np.where(same, middle, a), np.where(same, b, middle)
-        near = np.abs(off[nearest, columns]) <= 1e-3 * max(float(np.abs(force).max()), 1e-12)
-        answer = np.where(rooted, 0.5 * (a + b), levels[nearest])
+        scale = max(float(np.abs(force).max()), 1e-12)
+        near = np.abs(off[nearest, columns]) <= 1e-3 * scale
+        answer = levels[nearest]
+        if rooted.any():
+            ends = (levels[first], levels[first + 1]), (off[first, columns], off[first + 1, columns])
+            found = narrowed(lambda P: self._force(eps, deps, P) - wanted, *ends, rounding=1e-14 * scale)
+            answer = np.where(rooted, found, answer)
         margin = 0.02 * (self.pressure_high_ - self.pressure_low_)
         beyond |= (answer < self.pressure_low_ - margin) | (answer > self.pressure_high_ + margin)
         return PressureAnswer(answer, ~rooted & ~near, beyond)
 
     def _force(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> np.ndarray:
         """Ask the force model; a pressure of the search beyond its fit is no matter until it is the answer."""
+        if hasattr(self.model_, "_formulas"):  # a formula needs no table, which would take longer than the model
+            signals = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
+            formulas = self.model_._formulas({name: signals[name] for name in self._read_by_model()})
+            return np.asarray(formulas["force"][1])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExtrapolationWarning)
             return np.asarray(self.model_.predict(self._inputs(eps, deps, P)))
