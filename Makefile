@@ -10,11 +10,12 @@ THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NU
 # Types and layers are checked as a user has them: on an installed wheel, not on the checkout.
 ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
 
-.PHONY: help install demo test pytest lint docs benchmarks clean
+.PHONY: help install demo test test-all pytest pytest-all lint docs benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
-	@echo "make test        lint, types, layers and all tests"
+	@echo "make test        lint, types, layers and the tests of less than a second"
+	@echo "make test-all    the same and the slow tests, as .ci/run does"
 	@echo "make lint        ruff; mypy --strict and import-linter on an installed wheel"
 	@echo "make docs        the documentation as a site in build/site"
 	@echo "make benchmarks  print the figures that the README and docs state"
@@ -43,10 +44,15 @@ lint: install
 		--cache-dir ../../.mypy_cache/user ../../tests/typing/user_script.py
 
 pytest: install
+	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not long"
+
+pytest-all: install
 	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS)
 
 # pytest comes last, so that its closing line is the last one.
 test: lint pytest
+
+test-all: lint pytest-all
 
 # A warning is an error; then every link within the site is followed.
 docs: install

@@ -1,6 +1,67 @@
-"""Settings of the test run."""
+"""Settings of the test run: which tests are slow, and how that is measured."""
+
+from __future__ import annotations
 
 import os
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 
 # scipy reads it when it is first imported; without it scikit-learn skips its check of array API inputs.
 os.environ.setdefault("SCIPY_ARRAY_API", "1")
+
+SLOW = Path(__file__).with_name("slow.txt")
+"""Tests that take more than `SECONDS`, by name; `pytest --renew-slow` lists those that it runs anew."""
+SECONDS = 1.0
+"""CPU seconds of a test, without its fixtures, above which it is slow."""
+
+
+def slow_tests() -> set[str]:
+    """Return the names of the list."""
+    lines = SLOW.read_text(encoding="utf-8").splitlines()
+    return {line for line in lines if line and not line.startswith("#")}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--renew-slow", action="store_true", help="measure the tests that run, and list the slow ones anew"
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of the list, which stands apart from them so that it can be measured anew."""
+    known = slow_tests()
+    for item in items:
+        if item.nodeid in known:
+            item.add_marker(pytest.mark.slow)
+
+
+def _cpu_seconds() -> float:
+    """CPU time of this process and of those that it has started and seen end."""
+    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    start = _cpu_seconds()
+    result = yield
+    item.config.stash.setdefault(_TIMES, {})[item.nodeid] = _cpu_seconds() - start
+    return result
+
+
+_TIMES = pytest.StashKey[dict[str, float]]()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if not session.config.getoption("--renew-slow"):
+        return
+    times = session.config.stash.get(_TIMES, {})
+    kept = {name for name in slow_tests() if name not in times}
+    found = {name for name, seconds in times.items() if seconds > SECONDS and "\n" not in name}
+    head = (
+        f"# Tests that take more than {SECONDS:g} CPU s. Measured anew, for the tests that run, by pytest --renew-slow."
+    )
+    SLOW.write_text("\n".join([head, *sorted(kept | found)]) + "\n", encoding="utf-8")

@@ -1,0 +1,38 @@
+"""The list of slow tests names tests that are there, and the slow ones are run by the checks of a clean checkout."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
+NAMES = [line for line in (TESTS / "slow.txt").read_text("utf-8").splitlines() if line and not line.startswith("#")]
+
+
+def test_the_list_names_tests():
+    assert len(set(NAMES)) == len(NAMES)
+    known = {}
+    for name in NAMES:
+        file, _, rest = name.partition("::")
+        if file not in known:
+            tree = ast.parse((ROOT / file).read_text("utf-8"))
+            known[file] = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        assert rest.partition("[")[0].split("::")[-1] in known[file], f"{name} is gone: strike it out"
+
+
+def test_slow_tests_are_left_out_of_the_short_run_alone():
+    if not (ROOT / "Makefile").exists():
+        pytest.skip("needs the repository")
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    rules = {part.split(":")[0]: part for part in makefile.split("\n\n")}
+    assert '-m "not slow and not long"' in makefile
+    whole = next(rule for name, rule in rules.items() if name.split("\n")[-1] == "pytest-all")
+    assert "pytest -n" in whole and "-m" not in whole.split("pytest -n")[1]
+    assert "make test-all" in (ROOT / ".ci" / "run").read_text("utf-8")
+
+
+def test_the_marker_follows_the_list(request):
+    marked = {item.nodeid for item in request.session.items if item.get_closest_marker("slow")}
+    run = {item.nodeid for item in request.session.items}
+    assert run & set(NAMES) <= marked
