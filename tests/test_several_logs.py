@@ -11,6 +11,7 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, triangle
 from pamid.cli import main
+from pamid.cli.commands.demo import second_round
 from pamid.errors import (
     IncompatibleError,
     LogFormatError,
@@ -286,27 +287,38 @@ def test_a_file_of_runs_that_are_none_says_so(tmp_path: Path) -> None:
 def test_the_loop_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(tmp_path)
     NOMINAL.replace(effects=[("dead_volume", {})]).to_toml(tmp_path / "bench.toml")
-    runs = ["--trajectory", "sine:frequency=1,amplitude=10,seconds=1.5", "--trajectory", "hold:angle=5,seconds=1"]
+    kinds = "sine:frequency=1,amplitude=10,seconds=1.5", "triangle:frequency=1.5,amplitude=8,seconds=1.5"
+    runs = [word for kind in kinds for word in ("--trajectory", kind)]
     record = ["simulate", "--sim", f"{folder}/bench.toml", "--quiet"]
-    assert main([*record, *runs, "--out", f"{folder}/first.parquet"]) == 0
+    assert main([*record, *runs, "--out", f"{folder}/bench.parquet"]) == 0
     sim, library = (
-        ["--sim", f"{folder}/first.sim.toml"],
+        ["--sim", f"{folder}/bench.sim.toml"],
         ["--effects", "dead_volume,polytropic_exponent,gas_temperature"],
     )
     quiet = ["--quiet"]
-    assert main(["diagnose", f"{folder}/first.parquet", *sim, *library, "--out", f"{folder}/one", *quiet]) == 0
-    assert main(["next", f"{folder}/one", "--seconds", "1.5", "--designs", "12", "--json", *quiet]) == 0
+    assert main(["diagnose", f"{folder}/bench.parquet", *sim, *library, "--out", f"{folder}/diagnosis", *quiet]) == 0
+    commands = [command for _, command in second_round(tmp_path)]
+    assert [command[0] for command in commands] == ["next", "simulate", "diagnose"]
+    for command in commands:
+        assert main([*command, *quiet]) == 0
     capsys.readouterr()
-    assert main([*record, "--runs", f"{folder}/one/next/runs.toml", "--out", f"{folder}/second.parquet"]) == 0
-    since = ["--since", f"{folder}/one", *sim, "--out", f"{folder}/two", *quiet]
-    assert main(["diagnose", f"{folder}/second.parquet", *since]) == 0
-    said = json.loads((tmp_path / "two" / "diagnosis.json").read_text())
+    said = json.loads((tmp_path / "diagnosis-2" / "diagnosis.json").read_text())
     assert len(said["rounds"]) == 2 and said["causes"][0]["effects"][0] == "dead_volume"
-    page = (tmp_path / "two" / "report.html").read_text()
+    page = (tmp_path / "diagnosis-2" / "report.html").read_text()
     assert "Before and after this log" in page and "Log by log" in page
     capsys.readouterr()
+    since = ["--since", f"{folder}/diagnosis", *sim, "--out", f"{folder}/three", *quiet]
     assert main(["diagnose", f"{folder}/second.parquet", *since, *library]) == 2
     assert "--since" in capsys.readouterr().err
+
+
+def test_a_demo_whose_log_tells_one_effect_has_no_second_round(tmp_path: Path) -> None:
+    (tmp_path / "diagnosis").mkdir()
+    found = tmp_path / "diagnosis" / "diagnosis.json"
+    found.write_text(json.dumps({"causes": [{"effects": ["coulomb_friction"]}]}))
+    assert second_round(tmp_path) == []
+    found.write_text(json.dumps({"causes": []}))
+    assert second_round(tmp_path) == []
 
 
 def test_a_live_finding_says_which_run_would_confirm_it() -> None:

@@ -100,6 +100,11 @@ class Parameter:
         """Whether it is a share from 0 to 1 between two forms of one effect."""
         return (self.unit, self.lower, self.upper) == ("-", 0.0, 1.0)
 
+    @property
+    def skew(self) -> bool:
+        """Whether it says how far an effect differs between two directions, from not at all on."""
+        return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
+
 
 @dataclass(slots=True)
 class Signals:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ Do the main job from end to end on simulated data, and show each command before 
 have hysteresis and threads that stretch, hold its log against the nominal simulator that knows of neither, fit the
 hybrid model of the force and save it, compare the hybrid models of force and flow with the classical ones on runs that
 no fit has seen, adapt a model of the flow from one muscle to another, and diagnose a log whose effect is withheld.
+Where that log cannot tell which effect it is, the run that can is designed, recorded, and the diagnosis goes on.
 
 It takes about a minute of one core and needs no data. Everything is written to --out.
 """
@@ -70,13 +72,15 @@ def run(args: argparse.Namespace) -> int:
         pictures = sorted(folder.glob("*.png"))
         print(f"\nDone in {time.perf_counter() - started:.0f} s. The pictures:")
         print("\n".join(f"  {picture}" for picture in pictures))
-        print(f"The report of the diagnosis, for a browser:\n  {folder / 'diagnosis' / 'report.html'}")
+        reports = sorted(folder.glob("diagnosis*/report.html"))
+        print("The report of the diagnosis, for a browser:\n" + "\n".join(f"  {report}" for report in reports))
     return 0
 
 
-def steps(folder: Path) -> list[Step]:
-    """Return all steps in their order."""
-    return [step for part in PARTS for step in part(folder)]
+def steps(folder: Path) -> Iterator[Step]:
+    """Go through all steps in their order; a part is asked for its own when those before it are done."""
+    for part in PARTS:
+        yield from part(folder)
 
 
 def _simulation(folder: Path) -> list[Step]:
@@ -142,6 +146,27 @@ def _diagnosis(folder: Path) -> list[Step]:
     ]
 
 
+def second_round(folder: Path) -> list[Step]:
+    """Return the steps of a second round; none where the first diagnosis left nothing to tell apart."""
+    first, last = folder / "diagnosis", folder / "diagnosis-2"
+    found = json.loads((first / "diagnosis.json").read_text(encoding="utf-8"))
+    if all(len(cause["effects"]) < 2 for cause in found["causes"]):
+        return []
+    log, simulator = folder / "second.parquet", folder / "bench.sim.toml"
+    record = ["simulate", "--sim", str(folder / "bench.toml"), "--runs", str(first / "next" / "runs.toml")]
+    return [
+        (
+            "The log cannot tell which effect it is: design the run that can",
+            ["next", str(first), "--seconds", "2", "--designs", "20"],
+        ),
+        ("Record that run on the bench", [*record, "--out", str(log)]),
+        (
+            "Go on with the diagnosis",
+            ["diagnose", str(log), "--since", str(first), "--sim", str(simulator), "--out", str(last)],
+        ),
+    ]
+
+
 def _trajectories(kinds: Mapping[str, Sequence[tuple[float, float, float]]]) -> list[str]:
     """Return the options that ask for runs."""
     return [
@@ -152,5 +177,5 @@ def _trajectories(kinds: Mapping[str, Sequence[tuple[float, float, float]]]) -> 
     ]
 
 
-PARTS = (_simulation, _evaluation, _fit, _comparison, _adaptation, _diagnosis)
+PARTS = (_simulation, _evaluation, _fit, _comparison, _adaptation, _diagnosis, second_round)
 """The parts of the demo, each a function of the folder that says its steps; a new part goes to the end."""
