@@ -144,3 +144,30 @@ def test_what_needs_a_bench_says_so(files, capsys):
     assert "is the page of a cylinder" in capsys.readouterr().err
     assert main(["evaluate", *arguments(files, "joint"), "--refit"]) == 2
     assert "--refit is given for the page of a joint" in capsys.readouterr().err
+
+
+# --- one format ---------------------------------------------------------------------------------------------
+def test_every_page_names_its_kind(tmp_path):
+    from pamid.bench import BenchParameters
+    from pamid.systems import all_systems, kind_of_file, read_system
+    from pamid.systems.bench_page import bench_text
+    from pamid.systems.file import system_text
+
+    bench, page = BenchParameters.for_muscle("B"), tmp_path / "sim.toml"
+    bench.to_toml(page)
+    assert page.read_text().splitlines()[1] == 'kind = "bench"'
+    page.write_text(bench_text(bench))
+    assert 'kind = "bench"' in page.read_text()
+    assert BenchParameters.from_toml(page) == bench
+    for kind, system in all_systems().items():
+        page.write_text(system_text(system, {q.name: q.lower for q in system.numbers if q.default is None}))
+        assert kind_of_file(page) == kind
+        assert read_system(page).kind == kind
+
+
+@pytest.mark.parametrize("command", ["fit", "compare"])
+def test_a_simulator_with_ports_is_sent_to_the_commands_that_take_it(command, files, capsys):
+    (files / "ports.toml").write_text('kind = "ode"\n[ode]\nfunction = "f.py:f"\n[ports]\n')
+    argv = ["--estimator", "MLP", "--out", str(files / "m.pamid")] if command == "fit" else []
+    assert main([command, str(files / "muscle.csv"), "--sim", str(files / "ports.toml"), *argv]) == 2
+    assert "'pamid diagnose' and 'pamid evaluate' take" in capsys.readouterr().err

@@ -107,7 +107,7 @@ def simulator_text(params: BenchParameters) -> str:
     """
     from .parameters import TABLES
 
-    lines = ["# Simulator of the bench: SI units, absolute pressures."]
+    lines = ["# Simulator of the bench: SI units, absolute pressures.", 'kind = "bench"', ""]
     for table, cls in TABLES.items():
         lines.append(f"[{table}]")
         for f in dataclasses.fields(cls):

@@ -138,13 +138,20 @@ def system_of(args: argparse.Namespace) -> System | None:
 
 def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
     """Read the page of any kind that the arguments name, or that lies beside the log; None without one."""
+    from ..simulators import simulator_kinds
     from ..systems import kind_of_file, read_system
 
     _note_assumed(args)
     path = _page_path(args)
     if path is None:
         return None
-    return load_simulator(path) if kind_of_file(path) == "bench" else read_system(path)
+    if (kind := kind_of_file(path)) in simulator_kinds():
+        raise UnknownOptionError(
+            f"{path} is a simulator with ports, of the kind {kind}.",
+            "the page of a bench, a muscle, a cylinder or a joint",
+            "'pamid diagnose' and 'pamid evaluate' take simulators with ports.",
+        )
+    return load_simulator(path) if kind == "bench" else read_system(path)
 
 
 def _page_path(args: argparse.Namespace) -> str | None:

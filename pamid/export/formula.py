@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import ExportError
 from .c_source import Writer, fill, number_rows, statements
 from .expression import Symbol, as_symbol, symbol
@@ -185,7 +186,7 @@ def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> tuple[
     for k, name in enumerate(plan.inputs):
         if name == "P":
             x[:, k] = np.maximum(x[:, k], 5e4)
-            x[2, k] = 101_325.0
+            x[2, k] = ATMOSPHERIC_PRESSURE
         elif name in ("deps", "dP"):
             x[3, k] = 0.0
     x = x.astype(np.float32).astype(float)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..constants import ATMOSPHERIC_PRESSURE
 from .plan import Plan
 
 TOLERANCES = {"float64": 1e-11, "float32": 2e-5}
@@ -40,7 +41,7 @@ def reference_of(plan: Plan, n_rows: int = 64, seed: int = 0) -> Reference:
     """Evaluate a plan in Python at states inside its data, outside, at standstill and at ambient pressure."""
     rng = np.random.default_rng(seed)
     x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, 4))
-    ambient = plan.anchor.atmospheric_pressure if plan.anchor else 101_325.0
+    ambient = plan.anchor.atmospheric_pressure if plan.anchor else ATMOSPHERIC_PRESSURE
     x[:, 2] = np.maximum(x[:, 2], 0.5 * ambient)
     x[0] = plan.centre
     x[1] = [0.0, 0.0, ambient, 0.0]

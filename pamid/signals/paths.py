@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def reversals(x: np.ndarray) -> np.ndarray:
@@ -60,6 +61,51 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
         low[shift:], high[shift:] = new_low, new_high
         shift *= 2
     return low
+
+
+_DITHER = 3.0
+"""A turn smaller than this many standard deviations of the noise is none."""
+
+
+def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, width: int) -> np.ndarray:
+    """Return a position without turns that are noise: friction would follow every one of them.
+
+    Each run is smoothed by a parabola over ``width`` samples, which leaves √(2.25 / width) of white noise. Where it
+    still turns often, what moves within the rest is held until it has left it.
+
+    Parameters
+    ----------
+    position : array, shape (n,)
+        The position.
+    starts : array of int
+        First row of each run.
+    sigma : float or sequence of float
+        Standard deviation of its noise, or that of each run.
+    width : int
+        Samples over which it may be smoothed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.paths import reversals, steady_path
+    >>> rng, t = np.random.default_rng(0), np.linspace(0, 6, 600)
+    >>> noisy = np.sin(t) + 1e-3 * rng.standard_normal(600)
+    >>> len(reversals(noisy)), len(reversals(steady_path(noisy, np.array([0]), 1e-3, 21)))
+    (38, 6)
+    """
+    from scipy.signal import savgol_filter
+
+    out = np.array(position, dtype=float)
+    spans = list(pairwise([*np.asarray(starts).tolist(), len(out)]))
+    for (a, b), noise in zip(spans, np.broadcast_to(np.asarray(sigma, dtype=float), len(spans)), strict=True):
+        x, left = out[a:b], float(noise)
+        odd = min(2 * (width // 2) + 1, (b - a) - (b - a + 1) % 2)
+        if odd >= 5 and left > 0.0:
+            x, left = savgol_filter(x, odd, 2), left * float(np.sqrt(2.25 / odd))
+        if left > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
+            x = play(np.array(x), _DITHER * left)
+        out[a:b] = x
+    return out
 
 
 class Turns(NamedTuple):

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import MissingColumnError, ShortTrajectoryError
-from ..signals.paths import play, reversals
 from .base import Simulator
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
 _UNEVEN = 0.02
 _LEAST = 8
-_DITHER = 3.0
 
 
 @dataclass(frozen=True)
@@ -169,31 +167,3 @@ def _even(t: np.ndarray, x: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarr
         columns.append(np.interp(grid, t[known], x[known, k]))
     lost = bad if even else np.interp(grid, t, bad.astype(float)) > 0.0
     return grid, np.column_stack(columns), lost
-
-
-def steady_path(position: np.ndarray, starts: np.ndarray, sigma: float, width: int) -> np.ndarray:
-    """Return a position without turns that are noise: friction would follow every one of them.
-
-    Parameters
-    ----------
-    position : array, shape (n,)
-        The position.
-    starts : array of int
-        First row of each run.
-    sigma : float
-        Standard deviation of its noise.
-    width : int
-        Samples over which it may be smoothed.
-    """
-    from scipy.signal import savgol_filter
-
-    out = np.array(position, dtype=float)
-    for a, b in pairwise([*np.asarray(starts).tolist(), len(out)]):
-        x, noise = out[a:b], sigma
-        w = min(2 * (width // 2) + 1, (b - a) - (b - a + 1) % 2)
-        if w >= 5 and sigma > 0.0:
-            x, noise = savgol_filter(x, w, 2), sigma * float(np.sqrt(2.25 / w))
-        if noise > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
-            x = play(np.array(x), _DITHER * noise)
-        out[a:b] = x
-    return out

@@ -59,6 +59,7 @@ def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
     lines = [
         "# Simulator of an antagonistic bench: two equal muscles on one pulley. SI units, absolute pressures.",
         "# What each number is and what is accepted: docs/simulator.md",
+        'kind = "bench"',
     ]
     for table, cls in TABLES.items():
         lines += ["", f"[{table}]"]

@@ -18,10 +18,11 @@ import numpy as np
 
 from ...equations.windows import average, span, starts
 from ...errors import ShortTrajectoryError
+from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...simulators.base import Simulator
 from ...simulators.catalogue import ParameterDeviation, Survey
-from ...simulators.port_log import PortLog, steady_path
+from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     Joint,
     joints_of,

@@ -21,11 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...effects import Effect
+from ...signals.paths import steady_path
 from ...simulators.base import Simulator
 from ...simulators.catalogue import Survey
 from ...simulators.integrate import Runner, substeps_for
 from ...simulators.placement import Placement
-from ...simulators.port_log import PortLog, steady_path
+from ...simulators.port_log import PortLog
 from ...simulators.structure import Joint, joints_of, kinematic_pairs, pushes_of, some_instants
 from .direct import LEAST_WINDOWS
 from .ports import Active, PortEvidence, Windows

@@ -11,7 +11,7 @@ import numpy as np
 from ...constants import ATMOSPHERIC_PRESSURE
 from ...effects import Effect, Plant, Signals, all_effects, make_effect
 from ...equations.noise import channel_noise
-from ...signals.paths import play, reversals
+from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
@@ -30,7 +30,6 @@ MOST_KEPT = 2000
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
 UNTURNED = -12.0
 """Logarithm of the odds of an effect that remembers a path which was never seen to turn back."""
-_DITHER = 3.0  # a turn of the path smaller than this many standard deviations of the position's noise is none
 
 
 class _Ambient:
@@ -175,7 +174,9 @@ class SignalEvidence:
     def path(self) -> np.ndarray:
         """The position without turns that are noise: friction would follow every one of them."""
         if self._path is None:
-            self._path = _path(self.table["position"], self.borders, self.n)
+            x = np.asarray(self.table["position"], dtype=float)
+            sigma = [channel_noise(x[a:b], self.n).white for a, b in pairwise([*self.borders.tolist(), len(x)])]
+            self._path = steady_path(x, self.borders, sigma, self.n)
         return self._path
 
     def column(self, name: str, side: int = 0) -> str:
@@ -325,21 +326,3 @@ def _memory(x: np.ndarray, run: np.ndarray) -> float:
         total += 2.0 * rho
         lag += 1
     return min(total, MOST_MEMORY)
-
-
-def _path(position: np.ndarray, borders: np.ndarray, n: int) -> np.ndarray:
-    """Return a position smoothed over a window; what still turns within its noise is held until it has left it."""
-    from scipy.signal import savgol_filter
-
-    out = np.array(position, dtype=float)
-    for a, b in pairwise([*borders.tolist(), len(out)]):
-        x = out[a:b]
-        sigma = channel_noise(x, n).white
-        width = min(2 * (n // 2) + 1, (b - a) - (b - a + 1) % 2)
-        if width >= 5 and sigma > 0.0:
-            x = savgol_filter(x, width, 2)
-            sigma *= np.sqrt(2.25 / width)
-        if sigma > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
-            x = play(np.array(x), _DITHER * sigma)
-        out[a:b] = x
-    return out
