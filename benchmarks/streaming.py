@@ -20,7 +20,7 @@ from sklearn.frozen import FrozenEstimator
 from pamid.bench import BenchParameters, simulate, unfold
 from pamid.bench.references import multisine
 from pamid.checkpoint import Checkpoint
-from pamid.effects.base import Parameter, Signals, Step
+from pamid.effects.base import FlowTerm, Parameter, Signals
 from pamid.effects.coulomb_friction import CoulombFriction
 from pamid.effects.leakage import Leakage
 from pamid.laws.quasi_static import QuasiStaticForce
@@ -52,10 +52,10 @@ class LateLeak(Leakage):
         """Let time pass."""
         return x + dt
 
-    def flow(self, s: Signals, x: Any, plant: Any) -> Step:
+    def flow(self, s: Signals, x: Any, plant: Any) -> FlowTerm:
         """Return the leak once it is there."""
         share = super().flow(s, x, plant)
-        return Step(np.where(x[0] > self.onset, share.a, 0.0), share.b)
+        return FlowTerm(np.where(x[0] > self.onset, share.a, 0.0), share.b)
 
 
 class LateFriction(CoulombFriction):

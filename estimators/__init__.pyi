@@ -3,7 +3,7 @@
 from ._registry import all_estimators as all_estimators
 from ._registry import checked_instances as checked_instances
 from .conformal_regressor import ConformalRegressor as ConformalRegressor
-from .conformal_regressor import Interval as Interval
+from .conformal_regressor import PredictionInterval as PredictionInterval
 from .forward_model import ForwardAnswer as ForwardAnswer
 from .forward_model import ForwardModel as ForwardModel
 from .full_fine_tuning import FullFineTuning as FullFineTuning
@@ -52,7 +52,6 @@ __all__ = [
     "GeometricFlow",
     "GeometricForce",
     "HosovskyHybrid",
-    "Interval",
     "InverseModel",
     "InvertedForce",
     "JointPIHM",
@@ -67,6 +66,7 @@ __all__ = [
     "PolynomialFlow",
     "PolynomialForce",
     "PolynomialNARX",
+    "PredictionInterval",
     "PressureAnswer",
     "QAdapter",
     "RateTransformer",

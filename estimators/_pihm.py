@@ -220,7 +220,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         """Put the laws into the network's coordinates, one block of rows a law."""
         import torch
 
-        from pamid.training.problem import Problem
+        from pamid.training.problem import TrainingProblem
 
         xi, slope = self.input_scale_.apply(np.column_stack(state))
         blocks = []
@@ -237,7 +237,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             y = np.where(np.isfinite(y), y, 0.0)
             blocks.append((xi, direction, factor * np.asarray(c.V), y / self.target_scale_[k], counted))
         stacked = [np.concatenate(part) for part in zip(*blocks, strict=True)]
-        return Problem.from_arrays(*stacked, dtype=getattr(torch, self.dtype), device=self.device)
+        return TrainingProblem.from_arrays(*stacked, dtype=getattr(torch, self.dtype), device=self.device)
 
     def _volume_scale(self, state: State, weight: np.ndarray) -> float:
         """Choose the volume of one unit of output, so that the laws' targets are of the order of one."""

@@ -24,7 +24,7 @@ from ._streaming import SequenceStreaming, forget
 from ._trajectories import TRAJECTORY, encode_text_columns, trajectory_codes
 
 
-class Interval(NamedTuple):
+class PredictionInterval(NamedTuple):
     """An interval at each sample.
 
     Parameters
@@ -35,8 +35,8 @@ class Interval(NamedTuple):
     Examples
     --------
     >>> import numpy as np
-    >>> from pamid.estimators.conformal_regressor import Interval
-    >>> held = Interval(np.array([9.0]), np.array([11.0]))  # N
+    >>> from pamid.estimators.conformal_regressor import PredictionInterval
+    >>> held = PredictionInterval(np.array([9.0]), np.array([11.0]))  # N
     >>> bool(held.lower[0] <= 10.0 <= held.upper[0])
     True
     """
@@ -201,7 +201,7 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
             validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
         return np.asarray(self.estimator_.predict(X))
 
-    def predict_interval(self, X: Any) -> Interval:
+    def predict_interval(self, X: Any) -> PredictionInterval:
         """Return the interval that holds on a new trajectory.
 
         Parameters
@@ -211,11 +211,11 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
 
         Returns
         -------
-        Interval
+        PredictionInterval
             Lower and upper end at each sample, in the target's unit.
         """
         middle = self.predict(X)
-        return Interval(middle - self.half_width_, middle + self.half_width_)
+        return PredictionInterval(middle - self.half_width_, middle + self.half_width_)
 
     @classmethod
     def _checked_instances(cls) -> list[ConformalRegressor]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -41,3 +42,48 @@ def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any],
         return module if home[name] == name else getattr(module, name)
 
     return lookup, lambda: sorted({*home, *vars(sys.modules[package])}), sorted(home)
+
+
+def renamed(
+    package: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
+) -> Callable[[str], Any]:
+    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning.
+
+    Parameters
+    ----------
+    package : str
+        ``__name__`` of the package.
+    names : mapping of str to str
+        New name by old name.
+    otherwise : callable, optional
+        The package's own ``__getattr__``, for all other names.
+
+    Returns
+    -------
+    callable
+        To be assigned to ``__getattr__``.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from pamid._lazy import renamed
+    >>> with warnings.catch_warnings(record=True) as told:
+    ...     warnings.simplefilter("always")
+    ...     found = renamed("pamid.errors", {"OldError": "PamidError"})("OldError")
+    >>> found.__name__, told[0].category.__name__
+    ('PamidError', 'FutureWarning')
+    """
+
+    def lookup(name: str) -> Any:
+        if name in names:
+            warnings.warn(
+                f"{package}.{name} is called {package}.{names[name]}; the next version knows the new name only.",
+                FutureWarning,
+                stacklevel=2,
+            )
+            return getattr(importlib.import_module(package), names[name])
+        if otherwise is None:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return otherwise(name)
+
+    return lookup

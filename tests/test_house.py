@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.metadata
 import os
 import re
@@ -230,3 +231,32 @@ def test_papers_agree_on_name_and_version() -> None:
     assert "license: BSD-3-Clause" in citation
     assert "## Unreleased" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert (ROOT / PROJECT["project"]["readme"]).stat().st_size > 2000
+
+
+# --- words ----------------------------------------------------------------------------------------------------
+def test_a_name_means_one_class() -> None:
+    found: dict[str, list[str]] = {}
+    for path in LIBRARY:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: files for name, files in found.items() if len(files) > 1} == {}
+
+
+@pytest.mark.parametrize(
+    ("package", "old", "new"),
+    [
+        ("pamid.effects", "Step", "FlowTerm"),
+        ("pamid.volume", "Parameter", "VolumeParameter"),
+        ("pamid.training", "Problem", "TrainingProblem"),
+        ("pamid.compare", "Candidate", "CandidateModel"),
+        ("pamid.estimators", "Interval", "PredictionInterval"),
+    ],
+)
+def test_an_old_name_warns_and_serves_one_version(package: str, old: str, new: str) -> None:
+    module = importlib.import_module(package)
+    with pytest.warns(FutureWarning, match=new):
+        assert getattr(module, old) is getattr(module, new)
+    assert old not in dir(module)
+    with pytest.raises(AttributeError):
+        _ = module.no_such_name

@@ -16,7 +16,7 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import has_fit_parameter
 
-from pamid.compare.entries import Candidate, candidates
+from pamid.compare.entries import CandidateModel, candidates
 from pamid.compare.protocol import Prepared, folds, prepare
 
 HERE = Path(__file__).resolve().parent
@@ -30,7 +30,7 @@ OURS = {
 }
 
 
-def ours(entry: Candidate, ready: Prepared, splits: list[Any]) -> tuple[np.ndarray, float]:
+def ours(entry: CandidateModel, ready: Prepared, splits: list[Any]) -> tuple[np.ndarray, float]:
     """Fit one of ours in every fold; return its predictions and the processor seconds of a fit."""
     found, seconds = [], 0.0
     for fold in splits:

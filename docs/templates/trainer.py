@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .network import Parameters, adjoints, forward, transposed_product
-from .problem import Problem
+from .problem import TrainingProblem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
@@ -33,7 +33,7 @@ class MyTrainer(Trainer):
 
     def steps(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from .._lazy import attach
+from .._lazy import attach, renamed
 
 _HOME = {
     "compare": "run",
     "Comparison": "comparison",
-    "Candidate": "entries",
+    "CandidateModel": "entries",
     "candidates": "entries",
     "Prepared": "protocol",
     "prepare": "protocol",
@@ -16,4 +16,5 @@ _HOME = {
 }
 """In which module each public name lives."""
 
-__getattr__, __dir__, __all__ = attach(__name__, _HOME)
+_lookup, __dir__, __all__ = attach(__name__, _HOME)
+__getattr__ = renamed(__name__, {"Candidate": "CandidateModel"}, _lookup)

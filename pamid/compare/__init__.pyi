@@ -1,7 +1,7 @@
 # Written by python docs/tables.py.
 
 from .comparison import Comparison as Comparison
-from .entries import Candidate as Candidate
+from .entries import CandidateModel as CandidateModel
 from .entries import candidates as candidates
 from .protocol import Prepared as Prepared
 from .protocol import prepare as prepare
@@ -10,7 +10,7 @@ from .whiteness import ResidualTest as ResidualTest
 from .whiteness import residual_test as residual_test
 
 __all__ = [
-    "Candidate",
+    "CandidateModel",
     "Comparison",
     "Prepared",
     "ResidualTest",

@@ -31,7 +31,7 @@ SIGNALS = ("eps", "deps", "P", "dP")
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateModel:
     """One estimator in one setting.
 
     Parameters
@@ -49,9 +49,9 @@ class Candidate:
 
     Examples
     --------
-    >>> from pamid.compare.entries import Candidate
+    >>> from pamid.compare.entries import CandidateModel
     >>> from pamid.estimators import GeometricForce
-    >>> Candidate("Chou", GeometricForce(), columns=("eps", "P"), targets=("F",)).label
+    >>> CandidateModel("Chou", GeometricForce(), columns=("eps", "P"), targets=("F",)).label
     'Chou'
     """
 
@@ -70,7 +70,7 @@ def candidates(
     targets: Sequence[str] | None = None,
     random_state: int = 0,
     output: str = "eps",
-) -> list[Candidate]:
+) -> list[CandidateModel]:
     """Collect what can learn an equation, the inverse, or an output in free run.
 
     An estimator of `pamid.estimators` takes part if its class attribute ``equations`` names the equation; a new one
@@ -98,7 +98,7 @@ def candidates(
 
     Returns
     -------
-    list of Candidate
+    list of CandidateModel
         In alphabetical order of the classes.
 
     Raises
@@ -132,7 +132,7 @@ def candidates(
                 f"estimators is {estimators!r}.", "'all' or a list of names", f"Pass [{estimators!r}]."
             )
         return [c for group in found.values() for c in group]
-    chosen: list[Candidate] = []
+    chosen: list[CandidateModel] = []
     for name in estimators:
         offered = [c for group in found.values() for c in group]
         matches = [c for c in offered if c.label == name]  # one setting first, then all of a class, then a pattern
@@ -158,10 +158,10 @@ def target_of(equation: str, output: str = "eps") -> tuple[str, str]:
 
 def _registered(
     equation: str, column: str, measured: Sequence[str], shared: Mapping[str, Any], run: Mapping[str, Any]
-) -> dict[str, list[Candidate]]:
+) -> dict[str, list[CandidateModel]]:
     from pamid.estimators import all_estimators
 
-    found: dict[str, list[Candidate]] = {}
+    found: dict[str, list[CandidateModel]] = {}
     for name, cls in all_estimators():
         offered: Any = cls
         equations = getattr(offered, "equations", ())
@@ -182,23 +182,23 @@ def _registered(
     return found
 
 
-def _candidate(label: str, model: Any, targets: tuple[str, ...]) -> Candidate:
+def _candidate(label: str, model: Any, targets: tuple[str, ...]) -> CandidateModel:
     sequential = is_sequential(model)
     columns = reads_of(model)
-    return Candidate(label, model, ("trajectory", *columns) if sequential else columns, targets, sequential)
+    return CandidateModel(label, model, ("trajectory", *columns) if sequential else columns, targets, sequential)
 
 
-def _own(label: str, model: Any, column: str, columns: tuple[str, ...] = SIGNALS) -> Candidate:
+def _own(label: str, model: Any, column: str, columns: tuple[str, ...] = SIGNALS) -> CandidateModel:
     if not (hasattr(model, "fit") and hasattr(model, "predict")):
         raise IncompatibleError(
             f"{label} is a {type(model).__name__}.", "an estimator with fit and predict", "Pass an instance of one."
         )
     if reads_of(model):
         return _candidate(label, model, (column,))
-    return Candidate(label, model, columns, (column,))
+    return CandidateModel(label, model, columns, (column,))
 
 
-def _not_offered(name: str, equation: str, found: Mapping[str, list[Candidate]]) -> Exception:
+def _not_offered(name: str, equation: str, found: Mapping[str, list[CandidateModel]]) -> Exception:
     from pamid.estimators import all_estimators
 
     labels = [*found, *(c.label for group in found.values() for c in group)]

@@ -14,7 +14,7 @@ from ..errors import FitError, IncompatibleError, PamidError, ParameterError
 from ..requirements import is_sequential, reads_of
 from .bootstrap import ClusterBootstrap
 from .comparison import BASELINE, Comparison, Score, ranked
-from .entries import EQUATIONS, SIGNALS, Candidate, candidates, parameter_count, target_of
+from .entries import EQUATIONS, SIGNALS, CandidateModel, candidates, parameter_count, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
 
@@ -159,7 +159,7 @@ def compare(
 
 
 def score_candidates(
-    entries: Sequence[Candidate],
+    entries: Sequence[CandidateModel],
     ready: Prepared,
     splits: list[Fold],
     unit: str,
@@ -173,7 +173,7 @@ def score_candidates(
 
     Parameters
     ----------
-    entries : sequence of Candidate
+    entries : sequence of CandidateModel
         What takes part.
     ready : Prepared
         The table; its index numbers the rows.
@@ -240,7 +240,7 @@ def score_candidates(
 
 
 def _run(
-    entries: Sequence[Candidate],
+    entries: Sequence[CandidateModel],
     ready: Prepared,
     splits: list[Fold],
     n_jobs: int | None,
@@ -289,7 +289,7 @@ class _Fitted:
 
 
 def _fitted(
-    entry: Candidate,
+    entry: CandidateModel,
     table: pd.DataFrame,
     runs: np.ndarray,
     usable: np.ndarray,
@@ -333,7 +333,7 @@ def _fitted(
     )
 
 
-def _scored(entry: Candidate, folds_: list[_Fitted]) -> tuple[Score, np.ndarray | None, Any]:
+def _scored(entry: CandidateModel, folds_: list[_Fitted]) -> tuple[Score, np.ndarray | None, Any]:
     """Put the folds of one candidate together."""
     said = tuple(dict.fromkeys(text for f in folds_ for text in f.warnings))
     error = next((f.error for f in folds_ if f.error), "")

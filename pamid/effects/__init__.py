@@ -1,7 +1,10 @@
 """Effects beyond the nominal equations: one small class in one file each, found by automatic discovery."""
 
-from .base import Effect, Parameter, Signals, Step
+from .._lazy import renamed
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 from .registry import all_effects, make_effect
 
-__all__ = ["Effect", "Parameter", "Plant", "Signals", "Step", "all_effects", "make_effect"]
+__all__ = ["Effect", "FlowTerm", "Parameter", "Plant", "Signals", "all_effects", "make_effect"]
+
+__getattr__ = renamed(__name__, {"Step": "FlowTerm"})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -58,11 +58,11 @@ class Backlash(Effect):
         slope = plant.volume_slope(x[0]) - plant.volume_slope(s.position)
         return (s.pressure - plant.atmospheric_pressure) / plant.rest_length * slope
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow of the driven side's volume less that of the joint's."""
         y = x[0]
         lost = s.position - y
         engaged = (np.abs(lost) >= (1.0 - 1e-9) * self.half_width) & (lost * s.velocity >= 0.0)
         rate = plant.volume_slope(y) * np.where(engaged, s.velocity, 0.0) - plant.volume_slope(s.position) * s.velocity
         room = plant.volume(y) - plant.volume(s.position)
-        return Step(s.pressure * rate / plant.RT, room / (plant.heat_capacity_ratio * plant.RT))
+        return FlowTerm(s.pressure * rate / plant.RT, room / (plant.heat_capacity_ratio * plant.RT))

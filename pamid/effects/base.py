@@ -152,7 +152,7 @@ class Signals:
         return replace(self, **changes)
 
 
-class Step(NamedTuple):
+class FlowTerm(NamedTuple):
     """Contribution to the flow equation, linear in the pressure rate: Δṁ = a + b Ṗ.
 
     Parameters
@@ -164,8 +164,8 @@ class Step(NamedTuple):
 
     Examples
     --------
-    >>> from pamid.effects import Step
-    >>> leak = Step(a=-2e-6, b=0.0)
+    >>> from pamid.effects import FlowTerm
+    >>> leak = FlowTerm(a=-2e-6, b=0.0)
     >>> leak.a + leak.b * 1e5  # kg/s at a pressure rate of 1 bar/s
     -2e-06
     """
@@ -374,9 +374,9 @@ class Effect(ABC):
         """Return what is added to the tension, N."""
         return 0.0
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return what is added to the flow into the muscle, kg/s, as a + b Ṗ."""
-        return Step(0.0, 0.0)
+        return FlowTerm(0.0, 0.0)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command that the valve follows when it is given ``u``."""

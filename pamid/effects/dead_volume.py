@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -37,6 +37,6 @@ class DeadVolume(Effect):
     parameters = (Parameter("volume", "m^3", 0.0, 1e-3, 1e-5, "dead volume", linear=True),)
     volume: float
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return (0, V_d/(γ R T))."""
-        return Step(0.0, self.volume / (plant.heat_capacity_ratio * plant.RT))
+        return FlowTerm(0.0, self.volume / (plant.heat_capacity_ratio * plant.RT))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -53,11 +53,11 @@ class EndCap(Effect):
         change = plant.volume_slope(self.factor * s.position) - plant.volume_slope(s.position)
         return (s.pressure - plant.atmospheric_pressure) * change / plant.rest_length
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that fills the change of volume."""
         k = self.factor
         slope = plant.volume_slope(k * s.position) - plant.volume_slope(s.position)
         rest = plant.volume(0.0 * s.position)
         change = (plant.volume(k * s.position) - rest) / k - plant.volume(s.position) + rest
         a = self.swept * s.pressure * slope * s.velocity / plant.RT
-        return Step(a, self.swept * change / (plant.heat_capacity_ratio * plant.RT))
+        return FlowTerm(a, self.swept * change / (plant.heat_capacity_ratio * plant.RT))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..signals.recursion import recursive
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, Parameter, Signals, FlowTerm
 from .plant import Plant
 
 
@@ -88,9 +88,9 @@ class HeatTransfer(Effect):
         drive[starts] = (1.0 - self.settled) * self._gained(before, P[starts], V[starts], plant)
         return _along(drive, decay, starts)[None]
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the gas that the cooling makes room for, kg/s."""
-        return Step(x[0] * self._rate(s.pressure, plant), 0.0)
+        return FlowTerm(x[0] * self._rate(s.pressure, plant), 0.0)
 
 
 def _mean_decay(r: Array) -> Array:

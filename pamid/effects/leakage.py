@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..laws.valve import flow_function
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -40,7 +40,7 @@ class Leakage(Effect):
     )
     conductance: float
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that leaks, kg/s."""
         psi = flow_function(plant.atmospheric_pressure / s.pressure, plant.critical_pressure_ratio)
-        return Step(self.conductance * plant.reference_density * s.pressure * psi, 0.0)
+        return FlowTerm(self.conductance * plant.reference_density * s.pressure * psi, 0.0)

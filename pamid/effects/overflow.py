@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -44,6 +44,6 @@ class Overflow(Effect):
     coefficient: float
     level: float
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return −c (P − P_o) above the level, kg/s."""
-        return Step(-self.coefficient * np.maximum(s.pressure - self.level, 0.0), 0.0)
+        return FlowTerm(-self.coefficient * np.maximum(s.pressure - self.level, 0.0), 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, Parameter, Signals, FlowTerm
 from .plant import Plant
 
 
@@ -46,8 +46,8 @@ class PolytropicExponent(Effect):
     exponent: float
     skew: float
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return (0, V/(R T) (1/n − 1/γ))."""
         adiabatic = plant.heat_capacity_ratio
         exponent = adiabatic - (adiabatic - self.exponent) * (1.0 + self.skew * np.sign(s.pressure_rate))
-        return Step(0.0, plant.volume(s.position) / plant.RT * (1.0 / exponent - 1.0 / adiabatic))
+        return FlowTerm(0.0, plant.volume(s.position) / plant.RT * (1.0 / exponent - 1.0 / adiabatic))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, Step
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 
@@ -51,11 +51,11 @@ class ThreadExtensibility(Effect):
         p, excess = self._stretch(s, plant)
         return -plant.shape * p * excess
 
-    def flow(self, s: Signals, x: Array, plant: Plant) -> Step:
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that fills the extra volume."""
         p, excess = self._stretch(s, plant)
         length = plant.rest_length * (1.0 - s.position)
         slope_P = 2.0 * plant.shape * length * plant.thread_length**2 * self.compliance * (1.0 + self.compliance * p)
         a = -s.pressure * plant.shape * excess * plant.rest_length * s.velocity / plant.RT
         b = (plant.shape * length * excess / plant.heat_capacity_ratio + s.pressure * slope_P) / plant.RT
-        return Step(a, b)
+        return FlowTerm(a, b)

@@ -16,7 +16,7 @@ from .windows import WINDOW, Windows, average, span, starts
 
 if TYPE_CHECKING:
     from ..bench.parameters import BenchParameters
-    from ..effects import Effect, Plant, Signals, Step
+    from ..effects import Effect, FlowTerm, Plant, Signals
     from .base import Equation
 
 MUSCLES = (1, 2)
@@ -358,7 +358,7 @@ class Run:
         """
         total = None
         for e, s, x in self._having("flow"):
-            part: Step = e.flow(s, x, self.model.plant)
+            part: FlowTerm = e.flow(s, x, self.model.plant)
             a, b = (np.broadcast_to(np.asarray(v, dtype=float), self.P.shape) for v in part)
             rate = np.diff(self.P, axis=0) / self.dt
             added = (a[1:] + a[:-1]) / 2 + (b[1:] + b[:-1]) / 2 * rate

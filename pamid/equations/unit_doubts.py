@@ -66,7 +66,7 @@ Readings = dict[str, _Reading]
 """How columns are read; a column that is not in it is read as it is."""
 
 
-class _Sums(NamedTuple):
+class _Products(NamedTuple):
     """Sums over the windows of one equation and muscle: squares of both sides, and their product."""
 
     measured: float
@@ -154,7 +154,7 @@ def unit_doubts(log: pd.DataFrame, params: BenchParameters, equations: Sequence[
 
 
 def _choices(
-    part: pd.DataFrame, params: BenchParameters, names: list[str], as_is: Mapping[Key, _Sums]
+    part: pd.DataFrame, params: BenchParameters, names: list[str], as_is: Mapping[Key, _Products]
 ) -> Iterator[_Choice]:
     """Yield the best readings of all columns for each reading of the angle and of the pressures."""
     ambient = params.gas.atmospheric_pressure
@@ -179,7 +179,7 @@ def _read(log: pd.DataFrame, readings: Readings) -> pd.DataFrame:
     return log.assign(**{c: r.factor * log[c] + r.offset for c, r in readings.items() if c in log.columns})
 
 
-def _sums(log: pd.DataFrame, params: BenchParameters, names: list[str]) -> dict[Key, _Sums]:
+def _sums(log: pd.DataFrame, params: BenchParameters, names: list[str]) -> dict[Key, _Products]:
     """Return the sums of equations over the windows of a log."""
     sums: dict[Key, np.ndarray] = defaultdict(lambda: np.zeros(3))
     with np.errstate(all="ignore"):  # a wrong reading may lead far from what the laws are made for
@@ -188,10 +188,10 @@ def _sums(log: pd.DataFrame, params: BenchParameters, names: list[str]) -> dict[
                 measured = r.measured[:, k]
                 modelled = measured - r.value[:, k]
                 sums[name, muscle] += [measured @ measured, modelled @ modelled, measured @ modelled]
-    return {key: _Sums(*map(float, s)) for key, s in sums.items()}
+    return {key: _Products(*map(float, s)) for key, s in sums.items()}
 
 
-def _of_muscle(sums: Mapping[Key, _Sums], muscle: int, reference: _Reading) -> _Choice:
+def _of_muscle(sums: Mapping[Key, _Products], muscle: int, reference: _Reading) -> _Choice:
     """Return the best readings of a muscle's force, flow and command, its pressure being read in one way."""
     own = {key: s for key, s in sums.items() if key[1] == muscle}
     best = _Choice(reference.price, {f"P{muscle}": reference} if reference.looks else {}, {})

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
-from .plan import JET, UNITS, Plan
+from .plan import JET, UNITS, ExportPlan
 from .reference import SERIES_BELOW, Reference
 
 REALS = {"float64": "double", "float32": "float"}
@@ -25,12 +25,12 @@ _LOG_DEGREE = {"float64": 9, "float32": 5}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "gt": ">", "ge": ">=", "lt": "<", "le": "<=", "and": "&&"}
 
 
-def c_sources(plan: Plan, reference: Reference, dtype: str = "float64") -> dict[str, str]:
+def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") -> dict[str, str]:
     """Write a plan as C.
 
     Parameters
     ----------
-    plan : Plan
+    plan : ExportPlan
         The model.
     reference : Reference
         Inputs and outputs for the self-test.
@@ -84,7 +84,7 @@ def fill(template: str, values: Mapping[str, Any]) -> str:
     return text
 
 
-def _reference_values(plan: Plan, reference: Reference, dtype: str) -> dict[str, Any]:
+def _reference_values(plan: ExportPlan, reference: Reference, dtype: str) -> dict[str, Any]:
     names = [o.name for o in plan.outputs] + ["V", "dV/deps", "dV/dP"]
     return {
         "ROWS": len(reference.inputs),
@@ -144,12 +144,12 @@ class Writer:
         """Return a constant."""
         return f"#define {name} ({self.number(value)})"
 
-    def stack(self, plan: Plan) -> int:
+    def stack(self, plan: ExportPlan) -> int:
         """Return how many bytes a call keeps on the stack, rounded up."""
         widths = [4, *(len(b) for b in plan.network.weights[1:-1:2])] if plan.network else [0]
         return 1024 + AT_ONCE * (1 + len(widths)) * self.padded(max(widths)) * self.type.itemsize
 
-    def tables(self, plan: Plan) -> str:
+    def tables(self, plan: ExportPlan) -> str:
         """Return the header with all numbers of a model."""
         half = np.log(2.0) / 2.0
         exp = self.series(np.exp, _EXP_DEGREE[self.type.name], -half, half, "q")
@@ -258,7 +258,7 @@ def _wrapped(body: str, continued: bool = False) -> str:
 
 
 # --- formulas -----------------------------------------------------------------------------------------------
-def _formulas(plan: Plan, write: Writer) -> str:
+def _formulas(plan: ExportPlan, write: Writer) -> str:
     """Return the function that reads all predictions from a volume."""
     name, upper = plan.name, plan.name.upper()
     names = {s: f"s->{s}" for s in UNITS} | {v: f"jet->{v}" for v in JET}
@@ -275,7 +275,7 @@ def _formulas(plan: Plan, write: Writer) -> str:
     )
 
 
-def _single_outputs(plan: Plan) -> str:
+def _single_outputs(plan: ExportPlan) -> str:
     """Return a function for each prediction alone."""
     name, upper = plan.name, plan.name.upper()
     return "\n\n".join(

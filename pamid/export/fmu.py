@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 from ..errors import ExportError
 from .c_source import fill
-from .plan import Plan
+from .plan import ExportPlan
 
 _TYPES = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String")
 _ABSENT = (
@@ -53,12 +53,12 @@ _WORDS = {
 }
 
 
-def fmu(plan: Plan, sources: Mapping[str, str], compiler: str | None = None) -> bytes:
+def fmu(plan: ExportPlan, sources: Mapping[str, str], compiler: str | None = None) -> bytes:
     """Compile the C code of a plan and pack it.
 
     Parameters
     ----------
-    plan : Plan
+    plan : ExportPlan
         The model.
     sources : mapping of str to str
         What `c_sources` returned.
@@ -142,7 +142,7 @@ def compiled(code: Mapping[str, str], compiler: str | None = None) -> bytes:
         return (Path(folder) / "model.bin").read_bytes()
 
 
-def _description(plan: Plan, token: str, starts: Mapping[str, float]) -> str:
+def _description(plan: ExportPlan, token: str, starts: Mapping[str, float]) -> str:
     variables = ['    <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>']
     words = dict(_WORDS) | {o.name: (o.unit, f"predicted {o.name}") for o in plan.outputs}
     inputs, outputs = list(starts), [*(o.name for o in plan.outputs), "V", "V_eps", "V_P"]
@@ -185,7 +185,7 @@ def _description(plan: Plan, token: str, starts: Mapping[str, float]) -> str:
     )
 
 
-def _build(plan: Plan, code: Mapping[str, str]) -> str:
+def _build(plan: ExportPlan, code: Mapping[str, str]) -> str:
     files = "\n".join(f'      <SourceFile name="{n}"/>' for n in sorted(code) if n.endswith(".c"))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'

@@ -11,7 +11,7 @@ from ..errors import ExportError
 from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
 from .formula import FormulaPlan
-from .plan import JET, UNITS, Plan
+from .plan import JET, UNITS, ExportPlan
 from .reference import SERIES_BELOW
 
 OPSET = 17
@@ -40,12 +40,12 @@ _OPERATORS = {
 }
 
 
-def onnx_model(plan: Plan, dtype: str = "float64") -> Any:
+def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
     """Write a plan as an ONNX model.
 
     Parameters
     ----------
-    plan : Plan
+    plan : ExportPlan
         The model.
     dtype : {"float64", "float32"}, default="float64"
         Floating type of inputs, weights and outputs.

@@ -50,7 +50,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ExportPlan:
     """A model ready to be written in another language.
 
     Parameters
@@ -91,7 +91,7 @@ class Plan:
     notes: tuple[str, ...] = ()
 
 
-def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> Plan:
+def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> ExportPlan:
     """Take a fitted model apart.
 
     Parameters
@@ -107,7 +107,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
 
     Returns
     -------
-    Plan
+    ExportPlan
         What the writers write.
 
     Raises
@@ -148,7 +148,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
             [y + _added(law, effects, plant, state) for y, law in zip(predicted, laws(), strict=True)]
         )
 
-    return Plan(
+    return ExportPlan(
         name,
         type(last).__name__,
         anchor,

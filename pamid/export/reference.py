@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from .plan import Plan
+from .plan import ExportPlan
 
 TOLERANCES = {"float64": 1e-11, "float32": 2e-5}
 """Largest deviation from ``predict`` that an export may show, as a share of the largest magnitude of each output."""
@@ -37,7 +37,7 @@ class Reference:
         return TOLERANCES[dtype] * np.where(largest > 0, largest, 1.0)
 
 
-def reference_of(plan: Plan, n_rows: int = 64, seed: int = 0) -> Reference:
+def reference_of(plan: ExportPlan, n_rows: int = 64, seed: int = 0) -> Reference:
     """Evaluate a plan in Python at states inside its data, outside, at standstill and at ambient pressure."""
     rng = np.random.default_rng(seed)
     x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, 4))

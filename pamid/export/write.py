@@ -13,7 +13,7 @@ from ..file_sets import replacing_together
 from ..files import write_whole
 from .c_source import REALS, c_sources
 from .formula import FormulaPlan, formula_of, formula_sources
-from .plan import Plan, check_name, last_step, plan_of
+from .plan import ExportPlan, check_name, last_step, plan_of
 from .reference import reference_of
 
 TARGETS = ("c", "onnx", "fmu")
@@ -92,7 +92,7 @@ def export(
 
 def any_plan_of(
     model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None
-) -> Plan | FormulaPlan:
+) -> ExportPlan | FormulaPlan:
     """Take a fitted model apart, a formula or a hybrid model; parameters as in `export`."""
     check_name(name)
     last, notes = last_step(model)
@@ -100,7 +100,7 @@ def any_plan_of(
     return plan or plan_of(model, name, effects, plant)
 
 
-def _hybrid_files(plan: Plan, to: str, dtype: str) -> dict[str, str | bytes]:
+def _hybrid_files(plan: ExportPlan, to: str, dtype: str) -> dict[str, str | bytes]:
     if to == "onnx":
         from .onnx_graph import onnx_model
 

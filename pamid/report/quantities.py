@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..plots.style import SHOWN
 
 
-class Quantity(NamedTuple):
+class DisplayedQuantity(NamedTuple):
     """A signal as people read it.
 
     Parameters
@@ -33,20 +33,20 @@ class Quantity(NamedTuple):
 
 
 SIGNALS = {
-    "eps": Quantity("contraction", 100.0, "%"),
-    "deps": Quantity("contraction rate", 100.0, "%/s"),
-    "P": Quantity("pressure, absolute", 1e-5, "bar"),
-    "dP": Quantity("pressure rate", 1e-5, "bar/s"),
-    "u": Quantity("valve command", 1.0, ""),
-    "F": Quantity("tension", 1.0, "N"),
-    "mdot": Quantity("mass flow", 1e6, "mg/s"),
-    "q": Quantity("joint angle", 180.0 / math.pi, "deg"),
-    "dq": Quantity("joint speed", 180.0 / math.pi, "deg/s"),
-    "x": Quantity("stroke", 1e3, "mm"),
-    "dx": Quantity("speed", 1e3, "mm/s"),
-    "drive": Quantity("drive", 1.0, ""),
-    "q_ref": Quantity("wanted joint angle", 180.0 / math.pi, "deg"),
-    "time": Quantity("time", 1.0, "s"),
+    "eps": DisplayedQuantity("contraction", 100.0, "%"),
+    "deps": DisplayedQuantity("contraction rate", 100.0, "%/s"),
+    "P": DisplayedQuantity("pressure, absolute", 1e-5, "bar"),
+    "dP": DisplayedQuantity("pressure rate", 1e-5, "bar/s"),
+    "u": DisplayedQuantity("valve command", 1.0, ""),
+    "F": DisplayedQuantity("tension", 1.0, "N"),
+    "mdot": DisplayedQuantity("mass flow", 1e6, "mg/s"),
+    "q": DisplayedQuantity("joint angle", 180.0 / math.pi, "deg"),
+    "dq": DisplayedQuantity("joint speed", 180.0 / math.pi, "deg/s"),
+    "x": DisplayedQuantity("stroke", 1e3, "mm"),
+    "dx": DisplayedQuantity("speed", 1e3, "mm/s"),
+    "drive": DisplayedQuantity("drive", 1.0, ""),
+    "q_ref": DisplayedQuantity("wanted joint angle", 180.0 / math.pi, "deg"),
+    "time": DisplayedQuantity("time", 1.0, "s"),
 }
 """Signals of a log and what follows from them."""
 
@@ -73,21 +73,21 @@ NAMES = ("coulomb", "stribeck", "bouc", "wen")
 """Words in names of effects that are names of people."""
 
 
-def signal(name: str) -> Quantity:
+def signal(name: str) -> DisplayedQuantity:
     """Return a signal by its column, ``eps1`` or ``eps`` alike."""
     bare = re.sub(r"[12]$", "", name)
     known = SIGNALS.get(name) or SIGNALS.get(bare)
     if known is None:
-        return Quantity(name, 1.0, "")
+        return DisplayedQuantity(name, 1.0, "")
     muscle = name[len(bare) :]
     return known._replace(words=f"{known.words} of muscle {muscle}") if muscle and bare in SIGNALS else known
 
 
-def residual(equation: str, unit: str) -> Quantity:
+def residual(equation: str, unit: str) -> DisplayedQuantity:
     """Return an equation's residual as people read it."""
     of = target(equation, unit)
     words = f"{of.words} error" if equation == "torque" else RESIDUALS.get(equation, f"{equation} error")
-    return Quantity(words, of.factor, of.unit)
+    return DisplayedQuantity(words, of.factor, of.unit)
 
 
 _TARGETS = {
@@ -101,11 +101,11 @@ _TARGETS = {
 }
 
 
-def target(equation: str, unit: str) -> Quantity:
+def target(equation: str, unit: str) -> DisplayedQuantity:
     """Return the measured side of an equation as people read it; a torque in another unit than N m is a drive."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
     words = "drive" if equation == "torque" and unit not in ("", "N m") else _TARGETS.get(equation, equation)
-    return Quantity(words, factor, "" if shown == "drive unit" else shown)
+    return DisplayedQuantity(words, factor, "" if shown == "drive unit" else shown)
 
 
 def effect(name: str) -> str:

@@ -20,7 +20,7 @@ _LONGEST_START = 1500
 _WIDE = 1e6
 
 
-class Model(NamedTuple):
+class Smoother(NamedTuple):
     """A smoother at one cut-off frequency, in a state scaled by it: (y, ẏ/ω, ÿ/ω²).
 
     Parameters
@@ -39,7 +39,7 @@ class Model(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def model(cutoff: float) -> Model:
+def model(cutoff: float) -> Smoother:
     """Build the model of constant acceleration for a cut-off frequency.
 
     Parameters
@@ -49,7 +49,7 @@ def model(cutoff: float) -> Model:
 
     Returns
     -------
-    Model
+    Smoother
         With unit measurement noise and jerk of spectral density q: the smoother's gain is 1 / (1 + ω⁶/q).
 
     Examples
@@ -69,7 +69,7 @@ def model(cutoff: float) -> Model:
             [w**4 / 6.0, w**3 / 2.0, w**2],
         ]
     )
-    return Model(w, F, H, Q, np.eye(1))
+    return Smoother(w, F, H, Q, np.eye(1))
 
 
 def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
@@ -98,12 +98,12 @@ def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
     return 1.0 / (1.0 + _HALF_POWER * (2.0 * np.sin(omega / 2.0) / w) ** 6)
 
 
-def filterpy_filter(m: Model, P: np.ndarray) -> Any:
+def filterpy_filter(m: Smoother, P: np.ndarray) -> Any:
     """Set up a filterpy filter of this model.
 
     Parameters
     ----------
-    m : Model
+    m : Smoother
         The model.
     P : ndarray, shape (3, 3)
         Covariance of the starting state, scaled as the model.
@@ -157,7 +157,7 @@ def steady(cutoff: float) -> Steady:
     Returns
     -------
     Steady
-        The gains, in the scaled state of `Model`.
+        The gains, in the scaled state of `Smoother`.
 
     Examples
     --------
@@ -211,7 +211,7 @@ def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.nda
     return states[:, 0] + centre, states[:, 1] * m.omega, states[:, 2] * m.omega**2
 
 
-def _smooth_one(y: np.ndarray, m: Model, gains: Steady, start: int) -> np.ndarray:
+def _smooth_one(y: np.ndarray, m: Smoother, gains: Steady, start: int) -> np.ndarray:
     n = len(y)
     x0, P0 = _initial(y, m)
     kf = filterpy_filter(m, P0)
@@ -235,7 +235,7 @@ def _smooth_one(y: np.ndarray, m: Model, gains: Steady, start: int) -> np.ndarra
 
 
 def _smooth_start(
-    result: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, m: Model, start: int, last: np.ndarray | None
+    result: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, m: Smoother, start: int, last: np.ndarray | None
 ) -> np.ndarray:
     """Run the RTS recursion with changing gains over the first stretch."""
     if last is None:
@@ -252,7 +252,7 @@ def _smooth_start(
     return result
 
 
-def _initial(y: np.ndarray, m: Model) -> tuple[np.ndarray, np.ndarray]:
+def _initial(y: np.ndarray, m: Smoother) -> tuple[np.ndarray, np.ndarray]:
     """A parabola through the first samples, as a prior so wide that it only keeps digits: the data alone speak."""
     k = np.arange(min(len(y), _LONGEST_START, int(np.ceil(2.0 / m.omega)) + 4)) * m.omega
     value, rate, half = np.linalg.lstsq(np.vander(k, 3, increasing=True), y[: len(k)], rcond=None)[0]

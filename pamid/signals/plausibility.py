@@ -14,7 +14,7 @@ from pamid.errors import PressureReferenceError, UnitError, UnitWarning
 from .units import base_name
 
 
-class Finding(NamedTuple):
+class UnitFinding(NamedTuple):
     """One signal whose values are plainly not in the unit expected.
 
     Parameters
@@ -68,86 +68,88 @@ def _pressure_unit(r: _Range, ambient: float) -> str:
     return next((unit for limit, unit in _PRESSURES if r.size < limit), "another unit")
 
 
-def _absolute_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
+def _absolute_pressure(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size == 0.0:
-        return Finding(name, f"{name} reads 0 throughout: that looks like an unplugged sensor", "Pa, absolute")
+        return UnitFinding(name, f"{name} reads 0 throughout: that looks like an unplugged sensor", "Pa, absolute")
     if r.high < 0.5 * ambient:
         if r.size >= 20_000.0:
-            return Finding(
+            return UnitFinding(
                 name,
                 f"{name} goes from {r.low:.4g} to {r.high:.4g} Pa: that looks like gauge pressure",
                 "absolute pressure",
                 True,
             )
-        return Finding(
+        return UnitFinding(
             name, f"{name} reaches {r.size:.4g}: that looks like {_pressure_unit(r, ambient)}", "Pa, absolute"
         )
     if r.low < 0.8 * ambient:
-        return Finding(
+        return UnitFinding(
             name,
             f"{name} falls to {r.low:.4g} Pa, below the ambient {ambient:.6g} Pa: that looks like gauge pressure",
             "absolute pressure",
             True,
         )
     if r.high > 1e8:
-        return Finding(name, f"{name} reaches {r.high:.3g} Pa", "at most some MPa")
+        return UnitFinding(name, f"{name} reaches {r.high:.3g} Pa", "at most some MPa")
     return None
 
 
-def _gauge_pressure(name: str, r: _Range, ambient: float) -> Finding | None:
+def _gauge_pressure(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if 1e-9 < r.size < 1_500.0 and r.high > 0.05:
         unit = _pressure_unit(r, ambient)
         if unit != "kPa" or r.size > 20.0:
-            return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "Pa, gauge")
+            return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "Pa, gauge")
     return None
 
 
-def _ratio(name: str, r: _Range, ambient: float) -> Finding | None:
+def _ratio(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size >= 1.0:
         unit = "percent" if r.size <= 100.0 else "a length in mm"
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "the contraction ratio (below 1)")
+        return UnitFinding(
+            name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "the contraction ratio (below 1)"
+        )
     return None
 
 
-def _angle(name: str, r: _Range, ambient: float) -> Finding | None:
+def _angle(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size > 3.5:
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like degrees", "rad")
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like degrees", "rad")
     return None
 
 
-def _length(name: str, r: _Range, ambient: float) -> Finding | None:
+def _length(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size > 5.0:
-        return Finding(name, f"{name} {r.size:.4g} looks like mm", "m")
+        return UnitFinding(name, f"{name} {r.size:.4g} looks like mm", "m")
     return None
 
 
-def _force(name: str, r: _Range, ambient: float) -> Finding | None:
+def _force(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size > 1e5:
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like mN", "N")
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like mN", "N")
     return None
 
 
-def _flow(name: str, r: _Range, ambient: float) -> Finding | None:
+def _flow(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size > 0.5:
         unit = "g/s" if r.size < 5 else "L/min"
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "kg/s")
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "kg/s")
     return None
 
 
-def _command(name: str, r: _Range, ambient: float) -> Finding | None:
+def _command(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size > 1.5:
         unit = "volts" if r.size <= 12 else "percent"
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "a command from -1 to 1")
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "a command from -1 to 1")
     return None
 
 
-def _temperature(name: str, r: _Range, ambient: float) -> Finding | None:
+def _temperature(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     if r.size < 150:
-        return Finding(name, f"{name} is {r.high:.4g}: that looks like °C", "K")
+        return UnitFinding(name, f"{name} is {r.high:.4g}: that looks like °C", "K")
     return None
 
 
-_RULES: dict[str, Callable[[str, _Range, float], Finding | None]] = {
+_RULES: dict[str, Callable[[str, _Range, float], UnitFinding | None]] = {
     "P": _absolute_pressure,
     "P_supply": _absolute_pressure,
     "p": _gauge_pressure,
@@ -166,7 +168,7 @@ _RULES: dict[str, Callable[[str, _Range, float], Finding | None]] = {
 }
 
 
-def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[Finding]:
+def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[UnitFinding]:
     """List the signals of a table whose values are plainly in another unit than SI.
 
     Parameters
@@ -178,7 +180,7 @@ def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATM
 
     Returns
     -------
-    list of Finding
+    list of UnitFinding
         Empty where nothing is plainly wrong.
 
     Examples
@@ -210,19 +212,19 @@ def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATM
     return findings
 
 
-def _time(name: str, time: np.ndarray) -> Finding | None:
+def _time(name: str, time: np.ndarray) -> UnitFinding | None:
     steps = np.diff(time)
     steps = steps[steps > 0]
     if steps.size and (step := float(np.median(steps))) >= 0.99:
-        return Finding(name, f"{name} goes on by {step:.4g} a sample: that looks like ms", "s")
+        return UnitFinding(name, f"{name} goes on by {step:.4g} a sample: that looks like ms", "s")
     return None
 
 
-def _rate(name: str, base: str, r: _Range) -> Finding | None:
+def _rate(name: str, base: str, r: _Range) -> UnitFinding | None:
     if base == "deps" and r.size > 100.0:
-        return Finding(name, f"{name} reaches {r.size:.4g}: that looks like percent or mm per second", "1/s")
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like percent or mm per second", "1/s")
     if base == "dP" and 0.0 < r.size < 100.0:
-        return Finding(name, f"{name} stays below {r.size:.4g}: that looks like bar/s or kPa/s", "Pa/s")
+        return UnitFinding(name, f"{name} stays below {r.size:.4g}: that looks like bar/s or kPa/s", "Pa/s")
     return None
 
 
@@ -259,7 +261,7 @@ def require_plausible(table: Mapping[str, Any], *, ambient_pressure: float = ATM
     )
 
 
-def check_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[Finding]:
+def check_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[UnitFinding]:
     """Warn of signals whose values are plainly not in SI; meant for the start of a fit.
 
     Parameters
@@ -271,7 +273,7 @@ def check_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHER
 
     Returns
     -------
-    list of Finding
+    list of UnitFinding
         What was found; one `UnitWarning` has been issued for each.
 
     Examples

@@ -13,7 +13,7 @@ from ..errors import UnknownOptionError
 from .base import Simulator
 from .dimensions import powers, unit_powers, unit_text
 from .placement import Placement, Scales, named
-from .structure import Joint, rate_unit
+from .structure import JointPort, rate_unit
 
 _STRAIN, _RUN = 0.2, 10.0
 _RUNS = 0.5, 100.0
@@ -25,7 +25,7 @@ _MOTOR = {True: "viscous_friction", False: "back_emf"}
 _GEOMETRY = {"bladder_elasticity"}
 
 
-class Survey(NamedTuple):
+class SignalSizes(NamedTuple):
     """Sizes of the signals of a log at the ports of a simulator.
 
     Parameters
@@ -42,7 +42,7 @@ class Survey(NamedTuple):
         Outputs and states that sensors measured.
     pushes : dict of (str, str) to float
         For an input and a state what the input does to its rate.
-    joints : list of Joint
+    joints : list of JointPort
         The joints.
     run_length, interval : float
         Typical length of a run and sampling interval, s.
@@ -54,7 +54,7 @@ class Survey(NamedTuple):
     gaps: Mapping[str, float]
     readings: Sequence[str]
     pushes: Mapping[tuple[str, str], float]
-    joints: Sequence[Joint]
+    joints: Sequence[JointPort]
     run_length: float
     interval: float
 
@@ -96,14 +96,14 @@ class ParameterDrift(Effect):
 _OF_PARAMETERS = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
 
 
-def placements(simulator: Simulator, survey: Survey) -> dict[str, Placement]:
+def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
     """Return every effect at every port where it can act.
 
     Parameters
     ----------
     simulator : Simulator
         The simulator.
-    survey : Survey
+    survey : SignalSizes
         Sizes of the signals.
 
     Returns
@@ -214,7 +214,7 @@ def _placed(
     return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
 
 
-def _at_inputs(simulator: Simulator, survey: Survey) -> list[Placement]:
+def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     found = []
     for port in simulator.ports:
         span = survey.spans.get(port.name, 0.0)
@@ -244,7 +244,7 @@ def _at_inputs(simulator: Simulator, survey: Survey) -> list[Placement]:
     return found
 
 
-def _at_outputs(simulator: Simulator, survey: Survey) -> list[Placement]:
+def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     found = []
     for port in survey.readings:
         span = survey.spans.get(port, 0.0)
@@ -271,7 +271,7 @@ def _at_outputs(simulator: Simulator, survey: Survey) -> list[Placement]:
     return found
 
 
-def _at_joints(simulator: Simulator, survey: Survey) -> list[Placement]:
+def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     found = []
     for joint in survey.joints:
         span = survey.spans.get(joint.position) or survey.spans.get(f"{joint.name}.path", 0.0)
@@ -308,7 +308,7 @@ def _travel(unit: str) -> str:
     return unit.removesuffix("/s") or "-"
 
 
-def _at_chambers(simulator: Simulator, survey: Survey) -> list[Placement]:
+def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     found = []
     moving = {n for j in survey.joints for n in (j.position, j.velocity)}
     chambers = {p.level: (p.name, p.through, p.unit) for p in simulator.ports if p.kind == "chamber"}
@@ -351,7 +351,7 @@ def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: f
     return type(effect.__name__, (effect,), {"parameters": tuple(changed)})
 
 
-def _head(unit: str, survey: Survey, state: str) -> dict[str, float]:
+def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
     """Return how what is stored counts as a pressure: a gas against the surroundings, a level against nothing."""
     if unit not in _PASCAL:
         return {"pressure": _TOP / survey.tops[state]}

@@ -10,7 +10,7 @@ import numpy as np
 from ..effects import Effect
 from .base import Simulator
 from .placement import Placement
-from .structure import Joint
+from .structure import JointPort
 
 Acting = Sequence[tuple[Placement, Effect]]
 MOST = 1e9
@@ -26,13 +26,13 @@ class Runner:
         Of the form ``"ode"``.
     dt : float
         Sampling interval, s.
-    joints : sequence of Joint
+    joints : sequence of JointPort
         Its joints: one without a position gets a path.
     substeps : int, default=1
         Steps in a sample.
     """
 
-    def __init__(self, simulator: Simulator, dt: float, joints: Sequence[Joint] = (), substeps: int = 1) -> None:
+    def __init__(self, simulator: Simulator, dt: float, joints: Sequence[JointPort] = (), substeps: int = 1) -> None:
         self.simulator, self.dt, self.substeps = simulator, dt, substeps
         self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
 

@@ -15,7 +15,7 @@ _OWN = 0.98
 """Share of instants at which an input must push the same way to be the drive of a joint."""
 
 
-class Joint(NamedTuple):
+class JointPort(NamedTuple):
     """A place where forces act.
 
     Parameters
@@ -62,7 +62,9 @@ def spread_numbers(simulator: Simulator, n: int) -> np.ndarray:
     return np.repeat(simulator.numbers[:, None], n, axis=1)
 
 
-def joints_of(simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]) -> list[Joint]:
+def joints_of(
+    simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]
+) -> list[JointPort]:
     """Return the joints of a simulator: those of its joint ports, and what its kinematics show.
 
     Parameters
@@ -81,7 +83,7 @@ def joints_of(simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tu
             unit = port.unit if port.unit != "-" or not port.through else simulator.port(port.through).unit
             if unit == "-" and velocity:
                 unit = rate_unit(simulator, velocity)
-            found.append(Joint(port.name, port.position, velocity, port.through, unit))
+            found.append(JointPort(port.name, port.position, velocity, port.through, unit))
     known = {j.position for j in found} | {j.velocity for j in found}
     taken = {j.through for j in found}
     speeds = {v: k for k, v in pairs.items()}
@@ -94,7 +96,7 @@ def joints_of(simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tu
         through = drives[0] if drives else ""
         taken |= {through} if through else set()
         unit = simulator.port(through).unit if through else rate_unit(simulator, name)
-        found.append(Joint(position or name, position, name, through, unit))
+        found.append(JointPort(position or name, position, name, through, unit))
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from ..compare.comparison import Comparison
-from ..compare.entries import Candidate
+from ..compare.entries import CandidateModel
 from ..compare.protocol import Prepared, folds
 from ..compare.run import score_candidates
 from ..errors import UnknownOptionError
@@ -89,7 +89,7 @@ def compare_system(
     splits = list(folds(ready, cv, split=split, fit_rows=fit_rows, random_state=random_state))
     still = _STILL * float(np.quantile(np.abs(table["speed"]), 0.99))
     models = _models(columns, still, random_state)
-    entries = [Candidate(name, model, columns, ("target",)) for name, model in models.items()]
+    entries = [CandidateModel(name, model, columns, ("target",)) for name, model in models.items()]
     wanted = ["*"] if isinstance(estimators, str) and estimators == "all" else list(estimators)
     chosen = [e for e in entries if any(fnmatch.fnmatch(e.label, pattern) for pattern in wanted)]
     if not chosen:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 
 from .._discovery import subclasses
+from .._lazy import renamed
 from ..errors import UnknownOptionError
 from .adam import Adam
 from .levenberg_marquardt import LevenbergMarquardt
-from .problem import Problem
+from .problem import TrainingProblem
 from .result import Status, TrainingResult
 from .trainer import Trainer
 
@@ -57,9 +58,11 @@ __all__ = [
     "TRAINERS",
     "Adam",
     "LevenbergMarquardt",
-    "Problem",
     "Status",
     "Trainer",
+    "TrainingProblem",
     "TrainingResult",
     "trainer_named",
 ]
+
+__getattr__ = renamed(__name__, {"Problem": "TrainingProblem"})

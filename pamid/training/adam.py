@@ -13,7 +13,7 @@ import torch
 from ..errors import UnknownOptionError
 from .host import BLOCK, HostGradient
 from .network import Parameters, forward, gradient
-from .problem import Problem
+from .problem import TrainingProblem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
@@ -111,7 +111,7 @@ class Adam(Trainer):
 
     def steps(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,
@@ -207,7 +207,7 @@ class _Network:
                 slot.copy_(value)
 
 
-def device_gradient(theta: Parameters, batch: Problem, activation: str, out: Parameters) -> torch.Tensor:
+def device_gradient(theta: Parameters, batch: TrainingProblem, activation: str, out: Parameters) -> torch.Tensor:
     """Return the summed loss of a batch, without waiting for it; put the gradient of its mean loss into `out`."""
     tape = forward(theta, batch.x, batch.direction, batch.a, activation)
     residual = tape.y - batch.y

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from threadpoolctl import ThreadpoolController
 
-from .problem import Problem
+from .problem import TrainingProblem
 
 BLOCK = 512
 """Rows that go through the network at a time, so that what one layer leaves is in the cache when the next needs it."""
@@ -213,7 +213,7 @@ class HostGradient:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def __call__(self, batch: Problem) -> float:
+    def __call__(self, batch: TrainingProblem) -> float:
         """Return the summed loss of a batch; fill `out`."""
         x, d, y, w = (v.numpy() for v in (batch.x, batch.direction, batch.y, batch.weight))
         arrays = x, d, None if batch.a is None else batch.a.numpy(), y, w

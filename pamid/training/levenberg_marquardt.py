@@ -20,7 +20,7 @@ import torch
 
 from ..fitting.marquardt import Damping
 from .network import Parameters, Tape, adjoints, forward, jacobian_product, transposed_product
-from .problem import Problem
+from .problem import TrainingProblem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
@@ -86,7 +86,7 @@ class LevenbergMarquardt(Trainer):
 
     def steps(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,
@@ -119,7 +119,7 @@ class LevenbergMarquardt(Trainer):
                 return
             equations = self._equations(psi, origin, tape, r, root, theta, adapter)
 
-            def loss(trial: Parameters, batch: Problem = batch, root: torch.Tensor = root) -> float:
+            def loss(trial: Parameters, batch: TrainingProblem = batch, root: torch.Tensor = root) -> float:
                 moved = forward(adapter.expand(trial), batch.x, batch.direction, batch.a, activation)
                 r = root * (moved.y - batch.y)
                 return float(r @ r) + self._penalty(trial, origin)

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from .network import Parameters, adjoints, forward
-from .problem import Problem
+from .problem import TrainingProblem
 from .reparametrisation import Reparametrisation
 
 STRENGTHS = tuple(10.0 ** (k / 2.0) for k in range(-16, 5))
@@ -29,7 +29,7 @@ MOVE = 0.14
 
 
 def choose_weight_decay(
-    problem: Problem,
+    problem: TrainingProblem,
     psi: Parameters,
     activation: str,
     adapter: Reparametrisation,
@@ -47,7 +47,7 @@ def choose_weight_decay(
 
     Parameters
     ----------
-    problem : Problem
+    problem : TrainingProblem
         The target's data.
     psi : list of Tensor
         Where the adaptation starts.

@@ -11,7 +11,7 @@ from torch import Tensor
 
 
 @dataclass(frozen=True)
-class Problem:
+class TrainingProblem:
     r"""Least squares of a law that reads a network linearly.
 
     .. math:: \min_\theta \frac{\sum_i w_i r_i^2}{\sum_i w_i}, \quad
@@ -33,10 +33,10 @@ class Problem:
     Examples
     --------
     >>> import torch
-    >>> from pamid.training import Problem
+    >>> from pamid.training import TrainingProblem
     >>> n = 5
     >>> x, along = torch.zeros(n, 4), torch.ones(n, 4)
-    >>> problem = Problem(x, along, a=None, y=torch.ones(n), weight=torch.ones(n))
+    >>> problem = TrainingProblem(x, along, a=None, y=torch.ones(n), weight=torch.ones(n))
     >>> len(problem)
     5
     """
@@ -58,7 +58,7 @@ class Problem:
         *,
         dtype: torch.dtype = torch.float64,
         device: str | torch.device = "cpu",
-    ) -> Problem:
+    ) -> TrainingProblem:
         """Build from numpy arrays, on a device and in a floating type; samples of zero weight are left out."""
         w = np.ones(len(y)) if weight is None else np.asarray(weight, dtype=float)
         keep = w > 0
@@ -71,11 +71,11 @@ class Problem:
     def __len__(self) -> int:
         return int(self.y.shape[0])
 
-    def rows(self, index: Tensor | slice) -> Problem:
+    def rows(self, index: Tensor | slice) -> TrainingProblem:
         """Return the problem on some of the samples; a slice copies nothing."""
         a = None if self.a is None else self.a[index]
-        return Problem(self.x[index], self.direction[index], a, self.y[index], self.weight[index])
+        return TrainingProblem(self.x[index], self.direction[index], a, self.y[index], self.weight[index])
 
-    def split(self, held_out: Tensor) -> tuple[Problem, Problem]:
+    def split(self, held_out: Tensor) -> tuple[TrainingProblem, TrainingProblem]:
         """Split by a boolean mask into what is trained on and what is held out."""
         return self.rows(~held_out), self.rows(held_out)

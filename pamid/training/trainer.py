@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator
 
 from ..errors import ParameterError
 from .network import Parameters, forward
-from .problem import Problem
+from .problem import TrainingProblem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .result import BestSoFar, Callback, Status, TrainingResult
 from .resume import Resumption, fingerprint
@@ -24,7 +24,7 @@ DRAW_EVALUATION_ROWS = 2048
 """The same for a trainer whose own losses are those of small draws, and whose steps are cheap."""
 
 
-def mean_squared_residual(parameters: Parameters, problem: Problem, activation: str) -> float:
+def mean_squared_residual(parameters: Parameters, problem: TrainingProblem, activation: str) -> float:
     """Return the weighted mean squared residual of a law on a problem."""
     y = forward(parameters, problem.x, problem.direction, problem.a, activation).y
     return float((problem.weight * (y - problem.y) ** 2).sum() / problem.weight.sum())
@@ -49,7 +49,7 @@ class Trainer(BaseEstimator):
     @abstractmethod
     def steps(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,
@@ -65,7 +65,7 @@ class Trainer(BaseEstimator):
 
     def _kept(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,
@@ -102,7 +102,7 @@ class Trainer(BaseEstimator):
                     f"{type(self).__name__}({name}={value!r}).", "a finite number that is not negative", "Correct it."
                 )
 
-    def _judged(self, problem: Problem, random_state: np.random.RandomState) -> Problem:
+    def _judged(self, problem: TrainingProblem, random_state: np.random.RandomState) -> TrainingProblem:
         """Return the rows by whose loss parameters are compared where none are held out."""
         # The loss of a draw says which draw was lucky, not which parameters are good.
         most = EVALUATION_ROWS if self.loss_covers(len(problem)) else DRAW_EVALUATION_ROWS
@@ -113,13 +113,13 @@ class Trainer(BaseEstimator):
 
     def run(
         self,
-        problem: Problem,
+        problem: TrainingProblem,
         parameters: Parameters,
         activation: str,
         random_state: np.random.RandomState,
         *,
         prior: Parameters | None = None,
-        validation: Problem | None = None,
+        validation: TrainingProblem | None = None,
         callback: Callback | None = None,
         adapter: Reparametrisation = IDENTITY,
     ) -> TrainingResult:
@@ -127,7 +127,7 @@ class Trainer(BaseEstimator):
 
         Parameters
         ----------
-        problem : Problem
+        problem : TrainingProblem
             What to minimise.
         parameters : list of Tensor
             Where to start; left untouched.
@@ -137,7 +137,7 @@ class Trainer(BaseEstimator):
             The only source of randomness.
         prior : list of Tensor, optional
             Parameters toward which a trainer that has a pull draws; zero by default.
-        validation : Problem, optional
+        validation : TrainingProblem, optional
             Held-out trajectories: the parameters that are best on them are returned, and training stops early; a
             trainer that keeps the last ones is only watched on them.
         callback : callable, optional

@@ -14,7 +14,7 @@ from .classical import (
     REST_DIAMETER,
     REST_LENGTH,
     ClassicalVolume,
-    Parameter,
+    VolumeParameter,
     braid_factors,
     cylinder_volume,
 )
@@ -72,11 +72,11 @@ class BouSabaVolume(ClassicalVolume):
     exponent: float = 2.0
 
     name: ClassVar[str] = "bou_saba"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    parameters: ClassVar[tuple[VolumeParameter, ...]] = (
         REST_LENGTH,
         REST_DIAMETER,
         BRAID_ANGLE,
-        Parameter("exponent", "-", 0.5, 8.0, True, "power ν of the stretch"),
+        VolumeParameter("exponent", "-", 0.5, 8.0, True, "power ν of the stretch"),
     )
 
     @classmethod

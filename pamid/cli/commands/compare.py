@@ -16,7 +16,7 @@ from ..common import add_command, add_log_options, load_log, muscle_numbers, not
 from ..rows import add_where, rows_where
 
 if TYPE_CHECKING:
-    from ...compare import Candidate, Comparison
+    from ...compare import CandidateModel, Comparison
     from ...systems import System
 
 _ROOM = 1 << 20
@@ -244,7 +244,7 @@ def _compare_system(args: argparse.Namespace, system: System, folder: Path | Non
     return _tell(args, result, files, started)
 
 
-def _require_sizes(entries: Sequence[Candidate], parameters: dict[str, Any]) -> None:
+def _require_sizes(entries: Sequence[CandidateModel], parameters: dict[str, Any]) -> None:
     """Raise where an estimator would fall back on the size of another muscle."""
     from .._tables import SIZES
 

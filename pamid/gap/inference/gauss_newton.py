@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
-from .student_t import Solution, solve
+from .student_t import RobustFit, solve
 
 SLACK = 1.005
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
@@ -54,7 +54,7 @@ class Fit:
         return np.abs(self.x) < 0.999 * SLACK
 
 
-Solved = TypeVar("Solved", Fit, Solution)
+Solved = TypeVar("Solved", Fit, RobustFit)
 
 
 class Fitter:
@@ -82,7 +82,7 @@ class Fitter:
         start: np.ndarray | None = None,
         soft: np.ndarray | None = None,
         widening: np.ndarray | None = None,
-    ) -> Solution:
+    ) -> RobustFit:
         """Fit tolerances and further columns to residuals.
 
         Parameters
@@ -142,7 +142,7 @@ class Fitter:
         """
         evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
 
-        def solved(x: np.ndarray) -> Solution:
+        def solved(x: np.ndarray) -> RobustFit:
             z = evidence.raw(evidence.tangent(fit.spec, x))
             return solve(z, J, self.low, self.high, evidence.parts, self.weights, iterations=20, start=x)
 

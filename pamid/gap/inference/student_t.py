@@ -26,7 +26,7 @@ _GAUSSIAN = 0.8563
 """Scale of a t distribution of that kind fitted to Gaussian noise of unit width."""
 
 
-class Solution(NamedTuple):
+class RobustFit(NamedTuple):
     """A robust fit.
 
     Parameters
@@ -110,7 +110,7 @@ def solve(
     prior: np.ndarray | None = None,
     iterations: int = 4,
     start: np.ndarray | None = None,
-) -> Solution:
+) -> RobustFit:
     """Maximise the likelihood of ``z0 + A x`` over bounded coefficients.
 
     Parameters
@@ -134,7 +134,7 @@ def solve(
 
     Returns
     -------
-    Solution
+    RobustFit
         The best round.
     """
     k = A.shape[1]
@@ -142,7 +142,7 @@ def solve(
     start = np.clip(np.zeros(k) if start is None else start, lower, upper)
     z = z0 + A @ start if np.any(start) else z0
     value, scales = loglik(z, parts, weights)
-    best = Solution(value - 0.5 * float(prior @ (start * start)), start, z, scales)
+    best = RobustFit(value - 0.5 * float(prior @ (start * start)), start, z, scales)
     if not k:
         return best
     # An equation that is far off at the start would be given up, one that fits would be clung to: the first round
@@ -164,9 +164,9 @@ def _reweighted(
     prior: np.ndarray,
     iterations: int,
     scales: np.ndarray,
-) -> Solution:
+) -> RobustFit:
     w = np.empty(len(z0))
-    best: Solution | None = None
+    best: RobustFit | None = None
     z = z0
     for n in range(iterations):
         for i, part in enumerate(parts):
@@ -180,14 +180,14 @@ def _reweighted(
         value -= 0.5 * float(prior @ (x * x))
         gain = np.inf if best is None else value - best.loglik
         if best is None or gain > 0.0:
-            best = Solution(value, x, z, scales)
+            best = RobustFit(value, x, z, scales)
         if abs(gain) < 0.01:
             break
     assert best is not None
     return best
 
 
-def window_weights(solution: Solution, parts: Sequence[slice], weights: np.ndarray | None = None) -> np.ndarray:
+def window_weights(solution: RobustFit, parts: Sequence[slice], weights: np.ndarray | None = None) -> np.ndarray:
     """Return what each window counts for in the curvature of the likelihood at a fit."""
     w = np.empty(len(solution.z))
     for i, part in enumerate(parts):
@@ -197,7 +197,7 @@ def window_weights(solution: Solution, parts: Sequence[slice], weights: np.ndarr
 
 
 def form_cost(
-    A: np.ndarray, solution: Solution, parts: Sequence[slice], prior: np.ndarray, weights: np.ndarray | None = None
+    A: np.ndarray, solution: RobustFit, parts: Sequence[slice], prior: np.ndarray, weights: np.ndarray | None = None
 ) -> float:
     """Return what columns with a Gaussian prior cost, whatever they explain: half the log-determinant of H / prior.
 

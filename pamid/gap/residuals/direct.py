@@ -21,17 +21,17 @@ from ...errors import ShortTrajectoryError
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...simulators.base import Simulator
-from ...simulators.catalogue import ParameterDeviation, Survey
+from ...simulators.catalogue import ParameterDeviation, SignalSizes
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
-    Joint,
+    JointPort,
     joints_of,
     pushes_of,
     rate_unit,
     some_instants,
     spread_numbers,
 )
-from .ports import Active, PortEvidence, Windows
+from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
 
 LEAST_WINDOWS = 400
@@ -104,7 +104,7 @@ class DirectEvidence(PortEvidence):
             step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
             at = log.t[some], self._x[:, some], self._u[:, some]
             self.pushes = pushes_of(simulator, *at, step)
-            self.joints: list[Joint] = joints_of(simulator, self.pairs, self.pushes)
+            self.joints: list[JointPort] = joints_of(simulator, self.pairs, self.pushes)
             self._base_rates = self._rates(self._x, self._u, self._u, simulator.numbers)
         else:
             self.pushes, self.joints = {}, []
@@ -165,7 +165,7 @@ class DirectEvidence(PortEvidence):
             self._first.append(firsts)
             unit = b.unit
             self.windows.append(
-                Windows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
+                PortWindows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
             )
         if not any(len(w.first) for w in self.windows):
             raise ShortTrajectoryError(
@@ -402,7 +402,7 @@ class DirectEvidence(PortEvidence):
         return self.simulator.inertia(self._x[:, self.windows[moving[0]].centre])
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
-    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
         for j in self.joints:
             if not j.position:
@@ -411,7 +411,9 @@ class DirectEvidence(PortEvidence):
         readings = list(dict.fromkeys(b.channel for b in self.balances))
         tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
         lows = {k: float(np.min(x)) for k, x in self._table.items()}
-        return Survey(spans, tops, lows, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+        return SignalSizes(
+            spans, tops, lows, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt
+        )
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""

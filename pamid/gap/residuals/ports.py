@@ -14,7 +14,7 @@ from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError
 from ...signals.paths import play, reversals
 from ...simulators.base import Simulator
-from ...simulators.catalogue import Survey, placements
+from ...simulators.catalogue import SignalSizes, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import Joint
@@ -42,7 +42,7 @@ FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
 
-class Windows(NamedTuple):
+class PortWindows(NamedTuple):
     """The windows of one equation.
 
     Parameters
@@ -97,7 +97,7 @@ class PortEvidence(ABC):
 
     def __init__(self, log: PortLog, simulator: Simulator) -> None:
         self.log, self.simulator = log, simulator
-        self.windows: list[Windows] = []
+        self.windows: list[PortWindows] = []
         self._kept: dict[str, np.ndarray] = {}
         self._touches: dict[str, list[str]] = {}
         self._spreads: dict[str, np.ndarray] = {}
@@ -168,7 +168,7 @@ class PortEvidence(ABC):
         """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
     @abstractmethod
-    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         """Return the sizes of the signals."""
 
     @abstractmethod

@@ -23,13 +23,13 @@ import numpy as np
 from ...effects import Effect
 from ...signals.paths import steady_path
 from ...simulators.base import Simulator
-from ...simulators.catalogue import Survey
+from ...simulators.catalogue import SignalSizes
 from ...simulators.integrate import Runner, substeps_for
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from ...simulators.structure import Joint, joints_of, kinematic_pairs, pushes_of, some_instants
+from ...simulators.structure import JointPort, joints_of, kinematic_pairs, pushes_of, some_instants
 from .direct import LEAST_WINDOWS
-from .ports import Active, PortEvidence, Windows
+from .ports import Active, PortEvidence, PortWindows
 from .states import integral, roles_of
 
 FOLLOWS = 0.5
@@ -43,7 +43,7 @@ SHORTEST = 24
 _REACH = 10.0
 
 
-class Stretch(NamedTuple):
+class Segment(NamedTuple):
     """A piece of a run.
 
     Parameters
@@ -93,7 +93,7 @@ class ShootingEvidence(PortEvidence):
     def _lay(self) -> None:
         """Choose the longest stretches that the simulator can follow, and fit where each begins."""
         longest = max(b - a for a, b in self.log.spans)
-        best: tuple[float, list[Stretch], np.ndarray] | None = None
+        best: tuple[float, list[Segment], np.ndarray] | None = None
         length = longest
         while True:
             self.stretches = self._cut(length)
@@ -110,12 +110,12 @@ class ShootingEvidence(PortEvidence):
         pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
         self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
 
-    def _cut(self, length: int) -> list[Stretch]:
+    def _cut(self, length: int) -> list[Segment]:
         found = []
         for a, b in self.log.spans:
             count = max(1, round((b - a) / length))
             edges = np.linspace(a, b, count + 1).astype(int)
-            found += [Stretch(int(x), int(y)) for x, y in pairwise(edges)]
+            found += [Segment(int(x), int(y)) for x, y in pairwise(edges)]
         return found
 
     def _starts(self) -> np.ndarray:
@@ -275,7 +275,7 @@ class ShootingEvidence(PortEvidence):
         self._states = np.zeros((len(simulator.states), log.n))
         if simulator.form != "ode":
             read = [p for p in simulator.ports if p.kind == "joint" and p.through and p.velocity in log.channels]
-            self.joints = [Joint(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
+            self.joints = [JointPort(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
             return
         p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
         s = self.stretches[0]
@@ -301,7 +301,7 @@ class ShootingEvidence(PortEvidence):
         self._first = [f[[not self.log.lost[k : k + self.n].any() for k in f]] if len(f) else f for f in self._first]
         rows = np.concatenate(self._first)
         self.windows = [
-            Windows(n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows))
+            PortWindows(n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows))
             for n in self.shown
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
@@ -393,7 +393,7 @@ class ShootingEvidence(PortEvidence):
         return [spread[x:y] for x, y in pairwise(ends)]
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
-    def _survey(self, gaps: Mapping[str, float]) -> Survey:
+    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         log, simulator = self.log, self.simulator
         signals = self.signals()
         spans = {name: float(np.ptp(x)) for name, x in signals.items()}
@@ -416,7 +416,7 @@ class ShootingEvidence(PortEvidence):
         lengths = [(b - a) * log.dt for a, b in log.spans]
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
         lows = {name: float(np.min(x)) for name, x in signals.items()}
-        return Survey(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+        return SignalSizes(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
         """Return how large a constant input would have to be to make a gap like the one that is there."""

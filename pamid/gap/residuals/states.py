@@ -8,7 +8,7 @@ import numpy as np
 
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from ...simulators.structure import Joint, kinematic_pairs, some_instants, spread_numbers
+from ...simulators.structure import JointPort, kinematic_pairs, some_instants, spread_numbers
 
 
 def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
@@ -70,7 +70,7 @@ def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
     return bool(same and (not simulator.outputs or shown))
 
 
-def roles_of(simulator: Simulator, joints: Sequence[Joint], equation: str) -> dict[str, str]:
+def roles_of(simulator: Simulator, joints: Sequence[JointPort], equation: str) -> dict[str, str]:
     """Return the signal behind each name of the state, for the equation of a port."""
     found = {}
     joint = next((j for j in joints if equation in (j.name, j.velocity, j.position)), None)
