@@ -269,7 +269,7 @@ def muscles_part(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 def scaling_part(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Time and memory of one step in sample space, against its matrix products and factorisation alone."""
-    from pamid.training import LevenbergMarquardt, Problem
+    from pamid.training import LevenbergMarquardt, TrainingProblem
     from pamid.training.network import initial_parameters
 
     found = []
@@ -277,7 +277,7 @@ def scaling_part(args: argparse.Namespace) -> list[dict[str, Any]]:
         for n in (100, 300, 1000, 2000):
             rng = np.random.default_rng(0)
             direction, a = rng.normal(size=(n, 4)) * [1, 0, 1, 0], rng.normal(size=n)
-            problem = Problem.from_arrays(rng.normal(size=(n, 4)), direction, a, rng.normal(size=n))
+            problem = TrainingProblem.from_arrays(rng.normal(size=(n, 4)), direction, a, rng.normal(size=n))
             start = initial_parameters((4, width, width, 1), np.random.RandomState(0), torch.float64)
             trainer = LevenbergMarquardt(max_iter=10**6, batch_size=n, damping=1.0, tolerance=0.0)
             steps = trainer.steps(problem, start, "softplus", np.random.RandomState(0))

@@ -15,7 +15,7 @@ from pamid.errors import ParameterError, UnknownOptionError
 from pamid.fitting.least_squares import cluster_covariance, fit_nonlinear
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
-from pamid.volume import Parameter
+from pamid.volume import FitParameter
 
 from ._base import SignalEstimator
 from ._classical import warn_of_still_signals
@@ -48,7 +48,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         return tags
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         """Return every parameter by name."""
         raise NotImplementedError
 
@@ -127,7 +127,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         self,
         names: tuple[str, ...],
         held: dict[str, float],
-        declared: dict[str, Parameter],
+        declared: dict[str, FitParameter],
         state: State,
         y: np.ndarray,
         weight: np.ndarray,
@@ -215,7 +215,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         return state.P - self.atmospheric_pressure
 
 
-def _bounded(columns: np.ndarray, y: np.ndarray, weight: np.ndarray, declared: list[Parameter]) -> np.ndarray:
+def _bounded(columns: np.ndarray, y: np.ndarray, weight: np.ndarray, declared: list[FitParameter]) -> np.ndarray:
     """Solve bounded linear least squares; what the rows do not tell stays at the bound, or zero, nearest to it."""
     out = np.array([min(max(0.0, p.lower), p.upper) for p in declared])
     root = np.sqrt(weight)[:, None]

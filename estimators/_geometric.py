@@ -12,7 +12,7 @@ import numpy as np
 from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
 from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
-from pamid.volume import ClassicalVolume, Parameter, all_volumes
+from pamid.volume import ClassicalVolume, FitParameter, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._streaming import Streaming
@@ -59,7 +59,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
         given = dict(self.start or {})
         return replace(nominal, **{n: float(given[n]) for n in cls.parameter_names() if n in given})
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         """Return every parameter that may be fitted, by name."""
         return {p.name: p for p in all_volumes()[self.model].parameters}
 
@@ -84,7 +84,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
         self._refuse_unknown(names, "free", declared)
         return names
 
-    def _refuse_unknown(self, names: Iterable[str], where: str, declared: dict[str, Parameter]) -> None:
+    def _refuse_unknown(self, names: Iterable[str], where: str, declared: dict[str, FitParameter]) -> None:
         unknown = [n for n in names if n not in declared]
         if unknown:
             raise UnknownOptionError(
@@ -93,7 +93,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
                 "Correct the names.",
             )
 
-    def _bounds_of(self, name: str, declared: dict[str, Parameter]) -> tuple[float, float]:
+    def _bounds_of(self, name: str, declared: dict[str, FitParameter]) -> tuple[float, float]:
         low, high = (self.bounds or {}).get(name, (declared[name].lower, declared[name].upper))
         if not low < high:
             raise ParameterError(

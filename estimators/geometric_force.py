@@ -10,7 +10,7 @@ import numpy as np
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.signals.state import State
-from pamid.volume import ClassicalVolume, Parameter
+from pamid.volume import ClassicalVolume, FitParameter
 from pamid.volume.tondu_lopez import FRICTION_PARAMETERS, braid_friction
 
 from ._base import Signals
@@ -167,7 +167,7 @@ class GeometricForce(GeometricRegressor):
     def _law(self) -> QuasiStaticForce:
         return QuasiStaticForce(self.rest_length, self.atmospheric_pressure)
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         declared = super()._declared()
         return declared | ({p.name: p for p in FRICTION_PARAMETERS} if self.friction else {})
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals.state import State
-from pamid.volume import Parameter
+from pamid.volume import FitParameter
 
 from ._base import Signals
 from ._empirical import EmpiricalForce, Values, check_positive
@@ -111,18 +111,18 @@ class HosovskyHybrid(EmpiricalForce):
         self.max_iter = max_iter
         self.signals = signals
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length")
         inf = np.inf
         found = (
-            Parameter("a1", "N/Pa", -inf, inf, True, "rise of the exponential with pressure"),
-            Parameter("a2", "N", -inf, inf, True, "exponential without pressure"),
-            Parameter("a3", "-", -200.0, -0.05, True, "decay with contraction"),
-            Parameter("a4", "N/Pa", -inf, inf, True, "pressure times contraction"),
-            Parameter("a5", "N/Pa", -inf, inf, True, "pressure"),
-            Parameter("a6", "N", -inf, inf, True, "constant"),
-            Parameter("b0", "N s/m", -inf, inf, True, "damping without pressure"),
-            Parameter("b1", "N s/(m Pa)", -inf, inf, True, "its rise with pressure"),
+            FitParameter("a1", "N/Pa", -inf, inf, True, "rise of the exponential with pressure"),
+            FitParameter("a2", "N", -inf, inf, True, "exponential without pressure"),
+            FitParameter("a3", "-", -200.0, -0.05, True, "decay with contraction"),
+            FitParameter("a4", "N/Pa", -inf, inf, True, "pressure times contraction"),
+            FitParameter("a5", "N/Pa", -inf, inf, True, "pressure"),
+            FitParameter("a6", "N", -inf, inf, True, "constant"),
+            FitParameter("b0", "N s/m", -inf, inf, True, "damping without pressure"),
+            FitParameter("b1", "N s/(m Pa)", -inf, inf, True, "its rise with pressure"),
         )
         return {p.name: p for p in found}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals.state import State
-from pamid.volume import Parameter
+from pamid.volume import FitParameter
 
 from ._base import Signals
 from ._empirical import EmpiricalForce, Values, check_positive
@@ -106,15 +106,15 @@ class NonlinearElastic(EmpiricalForce):
         self.max_iter = max_iter
         self.signals = signals
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length")
         inf = np.inf
         found = (
-            Parameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle pulls no more"),
-            Parameter("c0", "N/m", -inf, inf, True, "stiffness without pressure"),
-            Parameter("c1", "N/m³", -inf, inf, True, "its rise with the stretch squared"),
-            Parameter("c2", "N/(Pa m²)", -inf, inf, True, "its rise with pressure times stretch"),
-            Parameter("c3", "N/(Pa² m)", -inf, inf, True, "its rise with the pressure squared"),
+            FitParameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle pulls no more"),
+            FitParameter("c0", "N/m", -inf, inf, True, "stiffness without pressure"),
+            FitParameter("c1", "N/m³", -inf, inf, True, "its rise with the stretch squared"),
+            FitParameter("c2", "N/(Pa m²)", -inf, inf, True, "its rise with pressure times stretch"),
+            FitParameter("c3", "N/(Pa² m)", -inf, inf, True, "its rise with the pressure squared"),
         )
         return {p.name: p for p in found}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals.state import State
-from pamid.volume import Parameter
+from pamid.volume import FitParameter
 
 from ._base import Signals
 from ._empirical import EmpiricalForce, Values, check_positive
@@ -106,15 +106,15 @@ class StaticForceMap(EmpiricalForce):
         self.max_iter = max_iter
         self.signals = signals
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "atmospheric_pressure")
         found = (
-            Parameter("area", "m²", 1e-7, 1.0, True, "inner cross-section A₀ at rest"),
-            Parameter("braid_angle", "rad", 0.05, 0.95, True, "angle θ₀ of the threads to the axis at rest"),
-            Parameter("thread_compliance", "1/Pa", -1e-7, 1e-6, True, "stretch κ of the threads"),
-            Parameter("axial_stiffness", "N", 0.0, np.inf, True, "resistance k_a of the membrane to shortening"),
-            Parameter("radial_stiffness", "N", 0.0, np.inf, True, "resistance k_r of the membrane to widening"),
-            Parameter("preload", "N", -np.inf, np.inf, True, "tension F₀ at rest"),
+            FitParameter("area", "m²", 1e-7, 1.0, True, "inner cross-section A₀ at rest"),
+            FitParameter("braid_angle", "rad", 0.05, 0.95, True, "angle θ₀ of the threads to the axis at rest"),
+            FitParameter("thread_compliance", "1/Pa", -1e-7, 1e-6, True, "stretch κ of the threads"),
+            FitParameter("axial_stiffness", "N", 0.0, np.inf, True, "resistance k_a of the membrane to shortening"),
+            FitParameter("radial_stiffness", "N", 0.0, np.inf, True, "resistance k_r of the membrane to widening"),
+            FitParameter("preload", "N", -np.inf, np.inf, True, "tension F₀ at rest"),
         )
         return {p.name: p for p in found}
 

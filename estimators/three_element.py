@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from pamid.constants import ATMOSPHERIC_PRESSURE, GRAVITY
 from pamid.errors import ParameterError, ShapeError, TimeOrderError
 from pamid.signals.state import State
-from pamid.volume import Parameter
+from pamid.volume import FitParameter
 
 from ._base import Signals
 from ._checks import check_counts
@@ -158,15 +158,15 @@ class ThreeElement(EmpiricalForce):
         self.atmospheric_pressure = atmospheric_pressure
         self.signals = signals
 
-    def _declared(self) -> dict[str, Parameter]:
+    def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length", "turn_rate")
         check_counts(self, "pieces")
         found = []
         for k in range(int(self.pieces) + 1):
-            found.append(Parameter(f"F{k}", "N", -np.inf, np.inf, True, "contractile element at a knot"))
+            found.append(FitParameter(f"F{k}", "N", -np.inf, np.inf, True, "contractile element at a knot"))
             for phase in _PHASES:
-                found.append(Parameter(f"K_{phase}{k}", "N/m", 0.0, np.inf, True, "stiffness at a knot"))
-                found.append(Parameter(f"B_{phase}{k}", "N s/m", 0.0, np.inf, True, "damping at a knot"))
+                found.append(FitParameter(f"K_{phase}{k}", "N/m", 0.0, np.inf, True, "stiffness at a knot"))
+                found.append(FitParameter(f"B_{phase}{k}", "N s/m", 0.0, np.inf, True, "damping at a knot"))
         return {p.name: p for p in found}
 
     def _prepare(self, state: State, weight: np.ndarray) -> None:

@@ -14,7 +14,7 @@ from pamid.adapters.low_rank import LowRank
 from pamid.adapters.registry import adapter_named, adapters
 from pamid.adapters.scalar import Scalar
 from pamid.errors import ParameterError, UnknownOptionError
-from pamid.training import Adam, LevenbergMarquardt, Problem
+from pamid.training import Adam, LevenbergMarquardt, TrainingProblem
 from pamid.training.network import adjoints, forward, gradient
 
 
@@ -83,7 +83,7 @@ def task(n=40, *, reads_value=True):
     target[0] = target[0] + 0.1
     target[-2], target[-1] = 1.5 * target[-2], 1.5 * target[-1]
     tape = forward(tensors(target), *tensors([x, d, a]), "tanh")
-    return Problem.from_arrays(x, d, a, tape.y.numpy(), rng.uniform(0.5, 2.0, n))
+    return TrainingProblem.from_arrays(x, d, a, tape.y.numpy(), rng.uniform(0.5, 2.0, n))
 
 
 @each
@@ -110,7 +110,7 @@ def test_gram_is_that_of_the_gradients_by_psi(adapter, reads_value):
 def test_trainers_work_through_every_adapter(adapter, trainer, dtype):
     source = [t.to(dtype) for t in tensors(network((4, 5, 4, 1)))]
     p = task()
-    p = Problem(*(v.to(dtype) for v in (p.x, p.direction, p.a, p.y, p.weight)))
+    p = TrainingProblem(*(v.to(dtype) for v in (p.x, p.direction, p.a, p.y, p.weight)))
     psi = adapter.initial(source, np.random.default_rng(0))
     if not psi:
         return

@@ -158,7 +158,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return Path(os.environ["PAMID_SITE"]).resolve()
     pytest.importorskip("sphinx_gallery", reason="needs the extra docs")
     folder = tmp_path_factory.mktemp("site")
-    for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "pamid", "estimators"):
+    for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "pamid", "estimators", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     shutil.copytree(
         ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "auto_gallery", "_build", "__pycache__")

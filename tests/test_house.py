@@ -247,7 +247,7 @@ def test_a_name_means_one_class() -> None:
     ("package", "old", "new"),
     [
         ("pamid.effects", "Step", "FlowTerm"),
-        ("pamid.volume", "Parameter", "VolumeParameter"),
+        ("pamid.volume", "Parameter", "FitParameter"),
         ("pamid.training", "Problem", "TrainingProblem"),
         ("pamid.compare", "Candidate", "CandidateModel"),
         ("pamid.estimators", "Interval", "PredictionInterval"),

@@ -11,7 +11,7 @@ from pamid.estimators import StaticPIHM
 from threadpoolctl import threadpool_info
 
 from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
-from pamid.training import Adam, LevenbergMarquardt, Problem, Status, trainer_named
+from pamid.training import Adam, LevenbergMarquardt, Status, TrainingProblem, trainer_named
 from pamid.training.adam import device_gradient, views
 from pamid.training.host import HostGradient
 from pamid.training.network import (
@@ -49,7 +49,7 @@ def problem(n=60, seed=1, *, weighted=True, dtype=torch.float64, reads_value=Tru
     f = np.sin(x[:, 0]) + 0.3 * x[:, 1] * x[:, 2]
     df = np.cos(x[:, 0]) * d[:, 0] + 0.3 * (d[:, 1] * x[:, 2] + x[:, 1] * d[:, 2])
     weight = rng.uniform(0.2, 3.0, n) if weighted else None
-    return Problem.from_arrays(x, d, a, a * f + df, weight, dtype=dtype)
+    return TrainingProblem.from_arrays(x, d, a, a * f + df, weight, dtype=dtype)
 
 
 def plain_network(parameters, x, activation):
@@ -347,7 +347,7 @@ class Scripted(Adam):
 def level(y, n=10):
     """Residual = bias − y."""
     zero = np.zeros((n, 4))
-    return Problem.from_arrays(zero, zero, np.ones(n), np.full(n, float(y)))
+    return TrainingProblem.from_arrays(zero, zero, np.ones(n), np.full(n, float(y)))
 
 
 def scripted(*script, fails=None, patience=500):
@@ -405,7 +405,7 @@ def test_divergence_keeps_the_best_so_far():
 def test_a_loss_beyond_the_numbers_ends_as_diverged(trainer):
     p = problem(20)
     if isinstance(trainer, LevenbergMarquardt):
-        p = Problem(p.x, p.direction, p.a, p.y * 1e200, p.weight)
+        p = TrainingProblem(p.x, p.direction, p.a, p.y * 1e200, p.weight)
     result = trainer.run(p, start(), "softplus", np.random.RandomState(0))
     assert result.status is Status.DIVERGED
     assert torch.isfinite(flat(result.parameters)).all()
@@ -436,7 +436,7 @@ def test_the_floating_type_is_kept(trainer, dtype):
 
 def test_samples_of_zero_weight_are_left_out():
     weight = np.array([1.0, 0.0, 2.0])
-    p = Problem.from_arrays(np.eye(3, 4), np.eye(3, 4), np.ones(3), np.array([1.0, np.nan, 3.0]), weight)
+    p = TrainingProblem.from_arrays(np.eye(3, 4), np.eye(3, 4), np.ones(3), np.array([1.0, np.nan, 3.0]), weight)
     assert len(p) == 2 and p.y.tolist() == [1.0, 3.0]
 
 

@@ -3,18 +3,18 @@
 from .._lazy import renamed
 from .base import VolumeJet, VolumeModel
 from .checks import VolumeReport, check_volume
-from .classical import ClassicalVolume, VolumeParameter
+from .classical import ClassicalVolume, FitParameter
 from .discovery import all_volumes, volume_class
 
 __all__ = [
     "ClassicalVolume",
+    "FitParameter",
     "VolumeJet",
     "VolumeModel",
-    "VolumeParameter",
     "VolumeReport",
     "all_volumes",
     "check_volume",
     "volume_class",
 ]
 
-__getattr__ = renamed(__name__, {"Parameter": "VolumeParameter"})
+__getattr__ = renamed(__name__, {"Parameter": "FitParameter"})

@@ -14,7 +14,7 @@ from .classical import (
     REST_DIAMETER,
     REST_LENGTH,
     ClassicalVolume,
-    VolumeParameter,
+    FitParameter,
     braid_factors,
     cylinder_volume,
 )
@@ -72,11 +72,11 @@ class BouSabaVolume(ClassicalVolume):
     exponent: float = 2.0
 
     name: ClassVar[str] = "bou_saba"
-    parameters: ClassVar[tuple[VolumeParameter, ...]] = (
+    parameters: ClassVar[tuple[FitParameter, ...]] = (
         REST_LENGTH,
         REST_DIAMETER,
         BRAID_ANGLE,
-        VolumeParameter("exponent", "-", 0.5, 8.0, True, "power ν of the stretch"),
+        FitParameter("exponent", "-", 0.5, 8.0, True, "power ν of the stretch"),
     )
 
     @classmethod

@@ -13,7 +13,7 @@ from .classical import (
     REST_DIAMETER,
     REST_LENGTH,
     ClassicalVolume,
-    VolumeParameter,
+    FitParameter,
     braid_factors,
     cylinder_volume,
 )
@@ -56,7 +56,7 @@ class BraidedVolume(ClassicalVolume):
     braid_angle: float
 
     name: ClassVar[str] = "chou_hannaford"
-    parameters: ClassVar[tuple[VolumeParameter, ...]] = (REST_LENGTH, REST_DIAMETER, BRAID_ANGLE)
+    parameters: ClassVar[tuple[FitParameter, ...]] = (REST_LENGTH, REST_DIAMETER, BRAID_ANGLE)
 
     @classmethod
     def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:

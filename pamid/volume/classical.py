@@ -14,7 +14,7 @@ from ..signals.state import Array, State
 from .base import VolumeJet
 
 
-class VolumeParameter(NamedTuple):
+class FitParameter(NamedTuple):
     """One number of a model that an estimator may fit.
 
     Parameters
@@ -46,11 +46,11 @@ class VolumeParameter(NamedTuple):
     meaning: str
 
 
-REST_LENGTH = VolumeParameter(
+REST_LENGTH = FitParameter(
     "rest_length", "m", 1e-3, 10.0, False, "rest length L₀; known from the cut, scales the volume"
 )
-REST_DIAMETER = VolumeParameter("rest_diameter", "m", 1e-4, 1.0, True, "inner diameter D₀ at rest")
-BRAID_ANGLE = VolumeParameter("braid_angle", "rad", 0.02, 1.55, True, "angle θ₀ of the threads to the axis at rest")
+REST_DIAMETER = FitParameter("rest_diameter", "m", 1e-4, 1.0, True, "inner diameter D₀ at rest")
+BRAID_ANGLE = FitParameter("braid_angle", "rad", 0.02, 1.55, True, "angle θ₀ of the threads to the axis at rest")
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class ClassicalVolume(ABC):
 
     name: ClassVar[str]
     """Name by which estimators and `all_volumes` know the model."""
-    parameters: ClassVar[tuple[VolumeParameter, ...]] = ()
+    parameters: ClassVar[tuple[FitParameter, ...]] = ()
     """The scalar parameters that a nonlinear fit may free; empty for a model that is linear in its coefficients."""
     force_falls: ClassVar[bool] = True
     """Whether the model claims that the force under constant pressure falls with contraction, whatever its numbers."""
@@ -92,7 +92,7 @@ class ClassicalVolume(ABC):
         """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample; reads ``eps`` and, if it must, ``P``."""
 
     @classmethod
-    def parameter(cls, name: str) -> VolumeParameter:
+    def parameter(cls, name: str) -> FitParameter:
         """Return the declaration of one parameter."""
         return next(p for p in cls.parameters if p.name == name)
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from ..signals.state import State
 from .base import VolumeJet
-from .classical import REST_DIAMETER, REST_LENGTH, ClassicalVolume, VolumeParameter, cylinder_volume
+from .classical import REST_DIAMETER, REST_LENGTH, ClassicalVolume, FitParameter, cylinder_volume
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class CylinderVolume(ClassicalVolume):
     name: ClassVar[str] = "cylinder"
     force_falls: ClassVar[bool] = False
     pulls: ClassVar[bool] = False
-    parameters: ClassVar[tuple[VolumeParameter, ...]] = (REST_LENGTH, REST_DIAMETER)
+    parameters: ClassVar[tuple[FitParameter, ...]] = (REST_LENGTH, REST_DIAMETER)
 
     @classmethod
     def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:

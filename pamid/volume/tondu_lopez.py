@@ -14,7 +14,7 @@ from .classical import (
     REST_DIAMETER,
     REST_LENGTH,
     ClassicalVolume,
-    VolumeParameter,
+    FitParameter,
     braid_factors,
     cylinder_volume,
 )
@@ -81,12 +81,12 @@ class TonduLopezVolume(ClassicalVolume):
 
     name: ClassVar[str] = "tondu_lopez"
     depends_on_pressure: ClassVar[bool] = True
-    parameters: ClassVar[tuple[VolumeParameter, ...]] = (
+    parameters: ClassVar[tuple[FitParameter, ...]] = (
         REST_LENGTH,
         REST_DIAMETER,
         BRAID_ANGLE,
-        VolumeParameter("end_cap", "-", 0.5, 2.5, True, "end-cap factor k at high pressure (b_k)"),
-        VolumeParameter("end_cap_rise", "-", -2.0, 5.0, False, "what k gains at zero gauge pressure (a_k)"),
+        FitParameter("end_cap", "-", 0.5, 2.5, True, "end-cap factor k at high pressure (b_k)"),
+        FitParameter("end_cap_rise", "-", -2.0, 5.0, False, "what k gains at zero gauge pressure (a_k)"),
     )
 
     @classmethod
@@ -162,11 +162,9 @@ def tondu_lopez(
 
 
 FRICTION_PARAMETERS = (
-    VolumeParameter(
-        "static_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure at the start of motion"
-    ),
-    VolumeParameter("kinetic_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure in fast motion"),
-    VolumeParameter("stribeck_rate", "1/s", 1e-3, 1e2, False, "contraction rate over which the friction falls"),
+    FitParameter("static_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure at the start of motion"),
+    FitParameter("kinetic_friction_area", "m²", 0.0, 1e-2, True, "friction per gauge pressure in fast motion"),
+    FitParameter("stribeck_rate", "1/s", 1e-3, 1e2, False, "contraction rate over which the friction falls"),
 )
 """Parameters of `braid_friction` that a fit may free."""
 
