@@ -36,7 +36,7 @@ _EPILOG = """\
 examples:
   pamid init run1.csv                                           sim.toml and a mapping for a log of your own
   pamid check run1.csv --columns columns.toml --sim sim.toml    what is in it, and what it can tell
-  pamid simulate --muscle B --dataset D_B --out log.parquet     a data set from the twin, with its sim.toml
+  pamid simulate --muscle B --dataset D_B --out log.parquet     a simulated data set, with its sim.toml
   pamid evaluate log.parquet --sim log.sim.toml                 where simulator and log differ, and the noise floor
   pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
   pamid evaluate log.parquet --sim log.sim.toml --model model.pamid

@@ -54,7 +54,7 @@ class Hysteresis(Effect):
     path_dependent = True
     parameters = (
         Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
-        Parameter("slip", "N", 0.0, 1e4, 0.0, "the same of the elements that slip", linear=True),
+        Parameter("slip", "N", 0.0, 1e4, 0.0, "the same of the Maxwell-slip elements", linear=True),
         Parameter(
             "displacement",
             "-",

@@ -112,7 +112,7 @@ def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
     names = [equation(e.equation) for e in d.equations]
     if not d.tested or (d.verdict == "none" and not names):
-        return f"It is not known: no equation could be held against the log.{_left_out(d)}"
+        return f"It is not known: no equation could be compared with the log.{_left_out(d)}"
     if d.verdict == "none":
         tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees"
         return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)}).{_left_out(d)}"
@@ -155,7 +155,7 @@ def _left_out(d: Diagnosis) -> str:
 def _region_text(regions: list[Region], equation: str, part: str) -> str:
     region = leading_region(regions, equation)
     if region is None:
-        return f"{part} is spread over the whole state"
+        return f"{part} extends over the whole state"
     own = [r for r in regions if r.equation == equation]
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:

@@ -144,7 +144,7 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
             warnings += unit_doubts(log, simulator)
             separations, best = separation(log, simulator)
         except PamidError as error:
-            warnings.append(f"The simulator could not be held against the log: {error}")
+            warnings.append(f"The simulator could not be compared with the log: {error}")
         if not simulator.tolerance:
             warnings.append("The simulator file states no tolerances: a number that is a little off shows as a gap.")
     else:
@@ -215,7 +215,7 @@ def _record(s: Survey) -> list[str]:
         splits = [str(name).replace("_", " ") for name in s.next_run["splits"][:6]]
         names = ", ".join(splits) + (" and more" if len(s.next_run["splits"]) > 6 else "")
         kind = str(s.next_run["kind"]).replace("_", " ")
-        told.append(f"A run of the kind {kind} ({settings}): it would show or tell apart {names}.")
+        told.append(f"A run of the kind {kind} ({settings}): it would show or distinguish {names}.")
     asked: dict[str, None] = {}
     for answer in ("no", "partly"):
         for a in s.answers:

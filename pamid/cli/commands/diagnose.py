@@ -80,7 +80,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "where simulator and log part, the cause, and how far the gap shrinks"
+    summary = "where simulator and log disagree, the cause, and how far the gap closes"
     parser = add_command(subparsers, "diagnose", summary, _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(

@@ -42,7 +42,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "the run that best tells apart what a diagnosis left undecided"
+    summary = "the run that best distinguishes what a diagnosis left undecided"
     parser = add_command(subparsers, "next", summary, _DESCRIPTION, _EXAMPLES)
     parser.add_argument("folder", metavar="DIR", help="what --out of 'pamid diagnose' named")
     parser.add_argument("--out", metavar="DIR", help="folder for the plan (default: DIR/next)")

@@ -1,4 +1,4 @@
-"""``pamid simulate``: a log from the twin of the bench, with the simulator file that belongs to it."""
+"""``pamid simulate``: a log of the simulated test rig, with the simulator file that belongs to it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import LogFormatError, ParameterError, UnknownOptionError
 from ..common import add_command, checked_output, load_simulator, parse_settings, print_json, progress
 
 _KINDS = ("sine", "triangle", "step", "multisine", "hold", "sealed_hold", "isobaric", "isometric")
-_PERIOD = 1e-3  # s: the twin samples at 1 kHz
+_PERIOD = 1e-3  # s: the simulated rig samples at 1 kHz
 _DESCRIPTION = f"""\
 Simulate the antagonistic bench (two muscles on one pulley, servo valves, pressure control, noisy and quantised
 sensors at 1 kHz) and write its log.
@@ -35,7 +35,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "simulate", "write a log from the twin of the bench", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(subparsers, "simulate", "write a log of the simulated test rig", _DESCRIPTION, _EXAMPLES)
     bench = parser.add_mutually_exclusive_group()
     bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")
     bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a muscle of the study")

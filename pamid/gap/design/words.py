@@ -26,7 +26,7 @@ def summary(plan: Plan) -> str:
             f"others. {longer} Widen a limit (--angle, --pressure, --rise), log another signal, or take them as one."
         )
     hardest = min(e.nats for e in plan.expected)
-    clear = f"The pair that is hardest to tell apart is expected to differ by {hardest:.3g} nats"
+    clear = f"The pair that is hardest to distinguish is expected to differ by {hardest:.3g} nats"
     return f"{undecided} {clear}{'' if not plan.alike else ', which is too little'}; 3 are odds of twenty."
 
 

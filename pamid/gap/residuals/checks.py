@@ -120,7 +120,7 @@ def notes_on(evidence: Evidence) -> list[str]:
     intervals = sorted({f"{1e3 * run.dt:.3g} ms" for run in evidence.runs})
     if len(intervals) > 1:
         notes.append(
-            f"The log mixes sampling intervals: {', '.join(intervals)}. Each trajectory is held against its own."
+            f"The log mixes sampling intervals: {', '.join(intervals)}. Each trajectory is compared with its own."
         )
     rows = sum(len(run.time) for run in evidence.runs)
     unread = sum(
