@@ -113,7 +113,7 @@ def diagnosis_of(verdict: str, material: tuple[BenchParameters, BenchParameters,
             replace(
                 friction,
                 effects=("coulomb_friction", "hysteresis"),
-                told_apart_by="a triangle of small amplitude within the presliding range",
+                distinguished_by="a triangle of small amplitude within the presliding range",
             )
         ],
         "several": [replace(friction, share=0.62, share_ci90=(0.55, 0.70)), gas],
@@ -541,3 +541,9 @@ def test_display_speaks_and_refuses(diagnoses):
         GapDisplay.from_estimator(object())
     holder = type("Fitted", (), {"diagnosis_": diagnoses["none"]})()
     assert GapDisplay.from_estimator(holder).diagnosis is diagnoses["none"]
+
+
+def test_the_old_name_of_what_distinguishes_serves_one_version() -> None:
+    cause = Cause(("gas_temperature", "dead_volume"), "flow", 0.9, 1.0, (0.9, 1.0), {}, distinguished_by="isobaric")
+    with pytest.warns(FutureWarning, match="distinguished_by"):
+        assert cause.told_apart_by == "isobaric"

@@ -105,7 +105,9 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
             parts.setdefault(name, []).append(table.assign(trajectory=[f"{trajectory}#{side}.{g}" for g in gaps]))
     if not parts:
         raise ShortTrajectoryError(
-            "No equation of the simulator can be compared with the log.", "longer runs, or more columns", "See evaluate."
+            "No equation of the simulator can be compared with the log.",
+            "longer runs, or more columns",
+            "See evaluate.",
         )
     return {name: Left(pd.concat(tables), all_equations()[name].unit) for name, tables in parts.items()}
 

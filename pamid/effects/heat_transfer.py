@@ -6,7 +6,7 @@ import numpy as np
 
 from ..signals.recursion import recursive
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, FlowTerm
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 

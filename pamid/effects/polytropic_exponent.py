@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals, FlowTerm
+from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 
 

@@ -245,7 +245,7 @@ def which(d: Diagnosis) -> str:
     certain, place = f"confidence {percent(cause.confidence)}", f"in the {equation(cause.equation)} equation"
     if len(cause.effects) > 1:
         text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
-        return f"{text}; {_sentence_end(cause.told_apart_by or 'this log cannot tell them apart')}"
+        return f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
     return f"{_capital(_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
 
 

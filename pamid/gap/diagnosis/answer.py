@@ -220,7 +220,7 @@ def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Ca
     if experiment is None or len(cause.effects) < 2 or not set(rivals) <= set(cause.effects):
         return cause
     kind = experiment.trajectory.get("kind", "run")
-    return replace(cause, told_apart_by=f"{kind}: {experiment.reason}")
+    return replace(cause, distinguished_by=f"{kind}: {experiment.reason}")
 
 
 def _windows(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -183,7 +184,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Cause:
-    """One cause; more than one name where the data cannot tell them apart.
+    """One cause; more than one name where the data cannot distinguish them.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ class Cause:
         90 % interval over trajectories.
     parameters : dict of str to ParameterEstimate
         Parameters of the first effect.
-    told_apart_by : str or None
+    distinguished_by : str or None
         What would split the class.
     where : tuple of str
         Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
@@ -220,9 +221,15 @@ class Cause:
     share: float
     share_ci90: Interval
     parameters: dict[str, ParameterEstimate]
-    told_apart_by: str | None = None
+    distinguished_by: str | None = None
     where: tuple[str, ...] = ()
     others: tuple[dict[str, ParameterEstimate], ...] = ()
+
+    @property
+    def told_apart_by(self) -> str | None:
+        """The old name of `distinguished_by`, for one version."""
+        warnings.warn("Cause.told_apart_by is called Cause.distinguished_by.", FutureWarning, stacklevel=2)
+        return self.distinguished_by
 
 
 @dataclass(frozen=True)

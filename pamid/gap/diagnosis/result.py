@@ -158,6 +158,7 @@ class Diagnosis:
                 "causes": [
                     {
                         **vars(c),
+                        "told_apart_by": c.distinguished_by,  # the old name, for one version
                         "parameters": {k: vars(p) for k, p in c.parameters.items()},
                         "others": [{k: vars(p) for k, p in other.items()} for other in c.others],
                     }

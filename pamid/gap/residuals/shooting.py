@@ -301,7 +301,9 @@ class ShootingEvidence(PortEvidence):
         self._first = [f[[not self.log.lost[k : k + self.n].any() for k in f]] if len(f) else f for f in self._first]
         rows = np.concatenate(self._first)
         self.windows = [
-            PortWindows(n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows))
+            PortWindows(
+                n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows)
+            )
             for n in self.shown
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
@@ -416,7 +418,9 @@ class ShootingEvidence(PortEvidence):
         lengths = [(b - a) * log.dt for a, b in log.spans]
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
         lows = {name: float(np.min(x)) for name, x in signals.items()}
-        return SignalSizes(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt)
+        return SignalSizes(
+            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt
+        )
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
         """Return how large a constant input would have to be to make a gap like the one that is there."""

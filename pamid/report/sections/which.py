@@ -43,7 +43,7 @@ class WhichSection(Section):
             for c in sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))
         ]
         apart = [
-            {"names": [effect(e) for e in cause.effects], "by": cause.told_apart_by}
+            {"names": [effect(e) for e in cause.effects], "by": cause.distinguished_by}
             for cause in d.causes
             if len(cause.effects) > 1
         ]
