@@ -17,7 +17,7 @@ from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from ...simulators.structure import Joint
+from ...simulators.structure import JointPort
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 from .single import UNTURNED, _memory
@@ -103,7 +103,7 @@ class PortEvidence(ABC):
         self._spreads: dict[str, np.ndarray] = {}
         self.notes: list[str] = list(log.notes)
         self.placements: dict[str, Placement] = {}
-        self.joints: list[Joint] = []
+        self.joints: list[JointPort] = []
         self._turning: dict[str, bool] = {}
         self._own: Active = []
 
