@@ -85,8 +85,19 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
     def _predict_state(self, state: State) -> np.ndarray:
         return self._law().predict(*self._volume_model().jet(state), state)
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the prediction with its unit, from signals by name that may be symbols."""
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output.
+        """
         law = self._law()
         return {law.equation: (law.unit, self._formula(State(*(signals.get(s, 0.0) for s in State._fields))))}
 

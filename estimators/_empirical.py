@@ -206,8 +206,19 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         zero = np.zeros(len(table))
         return State(*(self._signal(table, s) if s in self.reads else zero for s in State._fields))
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the force with its unit, from signals by name that may be symbols."""
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output.
+        """
         state = State(*(signals.get(s, 0.0) for s in State._fields))
         return {"force": ("N", self._force(self.parameters_, state))}
 

@@ -230,8 +230,19 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         """Return between what the answer is held."""
         raise NotImplementedError
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the answers with their units, from signals by name that may be symbols."""
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output.
+        """
         named = [*self.inputs, *((DIRECTION,) if self.direction else ())]
         bare = forward_by_columns(self.weights_, [signals[n] for n in named], self.input_mean_, self.input_scale_)
         low, high = (a.tolist() for a in self._limits())

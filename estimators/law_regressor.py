@@ -161,8 +161,19 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
         return np.asarray(self._laws()[0].predict(V, V_eps, V_P, state))
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the prediction with its unit, from signals by name that may be symbols."""
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output.
+        """
         law, state = self._laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
         return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
 

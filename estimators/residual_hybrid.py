@@ -13,7 +13,7 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
 from pamid.fitting.epochs import local_generator, standardisation
 from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
-from pamid.requirements import reads_of
+from pamid.requirements import formulas_of, reads_of
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes
@@ -262,11 +262,23 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             share *= (self._signal(table, "P") - self.atmospheric_pressure) / self.gauge_scale_
         return np.asarray(self.model_.predict(self._model_table(table)), dtype=float) + share
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the force with its unit, from signals by name that may be symbols; nothing if the model has none."""
-        if not hasattr(self.model_, "_formulas"):
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output; empty if the force model inside has no formula.
+        """
+        known_by = formulas_of(self.model_, signals)
+        if not known_by:
             return {}
-        ((unit, known),) = self.model_._formulas(signals).values()
+        ((unit, known),) = known_by.values()
         given = [signals[n] for n in self.inputs]
         share = self.residual_scale_ * forward_by_columns(self.weights_, given, self.input_mean_, self.input_scale_)[0]
         if self.vanishing:

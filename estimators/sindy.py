@@ -230,8 +230,19 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         X, _ = self._read(X, reset=False)
         return self._evaluate(self._columns(X))[:, 0]
 
-    def _formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the polynomial, from signals by name that may be symbols."""
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of each output.
+        """
         turned = [signals[n] for n in self.sign_of]
         factors = [signals[n] for n in self.inputs]
         factors += [np.where(s > 0.0, 1.0, np.where(s < 0.0, -1.0, 0.0)) for s in turned]

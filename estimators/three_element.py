@@ -189,8 +189,21 @@ class ThreeElement(EmpiricalForce):
         Fc, K, B = self._elements(values, self._gauge(state), state.dP)
         return Fc - K * self.rest_length * state.eps - B * self.rest_length * state.deps
 
-    def _lift(self, signals: Mapping[str, Any]) -> tuple[tuple[Any, Any, Any], dict[str, float]]:
-        """Return F_c, K and B from signals by name that may be symbols, and the numbers of `simulate`."""
+    def lift_formulas(self, signals: Mapping[str, Any]) -> tuple[tuple[Any, Any, Any], dict[str, float]]:
+        """Return the elements as formulas of the signals, which may be symbols, and the numbers of `simulate`.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            ``P`` (Pa, absolute) and ``dP`` (Pa/s).
+
+        Returns
+        -------
+        elements : tuple of array or symbol
+            F_c (N), K (N/m) and B (N s/m).
+        numbers : dict of str to float
+            ``rest_length`` (m), ``top`` (contraction at which a lift is held), ``gravity`` (m/s²).
+        """
         elements = self._elements(self.parameters_, signals["P"] - self.atmospheric_pressure, signals["dP"])
         return elements, {"rest_length": float(self.rest_length), "top": self._top(), "gravity": GRAVITY}
 

@@ -2,15 +2,75 @@
 
 An estimator declares ``reads`` (the signals it takes from X), ``equations`` (what it learns), ``outputs`` (of which it
 runs freely), ``sequential`` (whether rows are read in order) and ``settings(equation)`` (those that are compared).
-An estimator of somebody else's declares nothing; what holds for it then is said by the caller.
+An estimator of somebody else's declares nothing; what holds for it then is said by the caller. What some estimators can
+do beside, such as say their predictions as formulas, is a protocol, and asked for by ``isinstance``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 from .errors import IncompatibleError
+
+
+@runtime_checkable
+class WithFormulas(Protocol):
+    """An estimator whose predictions are formulas of its signals."""
+
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return unit and value of each output, from signals in SI units that may be symbols."""
+
+
+@runtime_checkable
+class WithLift(Protocol):
+    """An estimator of a muscle's elements, by which a load is lifted."""
+
+    def lift_formulas(self, signals: Mapping[str, Any]) -> tuple[tuple[Any, Any, Any], dict[str, float]]:
+        """Return force (N), stiffness (N/m) and damping (N s/m), and the numbers of the lift."""
+
+
+@runtime_checkable
+class WithVolume(Protocol):
+    """An estimator that identifies the gas volume."""
+
+    def volume(self, X: Any) -> Any:
+        """Return V (m³) and its derivatives at the rows of X."""
+
+
+def formulas_of(model: Any, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+    """Return unit and value of each output as formulas of the signals; empty for a model that has none.
+
+    Parameters
+    ----------
+    model : estimator
+        Any fitted estimator.
+    signals : mapping of str to array or symbol
+        What it reads, SI units.
+
+    Examples
+    --------
+    >>> from pamid.requirements import formulas_of
+    >>> formulas_of(object(), {})
+    {}
+    """
+    return model.formulas(signals) if isinstance(model, WithFormulas) else {}
+
+
+def last_step(model: Any) -> Any:
+    """Return the estimator of a pipeline, or the model itself.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> from pamid.requirements import last_step
+    >>> last_step(make_pipeline(StandardScaler(), Ridge()))
+    Ridge()
+    """
+    steps = getattr(model, "steps", None)
+    return steps[-1][1] if steps else model
 
 
 def reads_of(model: Any, otherwise: Sequence[str] = ()) -> tuple[str, ...]:

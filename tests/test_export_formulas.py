@@ -89,7 +89,7 @@ def fitted(table):
 def test_every_estimator_with_a_formula_is_among_the_cases():
     from pamid.estimators import all_estimators
 
-    names = {name for name, c in all_estimators() if hasattr(c, "_formulas")}
+    names = {name for name, c in all_estimators() if hasattr(c, "formulas")}
     assert names == {case.split(",")[0] for case in CASES}
 
 

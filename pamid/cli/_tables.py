@@ -14,7 +14,7 @@ from ..errors import (
     ParameterError,
     UnknownOptionError,
 )
-from ..requirements import reads_of
+from ..requirements import last_step, reads_of
 from ..signals.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def equation_of(estimator: Any, wanted: str | None) -> Target:
     ParameterError
         Neither says it.
     """
-    last = estimator.steps[-1][1] if hasattr(estimator, "steps") else estimator
+    last = last_step(estimator)
     own = _own_equations(last)
     if len(own) > 1:
         raise IncompatibleError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import ExportError
+from ..requirements import WithFormulas, WithLift
 from .c_source import Writer, fill, number_rows, statements
 from .expression import Symbol, as_symbol, symbol
 from .plan import UNITS, Output
@@ -118,26 +119,27 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     ExportError
         A part of the formula has no form outside Python, or two signals share a column.
     """
-    if not hasattr(model, "_formulas"):
+    if not isinstance(model, WithFormulas):
         return None
-    names = [*model.reads, *(["direction"] if getattr(model, "direction", False) else [])]
+    fitted: Any = model
+    names = [*fitted.reads, *(["direction"] if getattr(model, "direction", False) else [])]
     if wrong := [n for n in names if not n.isidentifier() or not n.isascii()]:
         raise ExportError(
             f"The signal {wrong[0]!r} is no C identifier.", "letters, digits and _", "Rename it before the fit."
         )
-    columns = model.signal_columns_
+    columns = fitted.signal_columns_
     if len(set(columns.values())) < len(columns):
         raise ExportError(
             "Several signals share one column.", "a column for each signal", "Fit on one column for each signal."
         )
     signals = {n: symbol(n) for n in names}
-    found = model._formulas(signals)
+    found = model.formulas(signals)
     if not found:
         return None
     outputs = tuple(Output(n, n, unit, as_symbol(value)) for n, (unit, value) in found.items())
     lift = None
-    if hasattr(model, "_lift"):
-        elements, numbers = model._lift(signals)
+    if isinstance(model, WithLift):
+        elements, numbers = model.lift_formulas(signals)
         lift = Lift(tuple(as_symbol(e) for e in elements), **numbers)
     if "direction" in names:
         notes = (*notes, "direction is an input: 1 once its signal has risen, -1 once it has fallen by direction_step.")

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
+from ..requirements import WithVolume
 from ._signals import column, resting, runs_of
 from .style import INK, drawn_on, style
 
@@ -170,7 +171,7 @@ class VolumeSurfaceDisplay:
         from scipy.spatial import cKDTree
 
         for estimator in estimators:
-            if not hasattr(estimator, "volume"):
+            if not isinstance(estimator, WithVolume):
                 raise IncompatibleError(
                     f"{type(estimator).__name__} identifies no volume.",
                     "an estimator with a method volume",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..errors import ExcitationError, IncompatibleError, MissingColumnError
+from ..requirements import WithVolume
 from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
 
@@ -109,7 +110,7 @@ class VolumeDisplay:
         ExcitationError
             If the contraction stands still, as in an isometric log.
         """
-        if not hasattr(estimator, "volume"):
+        if not isinstance(estimator, WithVolume):
             raise IncompatibleError(
                 f"{type(estimator).__name__} identifies no volume.",
                 "an estimator with a method volume",

@@ -8,6 +8,7 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ExtrapolationWarning, ParameterError, TooFewTrajectoriesError
+from ...requirements import last_step
 from ..common import (
     add_command,
     add_log_options,
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     X, y = features[columns], signals[target.column]
     stride = max(1, len(X) // args.samples) if args.samples else 1
     rows = slice(None, None, stride)
-    last = source.steps[-1][1] if hasattr(source, "steps") else source
+    last = last_step(source)
     names = list(getattr(last, "feature_names_in_", [])) or columns
     with warnings.catch_warnings():
         # That another muscle moves outside the source's range is no news here.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import ExcitationError, MissingParameterError, ParameterError
 from ...file_sets import check_folder, replacing_together
+from ...requirements import WithVolume
 from ..common import add_command, add_log_options, load_log, muscle_numbers, note, page_of, print_json, progress
 from ..rows import add_where, rows_where
 
@@ -268,7 +269,7 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
     geometry = {k: parameters[k] for k in ("rest_length", "rest_diameter", "braid_angle") if k in parameters}
     for score in result.scores:
         model = result.fitted.get(score.estimator)
-        if model is not None and hasattr(model, "volume") and getattr(model, "form", "area") == "area":
+        if isinstance(model, WithVolume) and getattr(model, "form", "area") == "area":
             level = name != "force" or "rest_diameter" in model.get_params()  # else a force tells the slope alone
             title = f"{'Volume' if level else 'Slope of the volume'} identified by {score.estimator}"
             file = folder / f"volume-{name}.png"

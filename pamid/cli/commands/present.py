@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from ...requirements import last_step
 from .._parameters import fitted_parameters, parameter_lines
 from .._style import plain
 from ..common import DONE, add_command, number, print_json, table
@@ -31,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from ...persistence import inspect, load
 
     head, model = inspect(args.model), load(args.model)
-    last = model.steps[-1][1] if hasattr(model, "steps") else model
+    last = last_step(model)
     found = {
         "class": head["class"],
         "steps": head["steps"],

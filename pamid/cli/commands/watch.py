@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ...errors import IncompatibleError, ParameterError, StreamError
+from ...requirements import last_step
 from ..common import add_command, finite, load_simulator, note
 
 if TYPE_CHECKING:
@@ -301,7 +302,7 @@ class _Watcher:
             from ...persistence import load
 
             last = load(self.args.model)
-            last = last.steps[-1][1] if hasattr(last, "steps") else last
+            last = last_step(last)
             volume = getattr(last, "volume_", None)
             if volume is None:
                 raise IncompatibleError(
