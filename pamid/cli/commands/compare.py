@@ -270,7 +270,7 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
     for score in result.scores:
         model = result.fitted.get(score.estimator)
         if isinstance(model, WithVolume) and getattr(model, "form", "area") == "area":
-            level = name != "force" or "rest_diameter" in model.get_params()  # else a force tells the slope alone
+            level = name != "force" or hasattr(model, "rest_diameter")  # else a force tells the slope alone
             title = f"{'Volume' if level else 'Slope of the volume'} identified by {score.estimator}"
             file = folder / f"volume-{name}.png"
             with contextlib.suppress(ExcitationError):  # an isometric log tells no volume over the contraction
