@@ -1,6 +1,6 @@
 r"""
-Static force over contraction and pressure
-==========================================
+A muscle's force map, and where its data end
+============================================
 
 The first picture of any muscle: how much it pulls at which contraction and pressure. A geometric model is identified
 from a log and read at rest, :math:`F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}`. The

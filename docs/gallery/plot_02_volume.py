@@ -1,6 +1,6 @@
 r"""
-A volume that nobody measured
-=============================
+The volume is found only if pressure and contraction part
+=========================================================
 
 A hybrid model learns the gas volume from the flow alone, through the first law :math:`\dot m = \frac{\dot P V}{\gamma
 R T} + \frac{P \dot V}{R T}`. On the twin the true volume is known. On the left the log holds sines only: pressure and

@@ -1,6 +1,6 @@
 """
-Rates from a noisy signal
-=========================
+Rates: three methods, tuned by the signal itself
+================================================
 
 Rates are not measured; they are estimated, and they decide the error of a flow model. Three methods, each tuned by
 the signal itself, on a triangle of pressure with the noise of a usual sensor. A sharp corner and a quiet slope ask

@@ -1,6 +1,6 @@
 r"""
-What the valve lets through
-===========================
+Why a muscle fills evenly when empty and slowly when full
+=========================================================
 
 The servo valve of the bench after ISO 6358: :math:`\dot m = C\,u\,\rho_0\,P_s\,\psi(P/P_s)` while it fills and
 :math:`-C\,|u|\,\rho_0\,P\,\psi(P_\mathrm{atm}/P)` while it vents. Left of the dots the flow is choked: it does not

@@ -1,6 +1,6 @@
 """
-The faces of friction
-=====================
+Six kinds of friction have six shapes
+=====================================
 
 Six effects that all widen the loop of force over contraction, each alone on the twin, under a slow and a fast sine.
 The picture shows what the effect adds to the force: dry friction jumps at the reversal and does not care for speed,

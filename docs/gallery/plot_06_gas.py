@@ -1,6 +1,6 @@
 r"""
-Slow gas, fast gas
-==================
+Slow gas is isothermal, quick gas adiabatic
+===========================================
 
 Compressed quickly, air warms and has no time to cool: adiabatic, exponent 1.4. Compressed slowly it stays at the
 temperature of the walls: isothermal, exponent 1. The effect ``heat_transfer`` goes from one to the other with the

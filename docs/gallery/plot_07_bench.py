@@ -1,6 +1,6 @@
 """
-A run on the twin of the bench
-==============================
+What a test rig records in one run
+==================================
 
 Two muscles pull at a joint against each other, each behind its own valve. The joint follows a sine, then a step;
 below, the pressures that this takes, the flow into each muscle, and their forces. Everything is as the sensors of a

@@ -1,6 +1,6 @@
 """
-What a set of runs covers
-=========================
+One sine covers a line; several runs cover the state
+====================================================
 
 A model knows the states that its log has visited, and a diagnosis can only name what the runs excite. One slow sine
 follows a line through the state; several frequencies and amplitudes fill it; runs with one pressure held, with the

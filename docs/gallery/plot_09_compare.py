@@ -1,6 +1,6 @@
 """
-Which model, on runs it has not seen
-====================================
+Five force models on runs they have not seen
+============================================
 
 Five models of the force, each fitted on some runs of a muscle with hysteresis and scored on the others. The bars are
 90 % intervals over runs; the dashed line is what the sensors' noise alone would leave.

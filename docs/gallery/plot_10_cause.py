@@ -1,6 +1,6 @@
 """
-A gap with a cause
-==================
+A cause is named, and the map turns white
+=========================================
 
 A log of a bench with Coulomb friction, and a simulator that knows of none. The maps show the mean of measured minus
 modelled force over the state: without friction in the simulator one colour lies on each side of standstill, and with

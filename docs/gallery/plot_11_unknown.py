@@ -1,6 +1,6 @@
 """
-A gap without a name
-====================
+No effect fits: the answer is unknown
+=====================================
 
 The load cell drags a soft stop along that no effect of the library describes. The honest answer is ``unknown``:
 nothing is added to the simulator, but the map still says where to look, and the leftover what it depends on.

@@ -1,6 +1,6 @@
 """
-A gap that this log cannot tell apart
-=====================================
+Two causes look alike until the right run is recorded
+=====================================================
 
 Fittings and tube hold gas that the simulator does not count: a dead volume. Under sines of one kind, warmer gas would
 leave nearly the same trace in the flow, and the diagnosis answers with a class of both, and names the run that would

@@ -1,6 +1,6 @@
 """
-Another muscle from some dozen samples
-======================================
+A model of another muscle from some dozen samples
+=================================================
 
 A model of muscle A, trained on plenty of data, becomes a model of muscle B, which is twice as wide. ``QAdapter``
 keeps what both share and learns a factor on the volume; the same network from scratch must find everything anew. The

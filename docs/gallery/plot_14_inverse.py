@@ -1,6 +1,6 @@
 """
-Which pressure for this force and length
-========================================
+Which pressure brings this force at this contraction
+====================================================
 
 A controller asks the other way round: a wanted force and contraction, and the pressure that brings both about. The
 inverse model learns it from lifts of four loads and answers for loads that it has not seen. Up and down differ by the

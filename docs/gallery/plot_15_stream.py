@@ -1,6 +1,6 @@
 """
-A muscle that wears while it runs
-=================================
+A muscle wears, and the alarm says when
+=======================================
 
 ``OnlineAdapter`` follows a muscle sample by sample at 1 kHz: a Kalman filter over a factor on the model's prediction.
 From 8 s on the muscle loses force, 12 % over ten seconds. The alarm fires once the drift cannot be chance. The band

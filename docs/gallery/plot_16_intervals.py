@@ -1,6 +1,6 @@
 """
-Intervals that hold on a new run
-================================
+Only whole runs held out give intervals that hold
+=================================================
 
 How far off may a prediction be on a run that nobody has seen? The residuals of the fit are too small, here those of a
 forest that knows its samples nearly by heart; and folds of single samples are no better, since the neighbours of each

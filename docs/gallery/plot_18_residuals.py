@@ -1,6 +1,6 @@
 """
-What a model leaves, and where
-==============================
+Where a model is off, not only how much
+=======================================
 
 One number does not say why a model is off. The map shows the mean error over the state on runs that the fit has not
 seen, the loops one such run. A geometry leaves all of the hysteresis: one colour while the muscle shortens, the other

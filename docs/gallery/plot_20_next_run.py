@@ -1,6 +1,6 @@
 """
-One loop: diagnose, design, record, diagnose again
-==================================================
+Diagnose, design a run, record it, diagnose again
+=================================================
 
 Slow sines leave a class: a dead volume, another exponent of the gas and a warmer gas explain them alike. The next run
 is designed such that these, each refitted, differ most; it is recorded, and the diagnosis goes on. To the left the
