@@ -13,7 +13,8 @@ import pytest
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.cli import main
 from pamid.equations import evaluate_log
-from pamid.errors import ReadingError, ReadingWarning, UnitError
+from pamid.errors import IncompatibleError, ReadingError, ReadingWarning, UnitError
+from pamid.gap.several import diagnose_logs
 from pamid.signals import read_log, read_log_pieces, write_log
 from pamid.signals.readings import _far_ends, _of_command, glitches, impossible
 
@@ -231,3 +232,16 @@ def test_what_a_valve_may_do_as_a_run_begins_or_ends_is_no_wrong_reading():
     assert np.flatnonzero(_far_ends(spike, rows, outward=True)).tolist() == [0]
     log = log.assign(mdot1=spike, u1=np.where(np.arange(200) > 0, rest, 0.5))
     assert np.flatnonzero(_of_command(log, "mdot1", rows)).tolist() == [0], "a valve that shuts at once"
+
+
+def test_a_run_that_comes_twice_is_told(healthy, tmp_path, bench):
+    again = healthy[healthy["trajectory"] == "sine-12-8"].assign(trajectory="copy")
+    file = write_log(pd.concat([healthy, again]), tmp_path / "log.parquet")
+    with pytest.warns(ReadingWarning, match="the run 'copy' is 'sine-12-8' once more, sample by sample: used as it is"):
+        read_log(file)
+    write_log(healthy, tmp_path / "a.csv")
+    write_log(healthy, tmp_path / "b.csv")
+    with pytest.warns(ReadingWarning, match="once more, sample by sample, and 2 more runs repeat others"):
+        read_log([tmp_path / "a.csv", tmp_path / "b.csv"])
+    with pytest.raises(IncompatibleError, match="sine-8-10 of tuesday is sine-8-10 of monday once more"):
+        diagnose_logs({"monday": healthy, "tuesday": healthy}, bench, ["leakage"])

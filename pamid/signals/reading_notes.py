@@ -51,6 +51,10 @@ class Readings:
         Rows looked at.
     columns : dict of str to str
         Columns that look like a signal and cannot be read as one, with the reason.
+    seen : dict of str to str
+        Name of each run by its mark.
+    repeated : list of (str, str)
+        Runs that read the same as an earlier one, sample by sample.
     """
 
     found: dict[tuple[str, str], _Found] = field(default_factory=dict)
@@ -58,6 +62,8 @@ class Readings:
     runs: int = 0
     rows: int = 0
     columns: dict[str, str] = field(default_factory=dict)
+    seen: dict[str, str] = field(default_factory=dict)
+    repeated: list[tuple[str, str]] = field(default_factory=list)
 
     def note(
         self, signal: str, kind: str, frame: pd.DataFrame, bad: np.ndarray, done: str, origin: pd.DataFrame
@@ -87,6 +93,10 @@ class Readings:
                     f"{signal} reads one value throughout in {share} while others move, such as {value} in "
                     f"'{next(iter(runs))[:40]}': {USED}"
                 )
+        if self.repeated:
+            again, first = self.repeated[0]
+            more = f", and {len(self.repeated) - 1} more runs repeat others" if len(self.repeated) > 1 else ""
+            said.append(f"the run '{again[:40]}' is '{first[:40]}' once more, sample by sample{more}: {USED}")
         return said + [f"column '{name[:60]}' is {why}" for name, why in self.columns.items()]
 
     def summary(self) -> str:

@@ -5,6 +5,7 @@ The pass is one for all commands: it runs while a log is read, on signals in SI.
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -136,7 +137,44 @@ def screen(
             changed[signal] = np.where(bad, np.nan, values)
     frame = frame.assign(**changed) if changed else frame
     _note_still(frame, runs, skip, notes)
+    for name, mark in run_marks(frame).items():
+        if mark in notes.seen:
+            notes.repeated.append((name, notes.seen[mark]))
+        notes.seen.setdefault(mark, name)
     return frame
+
+
+def run_marks(frame: pd.DataFrame) -> dict[str, str]:
+    """Return a mark of each run of a frame, which two share only if they read the same, sample by sample.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Tidy frame.
+
+    Returns
+    -------
+    dict of str to str
+        Marks by the names of the runs; short runs and those in which nothing moves are left out.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.signals.readings import run_marks
+    >>> t = np.arange(100) / 100
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "q": np.sin(t)})
+    >>> run_marks(log)["a"] == run_marks(log.assign(trajectory="b", time=t + 5))["b"]
+    True
+    """
+    names = [str(c) for c in frame.columns if base_name(str(c)) in _SENSORS and not str(c).endswith(_COMMANDS)]
+    found: dict[str, str] = {}
+    for run, rows in frame.groupby("trajectory", sort=False).indices.items():
+        if len(rows) < _FEW:
+            continue
+        values = frame[names].to_numpy(dtype=float)[rows]
+        if np.any(values[1:] != values[:-1]):
+            found[str(run)] = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+    return found
 
 
 def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.ndarray, where: str) -> ReadingError:

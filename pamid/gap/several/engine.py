@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...effects.registry import chosen_effects, effects_beside
+from ...errors import IncompatibleError
+from ...signals.readings import run_marks
 from ...signals.thinning import whole_trajectories
 from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import decide
@@ -141,7 +143,17 @@ def _tables(
     from ...errors import PamidError
 
     tables, notes = [], []
+    seen: dict[str, str] = {}
     for (name, log), conditions in zip(logs.items(), held, strict=True):
+        marks = run_marks(log)
+        for run, mark in marks.items():
+            if mark in seen:
+                raise IncompatibleError(
+                    f"{run} of {name} is {seen[mark]} once more, sample by sample.",
+                    "recordings of their own",
+                    "Name each log once: a run that counts twice makes an answer surer than it is.",
+                )
+        seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}
         try:
             told = check(log, conditions.under(params))
             table, stuck = without_stuck(log)
