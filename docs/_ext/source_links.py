@@ -14,7 +14,7 @@ _EFFECT = re.compile(r"\[`(\w+)`\]\(\.\./pamid/effects/(\w+)\.py\)")
 _PAPERS = {
     "contributing": "CONTRIBUTING.md",
     "changes": "CHANGELOG.md",
-    "raw_logs": "tests/raw_logs.md",
+    "raw_logs": "tests/signals/raw_logs.md",
     "benchmarks": "benchmarks/figures.md",
     "adaptation-study": "benchmarks/adaptation.md",
     "paper-status": "benchmarks/papers.md",

@@ -15,7 +15,7 @@ from pamid import errors
 from pamid.cli import app, main
 from pamid.cli._style import coloured, marked
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = [m.__name__.rpartition(".")[2] for m in app.commands()]
 ERRORS = [c for c in vars(errors).values() if inspect.isclass(c) and issubclass(c, errors.PamidError)]
 

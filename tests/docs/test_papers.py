@@ -17,7 +17,7 @@ from pamid.signals import State
 from pamid.volume.bou_saba import BouSabaVolume
 from pamid.volume.tondu_lopez import TonduLopezVolume
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "benchmarks" / "papers.md").read_text(encoding="utf-8")
 ESTIMATORS = {name for name, _ in all_estimators()}
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 if not (ROOT / "benchmarks" / "withheld").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 sys.path.append(str(ROOT))

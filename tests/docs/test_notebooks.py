@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-FOLDER = Path(__file__).resolve().parents[1] / "docs" / "notebooks"
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
 if not FOLDER.is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))

@@ -463,6 +463,6 @@ def test_a_watch_that_is_killed_leaves_nothing(recorded, tmp_path):
 def test_every_partial_fit_has_a_meaning():
     from pamid.estimators import all_estimators
 
-    page = (Path(__file__).resolve().parents[1] / "docs" / "streaming.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[2] / "docs" / "streaming.md").read_text(encoding="utf-8")
     said = page[page.index("## What `partial_fit` means") :]
     assert [n for n, c in all_estimators() if hasattr(c, "partial_fit") and f"`{n}`" not in said] == []

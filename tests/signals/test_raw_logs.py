@@ -89,4 +89,6 @@ def test_the_page_shows_every_log():
     assert len(RAW_LOGS) >= 60
     assert len({log.name for log in RAW_LOGS}) == len(RAW_LOGS)
     if PAGE.is_file():
-        assert table() in PAGE.read_text(encoding="utf-8"), "put what `python tests/raw_logs.py` prints into the page"
+        assert table() in PAGE.read_text(encoding="utf-8"), (
+            "put what `python tests/signals/raw_logs.py` prints into the page"
+        )

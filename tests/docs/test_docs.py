@@ -22,7 +22,7 @@ from pamid.cli import main
 from pamid.signals import LogMapping
 from pamid.systems import read_system
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 if not DOCS.is_dir():
     pytest.skip("needs the repository", allow_module_level=True)

@@ -13,7 +13,7 @@ from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 if not (DOCS / "conf.py").is_file():
     pytest.skip("needs the repository", allow_module_level=True)

@@ -28,7 +28,7 @@ from pamid.signals import (
 )
 from pamid.signals.formats import all_formats
 
-MAPPINGS = Path(__file__).parents[1] / "docs" / "mappings"
+MAPPINGS = Path(__file__).parents[2] / "docs" / "mappings"
 
 
 @pytest.fixture
