@@ -73,6 +73,8 @@ class Parameter:
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
         parameters vanishes; a fit that ends there speaks for that other one.
+    before : bool, default=False
+        Whether it says how much of what was before a logged run is unknown: 0 for nothing, 1 for all.
     position : int, default=0
         Power of the position's unit in its own one: ``unit`` is that for a contraction ratio, which has none. A
         coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
@@ -93,6 +95,7 @@ class Parameter:
     description: str
     linear: bool = False
     essential: bool = False
+    before: bool = False
     position: int = 0
 
     @property
@@ -373,6 +376,18 @@ class Effect(ABC):
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what is added to the tension, N."""
         return 0.0
+
+    def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
+        """Return what is unknown when a run begins: equation, time constant of its decay (s), standard deviation.
+
+        Parameters
+        ----------
+        spans : mapping of str to float
+            Ranges of the log's signals, by role.
+        plant : Plant
+            The plant.
+        """
+        return ()
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return what is added to the flow into the muscle, kg/s, as a + b Ṗ."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..signals.state import Array
@@ -20,7 +22,8 @@ class Creep(Effect):
     **values : float
         ``stiffness`` k₁ (N) and ``time_constant`` τ₁ (s) of the fast spring, ``slow_stiffness`` k₂ (N) and
         ``slow_time_constant`` τ₂ (s) of the slow one; ``settled``, how far both had relaxed from the neutral
-        contraction to the first one when a run begins (dimensionless).
+        contraction to the first one when a run begins; ``unknown``, how much of the range of contraction they may be
+        off there, otherwise in each run (dimensionless; in a log alone, a simulation knows).
 
     References
     ----------
@@ -32,7 +35,7 @@ class Creep(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("creep", stiffness=120)
-    creep(stiffness=120 N, time_constant=1 s, slow_stiffness=60 N, slow_time_constant=5 s, settled=1)
+    creep(stiffness=120 N, time_constant=1 s, slow_stiffness=60 N, slow_time_constant=5 s, settled=1, unknown=0)
     """
 
     name = "creep"
@@ -47,12 +50,14 @@ class Creep(Effect):
         Parameter("slow_stiffness", "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True, position=-1),
         Parameter("slow_time_constant", "s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring"),
         Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins"),
+        Parameter("unknown", "-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True),
     )
     stiffness: float
     time_constant: float
     slow_stiffness: float
     slow_time_constant: float
     settled: float
+    unknown: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return springs on their way from the neutral contraction to the first one."""
@@ -78,6 +83,12 @@ class Creep(Effect):
             since = ((np.arange(len(x)) - np.asarray(starts)[run]) * dt).reshape(-1, *[1] * (x.ndim - 1))
             rest += np.stack([ahead[run] * np.exp(-since / tau) for tau in taus])
         return rest
+
+    def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
+        """Return the decay of either spring from anywhere within the range of contraction."""
+        off = self.unknown * spans.get("position", 0.0)
+        springs = (self.time_constant, self.stiffness), (self.slow_time_constant, self.slow_stiffness)
+        return tuple(("force", tau, stiffness * off) for tau, stiffness in springs if stiffness * off > 0.0)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of both springs, N."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..signals.recursion import recursive
@@ -21,14 +23,14 @@ class HeatTransfer(Effect):
         \tau_P = \tau \Big(\frac{P}{3\,P_a}\Big)^{\varsigma}
 
     for an excess of temperature E T/m that is small beside T. With ς = 0 denser gas gives off more heat; with ς = 1 the
-    conductance of the walls is constant, and more gas takes longer to cool. A log may begin in the middle of a motion,
-    the gas being as warm as if it came from the mean pressure of the run.
+    conductance of the walls is constant, and more gas takes longer to cool.
 
     Parameters
     ----------
     **values : float
         ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
-        ``settled``, how far the gas had cooled when a logged run begins (dimensionless). Simulated runs begin at rest.
+        ``unknown``, how much of the range of pressure the gas may have come from shortly before a run begins, otherwise
+        in each run (dimensionless; in a log alone, a simulation knows).
 
     References
     ----------
@@ -39,7 +41,7 @@ class HeatTransfer(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("heat_transfer", time_constant=0.2)
-    heat_transfer(time_constant=0.2 s, slowing=0, settled=1)
+    heat_transfer(time_constant=0.2 s, slowing=0, unknown=0)
     """
 
     name = "heat_transfer"
@@ -51,11 +53,11 @@ class HeatTransfer(Effect):
     parameters = (
         Parameter("time_constant", "s", 1e-3, 1e4, 0.2, "time constant of the cooling"),
         Parameter("slowing", "-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure"),
-        Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the gas had cooled when a run begins"),
+        Parameter("unknown", "-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True),
     )
     time_constant: float
     slowing: float
-    settled: float
+    unknown: float
 
     def _rate(self, P: Array, plant: Plant) -> Array:
         """Return one over the time constant, 1/s."""
@@ -83,10 +85,15 @@ class HeatTransfer(Effect):
         r = dt * self._rate(0.5 * (P[:-1] + P[1:]), plant)
         drive[1:] = self._gained(P[:-1], P[1:], 0.5 * (V[:-1] + V[1:]), plant) * _mean_decay(r)
         decay[1:] = np.exp(-r)
-        runs = np.diff([*starts, len(P)]).reshape(-1, *[1] * (P.ndim - 1))
-        before = np.add.reduceat(P, starts, axis=0) / runs
-        drive[starts] = (1.0 - self.settled) * self._gained(before, P[starts], V[starts], plant)
+        drive[starts] = 0.0
         return _along(drive, decay, starts)[None]
+
+    def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
+        """Return the decay of gas that was compressed or expanded from anywhere within the range of pressure."""
+        volume = float(max(plant.volume(0.0), plant.volume(spans.get("position", 0.0))))
+        missing = float(self._gained(0.0, spans.get("pressure", 0.0), volume, plant))
+        size = self.unknown * missing / self.time_constant
+        return (("flow", self.time_constant, size),) if size > 0.0 else ()
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the gas that the cooling makes room for, kg/s."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...effects import all_effects
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fitter
 from ..inference.significance import excess
@@ -97,7 +98,7 @@ def answer(
         causes=causes,
         closure=[c for c in closure if gapped],
         next_experiment=experiment,
-        notes=notes,
+        notes=[*notes, *_beginnings(fit.spec if verdict.named else {})],
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
@@ -205,6 +206,17 @@ def _causes(
             Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name], others=others)
         )
     return sorted(found, key=lambda c: -c.share)
+
+
+def _beginnings(spec: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Return what must be known of causes whose past is not in the log."""
+    library = all_effects()
+    found = [n for n, values in spec.items() if any(p.before and values[p.name] > 0.0 for p in library[n].parameters)]
+    return [
+        f"What {name} remembers when a run begins is not in the log: it was fitted in each run, and what it adds there "
+        "is not in the corrected simulator, whose runs begin at rest."
+        for name in (n.replace("_", " ") for n in found)
+    ]
 
 
 def _in_place(fitter: Fitter, verdict: Verdict, name: str, other: str) -> dict[str, ParameterEstimate]:

@@ -84,7 +84,7 @@ class Competition:
         weights = window_weights(best, evidence.parts, self.fitter.weights)
         if width is not None:
             weights = weights / np.square(width)
-        score = value - self._unlikely(fit) - sum(self._price(fit, weights).values())
+        score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
@@ -333,6 +333,8 @@ class Competition:
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis) -> Hypothesis:
         """Return effects refitted from where they are."""
         found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x))
+        if (free := _unsettled(found.fit.spec)) is not None:
+            found = max(found, self.hypothesis(self.fitter.refine(free, near=found.fit.x)), key=lambda h: h.score)
         if found.names not in self._done or found.score > self._done[found.names].score:
             self._done[found.names] = found
         return self._done[found.names]
@@ -368,6 +370,15 @@ class Competition:
 
 def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
     return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
+
+
+def _unsettled(spec: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]] | None:
+    """Return effects with beginnings of runs that are half unknown; None where none has any, or all have already."""
+    library, out = all_effects(), {name: dict(values) for name, values in spec.items()}
+    settled = [(n, p) for n in spec for p in library[n].parameters if p.before and spec[n][p.name] == 0.0]
+    for name, p in settled:
+        out[name][p.name] = 0.5
+    return out if settled else None
 
 
 def _closed(left: float, room: float) -> float:

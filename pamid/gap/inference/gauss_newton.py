@@ -228,7 +228,7 @@ class Fitter:
         self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6
     ) -> Fit:
         s = self.linear(z, iterations=iterations, start=start, widening=self.evidence.widening(spec) if spec else None)
-        return Fit(spec, s.x, s.loglik, s.z, s.scales)
+        return Fit(spec, s.x, s.loglik - (self.evidence.freedom(spec) if spec else 0.0), s.z, s.scales)
 
     def jacobian(
         self,

@@ -87,6 +87,8 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
+    if p.before:
+        return [p.nominal]
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
     if p.nominal == 0.0 or p.share:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects import all_effects
+from ...effects import Plant, all_effects, make_effect
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
@@ -15,6 +16,7 @@ from ...equations.log import columns_of, runs
 from ...equations.run import SIGNS, Model, Run
 from ...equations.stretch import pool_noise
 from ..settings import LEAST_GAIN, ONE_MORE
+from .beginnings import without_beginnings
 from .protocol import STATE, Spec
 from .whitening import Whitening
 
@@ -256,7 +258,51 @@ class Evidence:
             for name in self.touched(spec):
                 part = self.parts[self.equations.index(name)]
                 out[part] = changed[part] - linear[part]
+                if columns := self._beginnings(spec, name):
+                    # What tolerances change is taken along: its tangent is not.
+                    kept = without_beginnings(changed[part], columns, self._lanes[part])[0]
+                    out[part] = kept - linear[part]
         return out
+
+    def freedom(self, spec: Spec) -> float:
+        """Return what it costs that the beginnings of runs are unknown, a logarithm of likelihood."""
+        total = 0.0
+        for name, part, weight in zip(self.equations, self.parts, self.weights, strict=True):
+            if columns := self._beginnings(spec, name):
+                zero = np.zeros(part.stop - part.start)
+                total += float(weight) * without_beginnings(zero, columns, self._lanes[part])[1]
+        return total
+
+    def _beginnings(self, spec: Spec, equation: str) -> list[np.ndarray]:
+        """Return what each unknown beginning adds to an equation by one standard deviation, white."""
+        part, found = self.parts[self.equations.index(equation)], []
+        for name, values in spec.items():
+            effect = make_effect(name, **values)
+            for where, tau, size in effect.beginnings(self._spans, self._plant):
+                if where == equation:
+                    column = np.zeros(len(self.noise))
+                    column[part] = size / self.noise[part] * np.exp(-self.time[part] / tau)
+                    found.append(self.white(column)[part])
+        return found
+
+    @cached_property
+    def _lanes(self) -> np.ndarray:
+        """The run and side of each window, from 0 on in each equation."""
+        out = np.zeros(len(self.run), dtype=int)
+        for part in self.parts:
+            out[part] = np.unique(self.run[part] * 16 + self.side[part], return_inverse=True)[1]
+        return out
+
+    @cached_property
+    def _spans(self) -> dict[str, float]:
+        """Ranges of the signals of the state, by role."""
+        roles = {"position": "eps", "pressure": "P"}
+        found = {role: self.state[name] for role, name in roles.items()}
+        return {role: float(np.nanmax(x) - np.nanmin(x)) for role, x in found.items() if np.any(np.isfinite(x))}
+
+    @cached_property
+    def _plant(self) -> Plant:
+        return Model(self.params).plant
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""

@@ -357,6 +357,10 @@ class PortEvidence(ABC):
             return []
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
 
+    def freedom(self, spec: Spec) -> float:
+        """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
+        return 0.0
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
         return None

@@ -102,6 +102,10 @@ class ResidualSource(Protocol):
         """Return the equations that effects change."""
         ...
 
+    def freedom(self, spec: Spec) -> float:
+        """Return what it costs that what effects remember when runs begin is unknown, a logarithm of likelihood."""
+        ...
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
         ...

@@ -306,6 +306,10 @@ class SignalEvidence:
         """Return None: the noise of the target is the same under any model."""
         return None
 
+    def freedom(self, spec: Spec) -> float:
+        """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
+        return 0.0
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, not taken off the measurement."""
         return None

@@ -206,6 +206,10 @@ class StackedEvidence:
         """Tell whether an equation that is tested reads a channel."""
         return any(log.evidence.reads(channel) for log in self.logs)
 
+    def freedom(self, spec: Spec) -> float:
+        """Return what it costs that the beginnings of runs are unknown."""
+        return sum(log.evidence.freedom(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
         return self._factors([log.evidence.widening(self.spec_in(k, spec)) for k, log in enumerate(self.logs)])
