@@ -87,7 +87,7 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
-    if p.before:
+    if p.before or p.skew:  # an exact fit finds them from there
         return [p.nominal]
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
