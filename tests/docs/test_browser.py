@@ -281,7 +281,14 @@ def test_site(site: Path, request: pytest.FixtureRequest) -> None:
     if not BROWSER:
         pytest.skip("the links are right; the rest needs chromium, which is not installed here")
     page = request.getfixturevalue("page")
-    for name in ("index", "theory-laws", "models", "auto_gallery/plot_10_cause", "api/pamid.estimators.StaticPIHM"):
+    for name in (
+        "index",
+        "theory-laws",
+        "models",
+        "auto_gallery/index",
+        "auto_gallery/plot_10_cause",
+        "api/pamid.estimators.StaticPIHM",
+    ):
         for width in (WIDE, PHONE):
             page.open(site / f"{name}.html", width)
             check_quiet(page)
