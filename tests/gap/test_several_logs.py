@@ -312,6 +312,16 @@ def test_the_loop_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "--since" in capsys.readouterr().err
 
 
+def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() -> None:
+    library = ["dead_volume", "polytropic_exponent", "gas_temperature"]
+    slow = [sine(1, 10, 1500), triangle(1.5, 8, 1500)]
+    logs = {name: simulate(NOMINAL, slow, effects=["dead_volume"], seed=k) for k, name in enumerate(("one", "two"))}
+    found = diagnose_logs(logs, NOMINAL, library)
+    assert len(found.causes[0].effects) > 1
+    assert found.next_experiment is not None
+    assert set(found.next_experiment.separates) <= set(library)
+
+
 def test_a_demo_whose_log_tells_one_effect_has_no_second_round(tmp_path: Path) -> None:
     (tmp_path / "diagnosis").mkdir()
     found = tmp_path / "diagnosis" / "diagnosis.json"

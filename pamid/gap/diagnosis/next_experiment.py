@@ -9,6 +9,7 @@ import numpy as np
 
 from ...bench import hold, isobaric, isometric, multisine, sealed_hold, simulate, sine, step, triangle
 from ..residuals.bench import Evidence
+from ..residuals.protocol import Spec
 from ..settings import DECIDED
 from .findings import NextExperiment
 
@@ -32,13 +33,31 @@ CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
 
 
 def next_experiment(
-    evidence: Evidence, verdict: Verdict, params: BenchParameters
+    evidence: Evidence,
+    verdict: Verdict,
+    params: BenchParameters,
+    here: Callable[[Spec], Spec] = dict,
 ) -> tuple[NextExperiment | None, tuple[str, ...]]:
-    """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
+    """Return what to record next and the two explanations that it separates; None if there is nothing to separate.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The log, the last of several.
+    verdict : Verdict
+        What was decided.
+    params : BenchParameters
+        Its nominal simulator.
+    here : callable, optional
+        Returns which of the effects act in this log, by the library's names.
+    """
     two = _rivals(verdict)
     if two is None:
         return None, ()
-    names, specs = two
+    specs = here(two[0]), here(two[1])
+    names = _apart(specs[0], specs[1]), _apart(specs[1], specs[0])
+    if not names[0] or not names[1]:
+        return None, ()
     bench = evidence.simulator(specs[0])
     try:
         log = simulate(bench, [make() for _, make in CHOICES], seed=0)
@@ -75,25 +94,26 @@ def next_experiment(
 _COLUMNS = ("trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2", "F1", "F2", "mdot1", "mdot2")
 
 
-def _rivals(verdict: Verdict) -> tuple[tuple[str, str], tuple[dict[str, Any], dict[str, Any]]] | None:
-    """Return the two explanations closest to each other, with their specs; None where one is clearly ahead."""
+def _apart(spec: Spec, other: Spec) -> str:
+    """Return the effect that one explanation has and another has not; none where they have the same."""
+    return next((name for name in spec if name not in other), "")
+
+
+def _rivals(verdict: Verdict) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Return the two explanations closest to each other; None where one is clearly ahead."""
     best = verdict.outcome.best
     if verdict.named:
         found = []
         for name, ranked in verdict.outcome.alternatives.items():
             others = [h for h in ranked if name not in h.names]
             if others:
-                found.append((best.score - others[0].score, name, others[0]))
+                found.append((best.score - others[0].score, others[0]))
         if not found:
             return None
-        apart, name, other = min(found, key=lambda f: f[0])
-        if apart > DECIDED:
-            return None
-        [added] = other.names - (best.names - {name})
-        return (name, added), (best.fit.spec, other.fit.spec)
+        apart, other = min(found, key=lambda f: f[0])
+        return None if apart > DECIDED else (best.fit.spec, other.fit.spec)
     if verdict.kind == "unknown":
         two = [h for h in verdict.outcome.refitted if len(h.names) == 1][:2]
         if len(two) == 2 and two[0].score - two[1].score < DECIDED:
-            a, b = two
-            return (next(iter(a.names)), next(iter(b.names))), (a.fit.spec, b.fit.spec)
+            return two[0].fit.spec, two[1].fit.spec
     return None

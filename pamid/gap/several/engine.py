@@ -14,6 +14,7 @@ from ...signals.readings import run_marks
 from ...signals.thinning import whole_trajectories
 from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import decide
+from ..diagnosis.next_experiment import next_experiment
 from ..diagnosis.result import Diagnosis
 from ..inference.competition import Competition
 from ..residuals.bench import Evidence
@@ -121,6 +122,9 @@ def diagnose_logs(
         found = answer(stack, competition, verdict, notes, random_state, say)
         say("compare the logs")
         found = merged(found, stack, competition, verdict, variants)
+        last = len(each) - 1
+        experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
+        found = replace(found, next_experiment=experiment)
     sizes = {n: (len(t), int(t["trajectory"].nunique())) for n, t in zip(names, tables, strict=True)}
     return replace(
         found,
