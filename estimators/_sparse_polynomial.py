@@ -18,7 +18,7 @@ from pamid.fitting.least_squares import compress
 from ._checks import check_counts, check_sizes
 from ._pysindy import polynomial_powers, sparse_regression, term_names
 
-FEW = 64
+FEW_FACTORS = 64
 """Rows up to which all terms are evaluated in one go: a single row of a control loop takes a fifth of the time."""
 
 
@@ -94,7 +94,7 @@ class PolynomialLibraryMixin:
         """Evaluate the terms on scaled signals, shape (n_samples, n_terms)."""
         signs = [np.sign(signals[:, self._names.index(name)]) for name in self.sign_of]
         factors = np.column_stack([signals / scales, *signs])
-        if len(factors) <= FEW:
+        if len(factors) <= FEW_FACTORS:
             return np.asarray(np.prod(factors[:, None, :] ** self.powers_, axis=2))
         terms = np.ones((len(factors), len(self.powers_)))
         for column, row in enumerate(self.powers_):

@@ -15,7 +15,7 @@ from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
 
-FAR = 3.0
+FAR_SIGMAS = 3.0
 """Standard uncertainties between the factor by geometry and the one by the data that are worth a warning."""
 
 
@@ -238,7 +238,7 @@ class QAdapter(AdaptedModel):
             )
             return
         apart = abs(fitted - self.q0_)
-        if apart > FAR * np.hypot(self.q0_uncertainty_, error):
+        if apart > FAR_SIGMAS * np.hypot(self.q0_uncertainty_, error):
             warnings.warn(
                 f"The data ask for Q = {fitted:.4g} ± {error:.2g}, the geometry for {self.q0_:.4g} ± "
                 f"{self.q0_uncertainty_:.2g}. Expected them to agree. Check the sizes of both muscles (m) and the "

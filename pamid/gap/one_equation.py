@@ -18,7 +18,7 @@ from .residuals.scaling import Scaling, Table, scaling_of
 from .residuals.single import SignalEvidence
 from .residuals.units import Units
 
-_STUCK = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
+_STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
 
 class Gathered(NamedTuple):
@@ -214,7 +214,7 @@ def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
 
 
 def _moves(x: np.ndarray, a: int, b: int) -> bool:
-    return bool(np.ptp(x[a:b]) > 5 * _STUCK * max(float(np.ptp(x)), 1e-300))
+    return bool(np.ptp(x[a:b]) > 5 * _STUCK_SHARE * max(float(np.ptp(x)), 1e-300))
 
 
 def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -13,7 +13,7 @@ from ..signals.plausibility import implausible_units
 WINDOW = 1.0
 """Seconds that are judged together; what blinds is told after one or two of them."""
 
-LEAST = 20
+LEAST_SAMPLES = 20
 """Samples that are judged together at least."""
 
 
@@ -63,7 +63,7 @@ class Sight:
         """
         self._parts.append(table)
         n = sum(len(t["time"]) for t in self._parts)
-        if n >= max(WINDOW / self.interval, LEAST):
+        if n >= max(WINDOW / self.interval, LEAST_SAMPLES):
             names = ("time", "eps", "P", *self.targets)
             whole = {k: np.concatenate([t[k] for t in self._parts]) for k in names if k in table}
             self._parts = []

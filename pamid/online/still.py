@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-LEAST = 5
+LEAST_READINGS = 5
 """Samples that must be equal before a channel counts as still."""
 
 
@@ -69,4 +69,4 @@ class StillSensors:
 
 def _still(x: np.ndarray) -> bool:
     known = x[np.isfinite(x)]
-    return len(known) >= LEAST and bool(np.ptp(known) == 0.0)
+    return len(known) >= LEAST_READINGS and bool(np.ptp(known) == 0.0)

@@ -10,9 +10,9 @@ from ..settings import FORM_LOCAL, NOISE_KNOWN, NU
 from .findings import Closure, Interval, ParameterEstimate
 
 DRAWS = 400
-FEW = 2
+NEW_RUNS = 2
 """Runs on which a correction is typically tried."""
-LEAST, FAR = 1e-7, 2.0
+LEAST_LEFT, WIDEST = 1e-7, 2.0
 """Least share of a gap that counts as left, and how far, in its logarithm, an end may be from the middle."""
 
 
@@ -123,7 +123,7 @@ def closures(
     n = len(evidence.trajectories)
     # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs.
     few = np.zeros((DRAWS, n), dtype=int)
-    few[:] = random_state.randint(0, n, size=(DRAWS, FEW))[:, np.arange(n) % FEW]
+    few[:] = random_state.randint(0, n, size=(DRAWS, NEW_RUNS))[:, np.arange(n) % NEW_RUNS]
     draws = np.vstack([np.arange(n), few])
     found = []
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
@@ -167,8 +167,8 @@ def _rescaled(ci: Interval, point: float, n: int) -> Interval:
     """
     if n < 2:
         return ci
-    left = np.maximum(1.0 - np.array([ci[0], point, ci[1]]), LEAST)
-    apart = np.clip(np.log(left / left[1]), -FAR, FAR)
+    left = np.maximum(1.0 - np.array([ci[0], point, ci[1]]), LEAST_LEFT)
+    apart = np.clip(np.log(left / left[1]), -WIDEST, WIDEST)
     low, _, high = left * np.exp((np.sqrt(n / (n - 1.0)) - 1.0) * apart)
     return (max(0.0, 1.0 - float(low)) if ci[0] > 0.0 else 0.0), (1.0 - float(high) if ci[1] < 1.0 else 1.0)
 

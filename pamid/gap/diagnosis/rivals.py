@@ -15,7 +15,7 @@ from .decide import Verdict
 
 MOST = 6
 """Most explanations that are kept."""
-LEAST = 3
+LEAST_RIVALS = 3
 """Explanations that are kept of a gap without a name, however far apart they are."""
 
 
@@ -86,8 +86,8 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     gain = max(best.score - outcome.base.score, 0.0)
     top = ranked[0][0]
     kept = [s for s in ranked if s[0] > top - DECIDED][:MOST]
-    if verdict.kind == "unknown" and len(kept) < LEAST:
-        kept = ranked[:LEAST]
+    if verdict.kind == "unknown" and len(kept) < LEAST_RIVALS:
+        kept = ranked[:LEAST_RIVALS]
     width = CLASS + CLASS_SHARE * gain
     odds = np.exp(np.clip(np.array([min(s - top, 0.0) for s, _ in kept]) / width, -30.0, 0.0))
     return [

@@ -93,7 +93,7 @@ def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:
 
 FEWEST = 20
 """Windows below which two runs are too short to say what repeats."""
-LEAST = 200
+LEAST_VALUES = 200
 """Windows below which a forest learns nothing that a single effect does not."""
 
 
@@ -121,7 +121,7 @@ def explainable(evidence: SignalEvidence, found: Iterable[Template], noise: floa
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
-    if len(value) >= LEAST:
+    if len(value) >= LEAST_VALUES:
         X = _features(evidence)
         choices += [r - _forest(X, r, folds, seed) for r in (value, single)]
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ...bench.parameters import BenchParameters
 
-_STUCK = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
+_STUCK_SECONDS = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
 _MOVED = 0.02  # rad
 _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
@@ -107,7 +107,7 @@ def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
     if len(x) < 3:
         return out
     for a, b in equal_stretches(x):
-        if b - a > 10 and time[b - 1] - time[a] > _STUCK and np.ptp(q[a:b]) > _MOVED:
+        if b - a > 10 and time[b - 1] - time[a] > _STUCK_SECONDS and np.ptp(q[a:b]) > _MOVED:
             out[a:b] = True
     return out
 
