@@ -7,7 +7,7 @@ import numpy as np
 from ..signals.roles import ROLES
 from ..signals.state import Array
 from ._delay import delayed_rows, shift
-from ._memory import relax
+from ._memory import relax, relax_along
 from .base import Effect, Signals
 from .plant import Plant
 
@@ -66,6 +66,12 @@ class Lag(Effect):
         role, (first, second) = ROLE[self.channel], self._lags()
         middle = relax(x[0], getattr(s0, role), getattr(s1, role), dt, first)
         return np.stack([middle, relax(x[1], x[0], middle, dt, second) if second > 0.0 else middle])
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return both lags along each trajectory, without a loop over time."""
+        first, second = self._lags()
+        middle = relax_along(getattr(s, ROLE[self.channel]), dt, first, starts)
+        return np.stack([middle, relax_along(middle, dt, second, starts) if second > 0.0 else middle])
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the lagging reading."""

@@ -49,7 +49,7 @@ class PressureHysteresis(Effect):
         Parameter("narrow_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
         Parameter("middle_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
         Parameter("wide_growth", "N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1),
-        Parameter("width", "Pa", 1e4, 4e5, 1e5, "pressure over which the middle stop goes from one end to the middle"),
+        Parameter("width", "Pa", 1e4, 2e5, 1e5, "pressure over which the middle stop goes from one end to the middle"),
     )
     narrow: float
     middle: float

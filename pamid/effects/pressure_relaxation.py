@@ -46,7 +46,7 @@ class PressureRelaxation(Effect):
         Parameter("slow", "N/Pa", -1e-3, 1e-2, 0.0, "force that the slow branch holds back", linear=True),
         Parameter("fast_growth", "N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1),
         Parameter("slow_growth", "N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1),
-        Parameter("time_constant", "s", 0.05, 20.0, 0.5, "relaxation time of the fast branch"),
+        Parameter("time_constant", "s", 0.05, 5.0, 0.5, "relaxation time of the fast branch"),
     )
     fast: float
     slow: float

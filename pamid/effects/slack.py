@@ -9,14 +9,14 @@ from .base import Effect, Parameter
 
 
 class Slack(Effect):
-    r"""Tension that ends at zero, where the muscle hangs loose.
+    r"""Tension that ends where the muscle hangs loose, or at what it still holds where it has buckled.
 
-    .. math:: F' = \tfrac{1}{2}\left(F + \sqrt{F^2 + w^2}\right)
+    .. math:: F' = F_0 + \tfrac{1}{2}\left(F - F_0 + \sqrt{(F - F_0)^2 + w^2}\right)
 
     Parameters
     ----------
     **values : float
-        ``rounding`` w (N): force over which the muscle tightens.
+        ``rounding`` w (N): force over which the muscle tightens; ``rest`` F₀ (N): tension of the loose muscle.
 
     References
     ----------
@@ -37,15 +37,20 @@ class Slack(Effect):
     channel = "F"
     kinds = ("muscle",)
     source = "10.1109/37.833638"
-    parameters = (Parameter("rounding", "N", 0.1, 200.0, 20.0, "force over which the muscle tightens"),)
+    parameters = (
+        Parameter("rounding", "N", 0.1, 200.0, 20.0, "force over which the muscle tightens"),
+        Parameter("rest", "N", 0.0, 100.0, 5.0, "tension of the loose muscle"),
+    )
     rounding: float
+    rest: float
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the tension of a muscle that does not push, N."""
-        return 0.5 * (value + np.sqrt(np.square(value) + self.rounding**2))
+        over = value - self.rest
+        return self.rest + 0.5 * (over + np.sqrt(np.square(over) + self.rounding**2))
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return the tension behind a reading; what is as good as zero stays."""
-        reading = np.asarray(reading, dtype=float)
-        true = reading - self.rounding**2 / (4.0 * np.maximum(reading, 1e-9))
-        return np.where(reading > 0.25 * self.rounding, true, 0.0)
+        """Return the tension behind a reading; what is as good as loose stays at that."""
+        over = np.asarray(reading, dtype=float) - self.rest
+        true = over - self.rounding**2 / (4.0 * np.maximum(over, 1e-9))
+        return self.rest + np.where(over > 0.25 * self.rounding, true, 0.0)

@@ -51,6 +51,7 @@ VOCABULARY = [
     "length",
     "diameter",
     "braid_angle",
+    "braid_geometry",
     "inertia",
     "gravity",
     "joint_damping",

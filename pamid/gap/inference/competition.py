@@ -14,7 +14,7 @@ from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
 from .occam import occam
-from .sensitivity import Template, templates
+from .sensitivity import Template, relinearised, templates
 from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
 
@@ -253,7 +253,7 @@ class Competition:
             np.concatenate(lower),
             np.concatenate(upper),
             np.concatenate(precision),
-            self.templates,
+            relinearised(evidence, self.templates, spec),
             cost,
             evidence.parts,
             weights,

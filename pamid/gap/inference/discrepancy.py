@@ -140,6 +140,10 @@ class Discrepancy:
         sizes = [
             [float(np.sqrt(np.mean(np.square(d[p])))) for d in (alone, beside, whole)] for p in self.evidence.parts
         ]
+        if not self.evidence.exact:
+            # A model that was fitted to the log holds what its causes undo.
+            bare = [float(np.sqrt(np.mean(np.square(self.evidence.raw(gap)[p])))) for p in self.evidence.parts]
+            sizes = [[mine, min(theirs, g), size] for (mine, theirs, size), g in zip(sizes, bare, strict=True)]
         # Where an effect does not act, tolerances hardly move what it seems to add.
         acts = 0.3 * max(whole_size for *_, whole_size in sizes)
         return max(mine / max(theirs, 1e-3 * mine, 1e-300) for mine, theirs, size in sizes if size >= acts)

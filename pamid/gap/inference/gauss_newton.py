@@ -10,6 +10,7 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
+from .sensitivity import adds
 from .student_t import RobustFit, solve
 
 SLACK = 1.005
@@ -250,7 +251,7 @@ class Fitter:
             if v + h > p.upper:
                 h = -h
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
-            if len(spec) > 1 and _adds(name):
+            if len(spec) > 1 and all(adds(n) for n in spec):
                 # What is added to an equation changes by itself as it does beside other effects.
                 if name not in alone:
                     alone[name] = self.evidence.tangent({name: spec[name]}, x)
@@ -282,11 +283,6 @@ def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
     """Return the parameters of a spec's effects, in order."""
     library = all_effects()
     return [(name, p) for name in spec for p in library[name].parameters]
-
-
-def _adds(name: str) -> bool:
-    """Tell whether an effect adds to equations and changes nothing that others read."""
-    return set(all_effects()[name].hooks()) <= {"force", "flow", "torque", "valve"}
 
 
 def _mixes(p: Parameter) -> bool:

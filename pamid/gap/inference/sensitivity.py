@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...effects import Effect, Parameter, all_effects
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, Spec
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -67,22 +67,58 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
     found = []
     for point in itertools.product(*(grid(p, len(others)) for p in others)):
         fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
-        if linear:
-            columns, bounds = [], []
-            for p in linear:
-                unit = _unit(p)
-                alone = {q.name: unit if q is p else 0.0 for q in linear}
-                columns.append((evidence.z({effect.name: {**fixed, **alone}}) - evidence.z0) / unit)
-                bounds.append((p.lower, p.upper))
-            names = tuple(p.name for p in linear)
-        else:
-            columns = [evidence.z({effect.name: fixed}) - evidence.z0]
-            bounds, names = [(0.0, 2.0)], ()
-        D = np.column_stack(columns)
+        D = _columns(evidence, effect.name, fixed, linear)
+        bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
-            found.append(Template(effect.name, fixed, names, D, lower, upper))
+            found.append(Template(effect.name, fixed, tuple(p.name for p in linear), D, lower, upper))
     return found
+
+
+def _columns(
+    evidence: ResidualSource,
+    name: str,
+    fixed: Mapping[str, float],
+    linear: Sequence[Parameter],
+    beside: Spec | None = None,
+) -> np.ndarray:
+    """Return what a unit of each linear parameter of an effect changes, or the effect as it stands, beside others."""
+    spec = dict(beside or {})
+    z, columns = evidence.z(spec) if spec else evidence.z0, []
+    for p in linear:
+        alone = {q.name: _unit(p) if q is p else 0.0 for q in linear}
+        columns.append((evidence.z({**spec, name: {**fixed, **alone}}) - z) / _unit(p))
+    return np.column_stack(columns or [evidence.z({**spec, name: dict(fixed)}) - z])
+
+
+def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec) -> list[Template]:
+    """Return templates as they are beside effects that stand: a muscle that cannot push shows where others would push.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    found : sequence of Template
+        The templates about no effect.
+    spec : mapping
+        The effects that stand.
+    """
+    reach = evidence.reach(spec) if spec else None
+    if reach is None:
+        return list(found)
+    known, out = all_effects(), []
+    for t in found:
+        D = t.columns * reach[:, None]
+        if not adds(t.effect) and t.effect not in spec:
+            linear = [p for p in known[t.effect].parameters if p.name in t.linear]
+            D = _columns(evidence, t.effect, t.fixed, linear, spec)
+        out.append(replace(t, columns=D) if np.all(np.isfinite(D)) else t)
+    return out
+
+
+def adds(name: str) -> bool:
+    """Tell whether an effect adds to equations and changes nothing that others read."""
+    return set(all_effects()[name].hooks()) <= {"force", "flow", "torque", "valve"}
 
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:

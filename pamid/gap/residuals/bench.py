@@ -304,6 +304,10 @@ class Evidence:
     def _plant(self) -> Plant:
         return Model(self.params).plant
 
+    def reach(self, spec: Spec) -> np.ndarray | None:
+        """Return None: sensitivities about no effect hold beside any."""
+        return None
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
         lags = {name: values for name, values in spec.items() if _lags(name)}

@@ -361,6 +361,10 @@ class PortEvidence(ABC):
         """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
         return 0.0
 
+    def reach(self, spec: Spec) -> np.ndarray | None:
+        """Return None: sensitivities about no effect hold beside any."""
+        return None
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
         return None

@@ -114,6 +114,13 @@ class ResidualSource(Protocol):
         """Return how wide the noise is under a changed simulator, as a share of the nominal one's; None if the same."""
         ...
 
+    def reach(self, spec: Spec) -> np.ndarray | None:
+        """Return what share of a small addition to the model reaches each window past effects that bend the reading.
+
+        None where sensitivities about no effect hold beside any.
+        """
+        ...
+
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
         ...

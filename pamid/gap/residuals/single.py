@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +16,7 @@ from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
+from .remembered import Remembered
 
 Table = Mapping[str, np.ndarray]
 """Signals by role, see `pamid.effects.Signals`."""
@@ -138,6 +140,7 @@ class SignalEvidence:
         self.value = self._mean(y - self.predicted)
         self.weights, self.stretch = np.ones(1), 0.3
         self._means: dict[str, np.ndarray] = {}
+        self._remembered = Remembered()
         self.assume(0.0)
         self.J = np.zeros((len(self.first), 0))
         self.free: list[str] = []
@@ -227,14 +230,15 @@ class SignalEvidence:
 
     def added_by(self, effects: Sequence[Effect]) -> np.ndarray:
         """Return what effects add to the modelled target at each sample."""
-        table = dict(self.table)
-        for effect in effects:
-            role = INPUTS.get(effect.channel)
-            if role in table:
-                table[role] = np.asarray(effect.restore(table[role], self.dt, self.borders), dtype=float)
-        changed = any(INPUTS.get(e.channel) in self.table for e in effects)
-        base = np.asarray(self.nominal(table), dtype=float) if changed else self.predicted
-        total = base + sum((self._hooks(e, table) for e in effects), start=np.zeros(len(base)))
+        table, base = dict(self.table), self.predicted
+        faults = tuple(e for e in effects if INPUTS.get(e.channel) in self.table)
+        for effect in faults:
+            role = INPUTS[effect.channel]
+            table[role] = np.asarray(effect.restore(table[role], self.dt, self.borders), dtype=float)
+        if faults:
+            base = np.asarray(self.nominal(table), dtype=float)
+        parts = (self._remembered.get((faults, e), partial(self._hooks, e, table, faults)) for e in effects)
+        total = base + sum(parts, start=np.zeros(len(base)))
         for effect in effects:
             channel, role = OUTPUT[self.kind]
             if effect.channel == channel:
@@ -244,7 +248,21 @@ class SignalEvidence:
                 total = np.asarray(effect.measure(total, x), dtype=float)
         return total - self.predicted
 
-    def _hooks(self, effect: Effect, table: Table) -> np.ndarray:
+    def reach(self, spec: Spec) -> np.ndarray:
+        """Return what share of a small addition to the model reaches each window's reading, such as none if slack."""
+        bending = {k: v for k, v in spec.items() if all_effects()[k].channel == OUTPUT[self.kind][0]}
+        straight = {k: v for k, v in spec.items() if k not in bending}
+        total = self.predicted + (self.added(straight) if straight else 0.0)
+        small = 1e-4 * float(np.std(self.y)) + 1e-12
+        passed = np.ones(len(total))
+        for effect in (make_effect(k, **v) for k, v in bending.items()):
+            if not effect.n_states:
+                before = np.asarray(effect.measure(total, None), dtype=float)
+                passed = passed * (np.asarray(effect.measure(total + small, None), dtype=float) - before) / small
+                total = before
+        return self._mean(passed)
+
+    def _hooks(self, effect: Effect, table: Table, faults: tuple[Effect, ...]) -> np.ndarray:
         hooks = {"force": {"force"}, "torque": {"force", "torque"}, "flow": {"flow"}}[self.kind]
         if not hooks & set(effect.hooks()):
             return np.zeros(len(self.y))
@@ -258,7 +276,10 @@ class SignalEvidence:
         # Without a pressure, what grows with it has nothing to grow with.
         used.setdefault("pressure", np.full(len(self.y), self.plant.atmospheric_pressure))
         s = Signals(**used)
-        x = effect.trace(s, self.plant, self.dt, self.borders)
+        bent = tuple(effect.values[p.name] for p in effect.parameters if not p.linear)
+        x = self._remembered.get(
+            (faults, effect.name, bent), lambda: np.asarray(effect.trace(s, self.plant, self.dt, self.borders))
+        )
         total: Any = 0.0
         if self.kind == "flow":
             a, b = effect.flow(s, x, self.plant)

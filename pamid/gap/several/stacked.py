@@ -210,6 +210,10 @@ class StackedEvidence:
         """Return what it costs that the beginnings of runs are unknown."""
         return sum(log.evidence.freedom(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
 
+    def reach(self, spec: Spec) -> np.ndarray | None:
+        """Return None: sensitivities about no effect hold beside any."""
+        return None
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
         return self._factors([log.evidence.widening(self.spec_in(k, spec)) for k, log in enumerate(self.logs)])

@@ -1,0 +1,45 @@
+"""Arrays that are asked for again and again while one parameter of many moves: the last ones used, up to a size."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+
+import numpy as np
+
+MOST_BYTES = 64 * 2**20
+"""Size of what is remembered: a few dozen memories of a log of ordinary length."""
+
+
+class Remembered:
+    """The arrays used last.
+
+    Parameters
+    ----------
+    most_bytes : int
+        Their size together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.residuals.remembered import Remembered
+    >>> kept = Remembered()
+    >>> kept.get("ones", lambda: np.ones(2)) is kept.get("ones", lambda: np.zeros(2))
+    True
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.most_bytes, self._size = most_bytes, 0
+        self._kept: OrderedDict[Hashable, np.ndarray] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return the array of a key, made where it is not remembered; it is shared, so nobody writes to it."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        found = make()
+        self._kept[key] = found
+        self._size += found.nbytes
+        while self._size > self.most_bytes and len(self._kept) > 1:
+            self._size -= self._kept.popitem(last=False)[1].nbytes
+        return found

@@ -1,0 +1,109 @@
+"""One muscle under several causes at once, some of which hide the others."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from pamid.estimators import GapDiagnoser
+
+from pamid.effects import Signals, all_effects, make_effect
+from pamid.gap.inference.sensitivity import relinearised, templates
+from pamid.gap.residuals.remembered import Remembered
+from pamid.gap.residuals.single import SignalEvidence
+from pamid.systems.muscle import Muscle
+
+MUSCLE = Muscle(rest_length=0.3, rest_diameter=0.01)
+PLANT = MUSCLE.plant()
+BLADDER = {"rest": 40.0, "growth": 900.0, "curvature": 0.0}
+SLACK = {"rounding": 12.0, "rest": 6.0}
+
+
+def nominal(table):
+    return (table["pressure"] - PLANT.atmospheric_pressure) * PLANT.volume_slope(table["position"]) / PLANT.rest_length
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A muscle held at four lengths and filled and vented twice at each; it hangs loose below a pressure."""
+    rng, t, runs = np.random.default_rng(0), np.arange(0, 12, 0.01), []
+    for k, eps in enumerate(np.repeat([0.0, 0.04, 0.08, 0.12], 2)):
+        steps = np.minimum(np.floor(2 * t) / 12, 2 - np.floor(2 * t) / 12).clip(0.02)
+        P = PLANT.atmospheric_pressure + 4.5e5 * steps * (1 + 0.03 * k % 2) + 60 * rng.standard_normal(len(t))
+        table = {"position": np.full(len(t), eps), "pressure": P}
+        bare = nominal(table) - BLADDER["rest"] - BLADDER["growth"] * eps
+        F = make_effect("slack", **SLACK).measure(bare, None) + 0.3 * rng.standard_normal(len(t))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "eps": eps, "deps": 0.0, "P": P, "dP": 0.0, "F": F}))
+    return pd.concat(runs, ignore_index=True)
+
+
+def table_of(log):
+    names = {"time": "time", "position": "eps", "velocity": "deps", "pressure": "P", "pressure_rate": "dP"}
+    return {role: log[column].to_numpy() for role, column in names.items()}
+
+
+@pytest.fixture(scope="module")
+def evidence(log):
+    return SignalEvidence(
+        table_of(log), log["F"].to_numpy(), nominal, log["trajectory"].astype(int).to_numpy(), 0.01, "force", PLANT
+    )
+
+
+def test_slack_and_the_bladder_are_found_together(log):
+    def predict(X):
+        return nominal({"position": X["eps"].to_numpy(), "pressure": X["P"].to_numpy()})
+
+    library = [
+        "bladder_preload",
+        "slack",
+        "braid_geometry",
+        "pressure_gain",
+        "force_bias",
+        "pressure_relaxation",
+        "tube",
+    ]
+    found = GapDiagnoser(predict, library, plant=PLANT, random_state=0)
+    found.fit(log.drop(columns=["F", "trajectory"]), log["F"], groups=log["trajectory"])
+    assert set(found.effects_) == {"bladder_preload", "slack"}
+    assert found.effects_["bladder_preload"]["rest"] == pytest.approx(40.0, rel=0.1)
+    assert found.effects_["slack"]["rest"] == pytest.approx(6.0, abs=1.0)
+    assert found.closure_[0].closed_share > 0.99
+
+
+def test_templates_beside_slack_act_where_the_muscle_is_taut(evidence):
+    [plain] = templates(evidence, all_effects()["braid_geometry"])
+    spec = {"bladder_preload": BLADDER, "slack": SLACK}
+    [beside] = relinearised(evidence, [plain], spec)
+    h = 1e-7
+    exact = (evidence.z({**spec, "braid_geometry": {"pulling": h, "pushing": 0.0}}) - evidence.z(spec)) / h
+    assert np.allclose(beside.columns[:, 0], exact, rtol=0.02, atol=0.01 * np.abs(exact).max())
+    loose = evidence.measured < 7.0
+    assert loose.any() and np.abs(beside.columns[loose]).max() < 0.5 * np.abs(plain.columns[loose]).max()
+    assert relinearised(evidence, [plain], {})[0] is plain
+
+
+def test_a_loose_muscle_holds_what_it_rests_at():
+    slack = make_effect("slack", rounding=10.0, rest=5.0)
+    tension = np.array([-500.0, 5.0, 300.0])
+    reading = slack.measure(tension, None)
+    assert reading == pytest.approx([5.0, 10.0, 300.0], abs=0.2)
+    assert slack.restore(reading, 0.01, np.array([0])) == pytest.approx([5.0, 5.0, 300.0], abs=0.2)
+
+
+def test_the_geometry_of_a_thicker_braid_is_two_areas():
+    thick = Muscle(rest_length=0.3, rest_diameter=0.012).plant()
+    eps, P = np.linspace(0, 0.2, 5), np.full(5, 4e5)
+    more = (P - PLANT.atmospheric_pressure) * (thick.volume_slope(eps) - PLANT.volume_slope(eps)) / 0.3
+    area, angle = np.pi / 4 * (0.012**2 - 0.01**2), np.radians(25.0)
+    effect = make_effect("braid_geometry", pulling=3 * area / np.tan(angle) ** 2, pushing=area / np.sin(angle) ** 2)
+    assert effect.force(Signals(position=eps, pressure=P), None, PLANT) == pytest.approx(more)
+
+
+def test_what_is_remembered_has_an_end():
+    kept, made = Remembered(most_bytes=100), []
+
+    def make(k):
+        made.append(k)
+        return np.zeros(5)
+
+    for k in (0, 1, 0, 2, 1):
+        kept.get(k, lambda k=k: make(k))
+    assert made == [0, 1, 2, 1]  # 1 was the oldest when 2 came
