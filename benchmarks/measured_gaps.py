@@ -19,6 +19,7 @@ from sklearn.linear_model import LinearRegression
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals import read_log
+from pamid.systems.muscle import Muscle
 
 MAPPINGS = Path(__file__).parent.parent / "docs" / "mappings"
 AREA = np.pi / 4 * 0.025**2
@@ -148,28 +149,80 @@ def servo(folder: Path, plots: Path | None) -> None:
         picture(plots / "measured-servo.svg", title, "load by gravity / V", "gap / V", lines)
 
 
+REST_LENGTH = {20: 0.182, 30: 0.281, 40: 0.382}  # m, of the muscles by their cut length in cm
+TAUT = 5.0  # N: below, the muscle hangs loose and its tension is that of a tube that has buckled
+
+
+def muscle(folder: Path, cut: int) -> pd.DataFrame:
+    """Read a muscle's log, every tenth reading, and mark the last repeat of each contraction."""
+    log = log_of(list(folder.glob(f"10mm_{cut}cm_*.mat")), "festo.toml")
+    log = log[log.groupby("trajectory").cumcount() % 10 == 0].reset_index(drop=True)
+    repeat = log["trajectory"].str.extract(r"Test(\d+)")[0].astype(int)
+    kind = log["trajectory"].str.rsplit("-", n=1).str[0]
+    return log.assign(deps=0.0, dP=rate(log, "P", 0.2), last=repeat == repeat.groupby(kind).transform("max"))
+
+
+def correct(log: pd.DataFrame, seen: pd.Series, cut: int, effects: str | list[str]) -> tuple[GapDiagnoser, np.ndarray]:
+    """Fit geometry and diagnose on the rows that are seen; return the diagnosis, and errors on the others.
+
+    The errors, in N, are those of geometry and of geometry with the causes, on taut rows.
+    """
+    state, taut = ["eps", "deps", "P", "dP"], log["F"] > TAUT
+    model = GeometricForce("chou_hannaford", rest_length=REST_LENGTH[cut], rest_diameter=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what else acts makes the fitted braid too wide, which is the point
+        model.fit(log.loc[seen & taut, state], log.loc[seen & taut, "F"])
+    sizes = {k: model.parameters_[k] for k in ("rest_diameter", "braid_angle")}
+    plant = Muscle(rest_length=REST_LENGTH[cut], **sizes).plant()
+    found = GapDiagnoser(lambda T: model.predict(T[state]), effects, plant=plant, random_state=0)
+    X = log[["time", *state]]
+    found.fit(X[seen], log.loc[seen, "F"], groups=log.loc[seen, "trajectory"], where=taut[seen])
+    new = log[~seen]
+    predicted = model.predict(new[state]), found.predict(X[~seen], groups=new["trajectory"])
+    error = [(y - new["F"])[taut[~seen]] for y in predicted]
+    return found, np.array([np.sqrt(np.mean(np.square(e))) for e in error])
+
+
 def festo(folder: Path, plots: Path | None) -> None:
-    log = log_of(list(folder.glob("10mm_30cm_*.mat")), "festo.toml")
-    stem = log["trajectory"].str.rsplit("-", n=1).str[0]
-    chosen = [name for names in log["trajectory"].groupby(stem).unique() for name in names[:3]]
-    log = log[log["trajectory"].isin(chosen) & (log["F"] > 5)].iloc[::10].reset_index(drop=True)
-    X = log[["time", "eps", "P"]].assign(deps=0.0, dP=rate(log, "P", 0.2))
-    model = GeometricForce("chou_hannaford", rest_length=0.281, rest_diameter=0.01)
-    model.fit(X[["eps", "deps", "P", "dP"]], log["F"])
+    found: dict[int, GapDiagnoser] = {}
+    for cut in REST_LENGTH:
+        log = muscle(folder, cut)
+        found[cut], (before, after) = correct(log, ~log["last"], cut, EVERYTHING)
+        tell(f"Festo muscle of 10 mm and {cut} cm, nominal: geometry, without the last repeats", found[cut])
+        floor = found[cut].closure_[0].noise_floor
+        closed = (before**2 - after**2) / (before**2 - floor**2)
+        print(f"  last repeats, unseen: RMSE {before:.1f} -> {after:.2f}, closed {closed:.3f}", flush=True)
+        if plots and cut == 30:
+            gaps(log, plots)
+        total = np.zeros((0, 3))
+        for eps, rows in log.groupby(log["eps"].round(4)):
+            seen = ~log.index.isin(rows.index)
+            _, errors = correct(log, pd.Series(seen), cut, list(found[cut].effects_))
+            total = np.vstack([total, [*errors, np.sum(rows["F"] > TAUT)]])
+            print(f"  contraction {100 * eps:4.1f} % left out: RMSE {errors[0]:.1f} -> {errors[1]:.1f}", flush=True)
+        before, after = np.sqrt(total[:, 2] @ np.square(total[:, :2]) / total[:, 2].sum())
+        closed = (before**2 - after**2) / (before**2 - floor**2)
+        print(f"  all contractions left out in turn: RMSE {before:.1f} -> {after:.1f}, closed {closed:.3f}")
+    print("\nParameters at the three lengths")
+    for name in sorted(set.union(*(set(d.effects_) for d in found.values()))):
+        values = [d.effects_.get(name, {}) for d in found.values()]
+        for key in sorted(set().union(*values)):
+            print(f"  {name + ' ' + key:36s} " + " ".join(f"{v.get(key, np.nan):12.4g}" for v in values))
 
-    def nominal(T: pd.DataFrame) -> np.ndarray:
-        return model.predict(T[["eps", "deps", "P", "dP"]])
 
-    found = GapDiagnoser(nominal, EVERYTHING, random_state=0).fit(X, log["F"], groups=log["trajectory"])
-    tell("Festo muscle of 10 mm and 30 cm, nominal: geometry", found)
-    gap, lines = log["F"] - nominal(X), []
+def gaps(log: pd.DataFrame, plots: Path) -> None:
+    """Draw what geometry leaves against pressure, one line a contraction."""
+    log = log[log["F"] > TAUT]
+    model, lines = GeometricForce("chou_hannaford", rest_length=REST_LENGTH[30], rest_diameter=0.01), []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gap = log["F"] - model.fit(log[["eps", "P"]], log["F"]).predict(log[["eps", "P"]])
     for eps, part in gap.groupby(log["eps"].round(3)):
         p = (log.loc[part.index, "P"] - ATMOSPHERIC_PRESSURE) / 1e5
         mean = pd.DataFrame({"p": p, "gap": part}).groupby(pd.cut(p, 8), observed=True).mean()
         lines.append((f"contraction {100 * eps:.0f} %", mean["p"], mean["gap"], None))
-    if plots:
-        title = "Festo muscle: measured less geometry"
-        picture(plots / "measured-festo.svg", title, "gauge pressure / bar", "F / N", lines)
+    title = "Festo muscle: measured less geometry"
+    picture(plots / "measured-festo.svg", title, "gauge pressure / bar", "F / N", lines)
 
 
 def picture(path: Path, title: str, x: str, y: str, lines: list) -> None:

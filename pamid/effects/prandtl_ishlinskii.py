@@ -51,7 +51,7 @@ class PrandtlIshlinskii(Effect):
         Parameter("narrow_slope", "N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1),
         Parameter("middle_slope", "N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1),
         Parameter("wide_slope", "N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1),
-        Parameter("width", "-", 3e-3, 0.3, 0.03, "displacement over which the middle stop turns over", position=1),
+        Parameter("width", "-", 3e-3, 0.035, 0.03, "displacement over which the middle stop turns over", position=1),
     )
     narrow: float
     middle: float
