@@ -46,14 +46,13 @@ def qube(folder: Path) -> None:
         d = pd.read_csv(file, skipinitialspace=True)
         runs.append(d[["t", "plant_input", "theta", "alpha"]].set_axis(["time", "V", "theta", "alpha"], axis=1))
         runs[-1]["trajectory"] = file.stem
-    R, k, arm, r, bob, length = 8.4, 0.042, 0.095, 0.085, 0.024, 0.129
-    Jr, half = arm * r * r / 12.0, 0.5 * length
+    R, k, arm, r = 8.4, 0.042, 0.095, 0.085
 
     def rates(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
-        s, c, Jp = np.sin(x.alpha), np.cos(x.alpha), p.Jp
-        a, b = p.Jr + bob * r * r + Jp * s * s, bob * r * half * c
-        tau = k * u.V / R - 2 * Jp * s * c * x.dtheta * x.dalpha + bob * r * half * s * x.dalpha**2
-        turn = Jp * s * c * x.dtheta**2 + bob * GRAVITY * half * s
+        s, c, half, Jp = np.sin(x.alpha), np.cos(x.alpha), 0.5 * p.length, p.bob * p.length**2 / 3.0
+        a, b = p.Jr + p.bob * r * r + Jp * s * s, p.bob * r * half * c
+        tau = k * u.V / R - 2 * Jp * s * c * x.dtheta * x.dalpha + p.bob * r * half * s * x.dalpha**2
+        turn = Jp * s * c * x.dtheta**2 + p.bob * GRAVITY * half * s
         det = a * Jp - b * b
         return [x.dtheta, x.dalpha, (Jp * tau - b * turn) / det, (a * turn - b * tau) / det]
 
@@ -63,9 +62,9 @@ def qube(folder: Path) -> None:
         Port("motor", "joint", "V", position="theta", velocity="dtheta", through="V"),
     ]  # fmt: skip
     begun = time.perf_counter()
-    simulator = FunctionSimulator(
-        rates, ports, {"Jr": (Jr, 0.5, "kg m^2"), "Jp": (bob * length**2 / 3.0, 0.15, "kg m^2")}
-    )
+    # Inertia is free: the arm as a rod about its end, though most of its mass sits nearer to the hub.
+    numbers = {"Jr": (arm * r * r / 3.0, 0.6, "kg m^2"), "bob": (0.024, 0.4, "kg"), "length": (0.129, 0.2, "m")}
+    simulator = FunctionSimulator(rates, ports, numbers)
     tell("QUBE, nominal: inertia and gravity", diagnose_simulator(pd.concat(runs), simulator), begun)
 
 
@@ -80,11 +79,12 @@ def tanks(folder: Path) -> None:
     )
 
     def rates(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
-        one, two = np.sqrt(np.maximum(x.h1, 0.0)), np.sqrt(np.maximum(x.h2, 0.0))
+        one, two = np.sqrt(np.maximum(x.h1 + p.zero1, 0.0)), np.sqrt(np.maximum(x.h2 + p.zero2, 0.0))
         return [p.k4 * u.u - p.k1 * one, p.k2 * one - p.k3 * two]
 
     ports = [Port("u", "input", "V"), Port("h1", "state", "V", start=5.0), Port("h2", "state", "V", column="y")]
-    numbers = {"k1": (0.05, 1.0), "k2": (0.05, 1.0), "k3": (0.05, 1.0), "k4": (0.04, 1.0)}
+    # Nothing is known but the law: levels are in volts, and where their outlets are in volts is not known either.
+    numbers = {f"k{k}": (0.05, 1.0) for k in (1, 2, 3, 4)} | {"zero1": (1.0, 2.0, "V"), "zero2": (1.0, 2.0, "V")}
     simulator: Simulator = FunctionSimulator(rates, ports, numbers)
     begun = time.perf_counter()
     found = diagnose_simulator(log, simulator)

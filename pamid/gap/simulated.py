@@ -90,7 +90,7 @@ def diagnose_simulator(
 
     say = progress or (lambda _: None)
     say("read the log")
-    evidence = evidence_of(log, simulator)
+    evidence = evidence_of(log, simulator, refit=True)
     library = [k for k in chosen(evidence.placements, effects) if evidence.touched([k])]
     # Thousands of small products: threads would only wait for one another.
     with threadpool_limits(1), effects_beside({k: p.effect for k, p in evidence.placements.items()}):
@@ -101,7 +101,7 @@ def diagnose_simulator(
     return outward(found, evidence)
 
 
-def evidence_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
+def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) -> PortEvidence:
     """Return a log held against a simulator: directly where it holds the states, else by simulating short stretches.
 
     Parameters
@@ -110,6 +110,8 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
         The log.
     simulator : Simulator
         The simulator.
+    refit : bool, default=False
+        Whether to begin from parameters that fit, where tolerances are wide.
 
     Returns
     -------
@@ -121,10 +123,10 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     at_ports = port_log(log, simulator)
     derived = measured_states(simulator, at_ports)
     if derived is None:
-        return ShootingEvidence(at_ports, simulator)
-    found = DirectEvidence(at_ports, simulator, derived)
+        return ShootingEvidence(at_ports, simulator, refit=refit)
+    found = DirectEvidence(at_ports, simulator, derived, refit)
     # Where noise hides the accelerations of positions, the paths that they add up to still show them.
-    return ShootingEvidence(at_ports, simulator) if derived and found.buried() else found
+    return ShootingEvidence(at_ports, simulator, refit=refit) if derived and found.buried() else found
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:
@@ -213,8 +215,9 @@ def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
         causes=causes,
         candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, evidence),
-        nominal=evidence.simulator,
+        nominal=evidence.given,
         corrected=corrected,
+        deviations={n: v + float(a) for (n, v), a in zip(found.deviations.items(), evidence.about, strict=True)},
     )
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
+from ..effects.overflow import Overflow
 from ..errors import UnknownOptionError
 from .base import Simulator
 from .dimensions import powers, unit_powers, unit_text
@@ -46,6 +48,8 @@ class SignalSizes(NamedTuple):
         The joints.
     run_length, interval : float
         Typical length of a run and sampling interval, s.
+    feeds : dict of str to str
+        The state that a chamber feeds, by the chamber's own.
     """
 
     spans: Mapping[str, float]
@@ -57,6 +61,7 @@ class SignalSizes(NamedTuple):
     joints: Sequence[JointPort]
     run_length: float
     interval: float
+    feeds: Mapping[str, str] = MappingProxyType({})
 
     @property
     def time(self) -> float:
@@ -91,6 +96,19 @@ class ParameterDrift(Effect):
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the value at a share ``along`` of the log."""
         return {"value": values["value"] * (1.0 + self.drift * (values["along"] - 0.5))}
+
+
+class PortOverflow(Overflow):
+    r"""Outflow above a level, of which a share runs on into what the chamber feeds.
+
+    .. math:: \dot h = -c\,\max(h - h_o, 0), \qquad \dot h_\mathrm{next} = r\,c\,\max(h - h_o, 0)
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
+        *Overflow.parameters,
+        Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
+    )
+    returned: float
 
 
 _OF_PARAMETERS = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
@@ -145,6 +163,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
             found.setdefault(name, ("joint", effect))
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
+    found["overflow"] = ("chamber", PortOverflow)
     return found | {name: ("parameter", effect) for name, effect in _OF_PARAMETERS.items()}
 
 
@@ -324,18 +343,19 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             unit = simulator.port(through).unit
         for effect_name, (kind, found_effect) in port_effects().items():
             if kind == "chamber":
-                effect = found_effect
+                effect, into = found_effect, ""
                 head = _head(simulator.port(state).unit, survey, state)
                 if effect_name == "overflow":
                     effect = _within(effect, head, survey.lows[state], survey.lows[state] + span)
+                    into = "" if through else survey.feeds.get(state, "")
                 scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
                 enters, at = ("input", through) if through else ("state", state)
-                found.append(
-                    _placed(
-                        effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
-                        simulator.port(state).unit,
-                    )
+                hidden = () if into else ("returned",)
+                placed = _placed(
+                    effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
+                    simulator.port(state).unit, hidden,
                 )  # fmt: skip
+                found.append(replace(placed, into=into))
     return found
 
 

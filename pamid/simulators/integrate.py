@@ -129,7 +129,7 @@ class Runner:
                 if place.enters == "input":
                     u[simulator.inputs.index(place.at)] += force
                 else:
-                    added[simulator.states.index(place.at)] += force
+                    place.add(made, force, simulator.states, added)
         with np.errstate(all="ignore"):
             added[:n] += simulator.rate(t, x[:n], u, p)
         for k, name in enumerate(paths):

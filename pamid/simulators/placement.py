@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -69,6 +69,8 @@ class Placement:
         Power of the signal's unit in each parameter, see `pamid.simulators.dimensions.powers`.
     units : dict of str to str
         Units of its parameters.
+    into : str
+        For what is lost from a chamber: the state that gets the ``returned`` share of it; empty where none does.
     """
 
     key: str
@@ -81,6 +83,7 @@ class Placement:
     scales: Scales
     powers: Mapping[str, int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    into: str = ""
 
     # --- values ---------------------------------------------------------------------------------------------
     def factor(self, parameter: str) -> float:
@@ -151,6 +154,12 @@ class Placement:
             # A bench counts what must flow in, other systems what is stored: at a port it is always what is lost.
             total = total - np.abs(made.flow(s, x, self.plant)[0])
         return total * self.scales.target
+
+    def add(self, made: Effect, force: Any, states: Sequence[str], added: np.ndarray) -> None:
+        """Add what an effect does to the rate of a state, and to that of the one which gets what the first loses."""
+        added[states.index(self.at)] += force
+        if self.into:
+            added[states.index(self.into)] -= made.returned * force  # type: ignore[attr-defined]
 
     def drive(self, made: Effect, u: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
         """Return the input that the system gets where it is given u, along runs."""

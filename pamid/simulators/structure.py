@@ -129,6 +129,40 @@ def pushes_of(
     return found
 
 
+def fed_by(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:
+    """Return the states that feed one other: their levels always raise its rate, and that of no other.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Instants at which it is asked.
+
+    Returns
+    -------
+    dict of str to str
+        The state that is fed, by the one that feeds it; both in the same unit.
+    """
+    p, found = spread_numbers(simulator, x.shape[1]), {}
+    base = simulator.rate(t, x, u, p)
+    for k, name in enumerate(simulator.states):
+        moved = x.copy()
+        moved[k] += 1e-3 * (float(np.ptp(x[k])) or abs(float(x[k][0])) or 1.0)
+        slope = simulator.rate(t, moved, u, p) - base
+        others = [
+            other
+            for i, other in enumerate(simulator.states)
+            if i != k
+            and simulator.port(other).unit == simulator.port(name).unit
+            and np.mean(slope[i] > 0.0) > _OWN
+            and np.mean(slope[k] < 0.0) > _OWN
+        ]
+        if len(others) == 1:
+            found[name] = others[0]
+    return found
+
+
 def rate_unit(simulator: Simulator, state: str) -> str:
     """Return the unit of a state's rate."""
     from .dimensions import unit_text

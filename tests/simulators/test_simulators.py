@@ -154,6 +154,53 @@ def test_no_gap_is_none_and_a_mass_within_its_tolerance_is_no_gap() -> None:
     assert diagnose_simulator(cart(), rail(1.94), LIBRARY).verdict == "none"
 
 
+def test_a_mass_that_is_hardly_known_is_found_where_nothing_is_straight_on_the_way() -> None:
+    found = diagnose_simulator(cart(), rail(1.0, 1.5), LIBRARY)
+    assert found.verdict == "none" and found.deviations["m"] == pytest.approx(1.0 / 1.5, rel=0.02)  # 2 kg, not 1
+    assert found.nominal is not None and found.nominal.get("m") == 1.0
+
+
+def test_a_command_that_saturates_once_is_a_gap() -> None:
+    rng, runs = np.random.default_rng(2), []
+    for k in range(4):
+        t = np.arange(0, 8, 0.01)
+        F = 5 * np.sin((1 + k) * t) + (25 * ((t > 3) & (t < 3.2)) if k == 2 else 0.0)
+        v = np.concatenate([[0.0], np.cumsum(np.clip(F, -12, 12)[:-1] / 2.0 * 0.01)])
+        x = np.concatenate([[0.0], np.cumsum(0.01 * (v[1:] + v[:-1]) / 2)])
+        noisy = {"x": x + 1e-5 * rng.standard_normal(len(t)), "v": v + 1e-3 * rng.standard_normal(len(t))}
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, **noisy}))
+    found = diagnose_simulator(pd.concat(runs), rail(), ["actuator_saturation", "actuator_gain", "viscous_friction"])
+    assert found.causes[0].effects[0] == "actuator_saturation"
+    assert found.causes[0].parameters["limit"].value == pytest.approx(12.0, rel=0.02)
+
+
+def test_what_runs_over_runs_on_into_the_tank_below() -> None:
+    rng, runs = np.random.default_rng(3), []
+    for k in range(3):
+        t = np.arange(0, 2000, 4.0)
+        u, h, rows = 2.5 + 2.2 * np.sin((1 + k) * t / 300) + 0.3 * np.sin(t / 40), np.array([4.0, 4.0]), []
+        for pump in u:
+            rows.append(h)
+            for _ in range(8):
+                over, out = 0.05 * max(h[0] - 6.0, 0.0), 0.05 * np.sqrt(np.maximum(h, 0.0))
+                h = h + 0.5 * np.array([0.04 * pump - out[0] - over, out[0] - out[1] + 0.7 * over])
+        y = np.array(rows) + 2e-3 * rng.standard_normal((len(t), 2))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "u": u, "h1": y[:, 0], "h2": y[:, 1]}))
+
+    def rates(t, x, u, p):
+        one, two = np.sqrt(np.maximum(x.h1, 0.0)), np.sqrt(np.maximum(x.h2, 0.0))
+        return [p.k4 * u.u - p.k * one, p.k * one - p.k * two]
+
+    ports = [Port("u", "input", "V"), Port("h1", "state", "cm"), Port("h2", "state", "cm")]
+    tanks = FunctionSimulator(rates, ports, {"k": (0.05, 0.05), "k4": (0.04, 0.05)})
+    found = diagnose_simulator(pd.concat(runs), tanks, ["overflow", "leakage", "actuator_gain"])
+    values = found.causes[0].parameters
+    assert (found.causes[0].effects[0], found.causes[0].where[0]) == ("overflow", "h1")
+    assert values["level"].value == pytest.approx(6.0, rel=0.02)
+    assert values["coefficient"].value == pytest.approx(0.05, rel=0.1)
+    assert values["returned"].value == pytest.approx(0.7, abs=0.1)
+
+
 def test_what_a_log_lacks_is_said() -> None:
     log = cart()
     with pytest.raises(MissingColumnError, match="F"):

@@ -70,7 +70,8 @@ class Fitter:
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
-        self.low, self.high = np.full(self.n, -SLACK), np.full(self.n, SLACK)
+        about = getattr(evidence, "about", 0.0)  # where wide tolerances already are
+        self.low, self.high = np.full(self.n, -SLACK) - about, np.full(self.n, SLACK) - about
 
     def linear(
         self,

@@ -25,6 +25,7 @@ from ...simulators.catalogue import ParameterDeviation, SignalSizes
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     JointPort,
+    fed_by,
     joints_of,
     pushes_of,
     rate_unit,
@@ -77,6 +78,8 @@ class DirectEvidence(PortEvidence):
         Of the form ``"ode"`` or ``"algebraic"``.
     derived : mapping of str to str
         Velocities by positions, see `measured_states`.
+    refit : bool, default=False
+        Whether to begin from parameters that fit, see `PortEvidence`.
 
     Raises
     ------
@@ -87,8 +90,8 @@ class DirectEvidence(PortEvidence):
     undoes = True
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
 
-    def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str]) -> None:
-        super().__init__(log, simulator)
+    def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False) -> None:
+        super().__init__(log, simulator, refit)
         self.derived = dict(derived)
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
@@ -105,6 +108,7 @@ class DirectEvidence(PortEvidence):
             at = log.t[some], self._x[:, some], self._u[:, some]
             self.pushes = pushes_of(simulator, *at, step)
             self.joints: list[JointPort] = joints_of(simulator, self.pairs, self.pushes)
+            self.feeds = fed_by(simulator, *at)
             self._base_rates = self._rates(self._x, self._u, self._u, simulator.numbers)
         else:
             self.pushes, self.joints = {}, []
@@ -116,6 +120,15 @@ class DirectEvidence(PortEvidence):
             units = {j.name: j.unit for j in self.joints}
             self.windows = [w._replace(unit=units.get(w.equation, w.unit)) for w in self.windows]
         self._settle()
+
+    def _again(self) -> None:
+        """Forget what was kept of the simulator with other parameters."""
+        self._asked.clear()
+        if self.simulator.form == "ode":
+            self._base_rates = self._rates(self._x, self._u, self._u, self.simulator.numbers)
+            some = some_instants(self.log.n)
+            step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
+            self.pushes = pushes_of(self.simulator, self.log.t[some], self._x[:, some], self._u[:, some], step)
 
     def buried(self) -> bool:
         """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
@@ -255,7 +268,7 @@ class DirectEvidence(PortEvidence):
                 if place.enters == "input":
                     pushed[simulator.inputs.index(place.at)] += force
                 else:
-                    added[simulator.states.index(place.at)] += force
+                    place.add(made, force, simulator.states, added)
         if simulator.form == "algebraic":
             return self._of_outputs(active, readings, x, pushed, p)
         rates = self._total_rates(x, u, pushed, p, restored)
@@ -411,9 +424,8 @@ class DirectEvidence(PortEvidence):
         readings = list(dict.fromkeys(b.channel for b in self.balances))
         tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
         lows = {k: float(np.min(x)) for k, x in self._table.items()}
-        return SignalSizes(
-            spans, tops, lows, gaps, readings, self.pushes, self.joints, float(np.median(lengths)), log.dt
-        )
+        length = float(np.median(lengths))
+        return SignalSizes(spans, tops, lows, gaps, readings, self.pushes, self.joints, length, log.dt, self.feeds)
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""

@@ -18,7 +18,8 @@ from ...simulators.catalogue import SignalSizes, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
-from ..settings import LEAST_GAIN
+from ..inference.student_t import loglik, solve
+from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
 from .single import UNTURNED, _memory
 from .states import integral
@@ -38,6 +39,9 @@ _LEAST = 1e-6
 ALIKE, NEARLY = 0.05, 0.5
 """Most that an input, and a reading, of two runs may differ, as a share of its spread in the log, for them to repeat
 each other: initial states differ, and are fitted or known anyway."""
+LAYINGS, STRAIGHT, SMALL = 8, 0.1, 0.05
+"""Most times that the linear model of the tolerances is laid anew, how straight it must be not to need it, and the
+share of a tolerance that is a small change then."""
 FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
@@ -77,6 +81,8 @@ class PortEvidence(ABC):
         The log.
     simulator : Simulator
         The simulator; its own effects are part of it.
+    refit : bool, default=False
+        Whether to begin from parameters that fit, where tolerances are so wide that nothing is straight within them.
 
     Attributes
     ----------
@@ -89,14 +95,16 @@ class PortEvidence(ABC):
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 1.5 * LEAST_GAIN
-    decisive = np.inf
+    decisive = DECIDED
+    """Evidence that needs no draws, windows that repeat each other counted once: what acts in one stretch of time
+    alone, such as a command that saturates once, looks as likely under any draw of signs."""
     undoes = False
     """Whether faults of sensors are undone in what they read, rather than put on what is predicted."""
     how = ""
     """How residuals come about, for the reader."""
 
-    def __init__(self, log: PortLog, simulator: Simulator) -> None:
-        self.log, self.simulator = log, simulator
+    def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False) -> None:
+        self.log, self.simulator, self.refit = log, simulator, refit
         self.windows: list[PortWindows] = []
         self._kept: dict[str, np.ndarray] = {}
         self._touches: dict[str, list[str]] = {}
@@ -104,6 +112,10 @@ class PortEvidence(ABC):
         self.notes: list[str] = list(log.notes)
         self.placements: dict[str, Placement] = {}
         self.joints: list[JointPort] = []
+        self.feeds: dict[str, str] = {}
+        self.given = simulator
+        self.free = [n for n, p in simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
+        self.about = np.zeros(len(self.free))
         self._turning: dict[str, bool] = {}
         self._own: Active = []
 
@@ -134,10 +146,54 @@ class PortEvidence(ABC):
         self.weights = 1.0 / self.memory
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
-        self.free = [n for n, p in self.simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
         self.z0 = self._whitening.white(self.value / self.noise)
-        columns = [self.z({}, {name: 1.0}) - self.z0 for name in self.free]
-        self.J = np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+        self.J = self._slopes_of(1.0)
+        if self.free and self.refit and self._bends():
+            self._again()
+            self.value = self._residual(self._own, self.simulator.numbers)
+            self._kept.clear()
+            self.z0 = self._whitening.white(self.value / self.noise)
+            self.J = self._slopes_of(SMALL)
+
+    def _slopes_of(self, step: float) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each free parameter."""
+        columns = [(self._deviated(step * e) - self.z0) / step for e in np.eye(len(self.free))]
+        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def _deviated(self, x: np.ndarray) -> np.ndarray:
+        return self.z({}, dict(zip(self.free, map(float, x), strict=True)))
+
+    def _bends(self) -> bool:
+        """Begin from where wide tolerances fit best, if the way there is not straight; tell whether it was not."""
+        x, z, J = np.zeros(len(self.free)), self.z0, self.J
+        least = loglik(z, self.parts, self.weights)[0]
+        for _ in range(LAYINGS):
+            step = solve(z, J, -1.0 - self.about - x, 1.0 - self.about - x, self.parts, self.weights).x
+            for share in (1.0, 0.5, 0.25, 0.1):
+                there = self._deviated(x + share * step)
+                if (value := loglik(there, self.parts, self.weights)[0]) > least:
+                    break
+            else:
+                break
+            linear, moved = J @ (share * step), there - z
+            if _rms(moved - linear) <= STRAIGHT * _rms(linear):
+                break
+            x, z, least = x + share * step, there, value
+            J = np.column_stack([(self._deviated(x + SMALL * e) - z) / SMALL for e in np.eye(len(x))])
+        if not np.any(x):
+            return False
+        self._begin_from(x)
+        return True
+
+    def _begin_from(self, x: np.ndarray) -> None:
+        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
+        numbers = self.numbers(dict(zip(self.free, map(float, x), strict=True)))
+        self.simulator = self.simulator.with_(dict(zip(self.simulator.parameters, map(float, numbers), strict=True)))
+        self.about = self.about + x
+
+    @abstractmethod
+    def _again(self) -> None:
+        """Forget what was kept of the simulator with other parameters."""
 
     def _refuse_not_finite(self, residual: np.ndarray) -> None:
         bad = np.flatnonzero(~np.isfinite(residual))
@@ -311,8 +367,8 @@ class PortEvidence(ABC):
     def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
         """Return the parameters changed by multiples of their tolerances."""
         out = self.simulator.numbers
-        for k, (name, p) in enumerate(self.simulator.parameters.items()):
-            out[k] *= 1.0 + p.tolerance * (deviations or {}).get(name, 0.0)
+        for k, (name, p) in enumerate(self.given.parameters.items()):
+            out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
         return out
 
     def active(self, spec: Spec) -> Active:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,36 +26,19 @@ from ...simulators.catalogue import SignalSizes
 from ...simulators.integrate import Runner, substeps_for
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from ...simulators.structure import JointPort, joints_of, kinematic_pairs, pushes_of, some_instants
+from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from .direct import LEAST_WINDOWS
-from .ports import Active, PortEvidence, PortWindows
+from .ports import Active, PortWindows
 from .states import integral, roles_of
+from .stretches import ROUNDS, StretchEvidence, power
 
-FOLLOWS = 0.5
-"""Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
-ROUNDS = 6
-"""Rounds of fitting the initial states."""
 MOST_RUNS = 200
 """Runs that are kept for the case that they are asked for again."""
-SHORTEST = 24
-"""Least samples of a stretch."""
-_REACH = 10.0
+MOST_STATES = 12
+"""The same of simulators of states, whose runs are larger: enough for readings that faults of sensors change."""
 
 
-class Segment(NamedTuple):
-    """A piece of a run.
-
-    Parameters
-    ----------
-    first, stop : int
-        Its rows.
-    """
-
-    first: int
-    stop: int
-
-
-class ShootingEvidence(PortEvidence):
+class ShootingEvidence(StretchEvidence):
     """Residuals of predictions over stretches of a log.
 
     Parameters
@@ -67,11 +49,12 @@ class ShootingEvidence(PortEvidence):
         Of the form ``"ode"`` or ``"run"``.
     whole : bool, default=False
         Whether whole runs are predicted, however far they go astray.
+    refit : bool, default=False
+        Whether to begin from parameters that fit, see `PortEvidence`.
     """
 
-    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False) -> None:
-        super().__init__(log, simulator)
-        self.whole = whole
+    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
+        super().__init__(log, simulator, whole, refit)
         self._u = log.inputs(simulator)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
@@ -82,106 +65,11 @@ class ShootingEvidence(PortEvidence):
         self.substeps = 1
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
-        self._moved: dict[tuple[str, ...], np.ndarray] = {}
-        self._guess = np.array([simulator.port(s).start for s in simulator.states])
+        self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
         self._lay()
         self._look()
         self._blocks()
         self._settle()
-
-    # --- stretches ------------------------------------------------------------------------------------------
-    def _lay(self) -> None:
-        """Choose the longest stretches that the simulator can follow, and fit where each begins."""
-        longest = max(b - a for a, b in self.log.spans)
-        best: tuple[float, list[Segment], np.ndarray] | None = None
-        length = longest
-        while True:
-            self.stretches = self._cut(length)
-            x0 = self._fitted_starts()
-            missed = self._missed(x0)
-            if best is None or missed < 0.7 * best[0]:
-                best = missed, self.stretches, x0
-            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run" or self.whole:
-                break
-            length //= 2
-        _, self.stretches, self._x0 = best
-        length = max(s.stop - s.first for s in self.stretches)
-        whole = length >= longest
-        pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
-        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
-
-    def _cut(self, length: int) -> list[Segment]:
-        found = []
-        for a, b in self.log.spans:
-            count = max(1, round((b - a) / length))
-            edges = np.linspace(a, b, count + 1).astype(int)
-            found += [Segment(int(x), int(y)) for x, y in pairwise(edges)]
-        return found
-
-    def _starts(self) -> np.ndarray:
-        """Return first guesses of the initial states: what was measured, else where runs start."""
-        x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
-        for k, state in enumerate(self.simulator.states):
-            if state in self.log.channels:
-                x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
-        return x0
-
-    def _fitted_starts(self) -> np.ndarray:
-        x0 = self._starts()
-        if not len(x0):
-            return x0
-        error = self._error(x0)
-        for _ in range(ROUNDS):
-            slopes = self._slopes(x0)
-            trial = x0 + self._shift(slopes, error)
-            found = self._error(trial)
-            better = np.array([np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)])
-            if not better.any():
-                break
-            x0 = np.where(better, trial, x0)
-            error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
-        return x0
-
-    def _missed(self, x0: np.ndarray) -> float:
-        """Return the largest share of a signal's deviation that predictions miss."""
-        error = np.concatenate(self._error(x0), axis=1)
-        worst = 0.0
-        for row, name in zip(error, self.shown, strict=True):
-            size = float(np.std(self.log.channels[name])) or 1.0
-            worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
-        return worst if np.isfinite(worst) else np.inf
-
-    def _error(self, x0: np.ndarray) -> list[np.ndarray]:
-        """Return what predictions miss, in units of each channel's noise, shape (n_shown, length) a stretch."""
-        predicted = self._predict(x0, [], self.simulator.numbers)
-        return [
-            np.stack([self.log.channels[n][s.first : s.stop] - p for n, p in zip(self.shown, rows, strict=True)])
-            / np.array([self.sigma[n] for n in self.shown])[:, None]
-            for s, rows in zip(self.stretches, predicted, strict=True)
-        ]
-
-    def _slopes(self, x0: np.ndarray) -> list[np.ndarray]:
-        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
-        base = self._error(x0)
-        found = [np.zeros((len(x0), *e.shape)) for e in base]
-        for k in range(len(x0)):
-            step = 1e-4 * (np.max(np.abs(x0[k])) or 1.0)
-            moved = x0.copy()
-            moved[k] += step
-            for j, error in enumerate(self._error(moved)):
-                found[j][k] = (base[j] - error) / step
-        return found
-
-    def _shift(self, slopes: list[np.ndarray], error: list[np.ndarray]) -> np.ndarray:
-        """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""
-        columns = []
-        for slope, e in zip(slopes, error, strict=True):
-            A = slope.reshape(len(slope), -1)
-            size = np.sqrt(np.sum(np.square(A), axis=1))
-            size = np.where(size > 0.0, size, 1.0)
-            H = (A / size[:, None]) @ (A / size[:, None]).T + 1e-9 * np.eye(len(A))
-            columns.append(np.linalg.solve(H, A @ np.nan_to_num(e).ravel() / size) / size)
-        return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
 
     # --- prediction -----------------------------------------------------------------------------------------
     def _predict(
@@ -206,14 +94,30 @@ class ShootingEvidence(PortEvidence):
             states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
         else:
             states, outputs = self._simulate(x0, u, p, [(pl, m) for pl, m in active if pl.acts])
-        found = []
+        found = self._shown(states, outputs, shown)
+        for place, made in active:
+            if place.enters == "output" and place.at in shown:
+                k = list(shown).index(place.at)
+                for rows in found:
+                    rows[k] = place.reading(made, rows[k], log.dt, np.array([0]))
+        return found
+
+    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
+        if self.simulator.form != "ode":
+            return [self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)]
+        many = len(starts)
+        wide = [np.repeat(p[:, None], self.log.n, axis=1) for p in numbers]
+        states, outputs = self._simulate(np.hstack(starts), self._u, np.stack(wide), [], many)
+        rows = self._shown(states, outputs, self.shown)
+        return [rows[k * len(self.stretches) : (k + 1) * len(self.stretches)] for k in range(many)]
+
+    def _shown(self, states: list[np.ndarray], outputs: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
+        """Return the channels that are wanted, of what was simulated."""
+        names, found = (*self.simulator.outputs, *self.simulator.states), []
         for x, y in zip(states, outputs, strict=True):
-            signals = dict(zip((*simulator.outputs, *simulator.states), (*y, *x), strict=False))
-            rows = {n: np.asarray(signals[n], dtype=float) for n in shown}
-            for place, made in active:
-                if place.enters == "output" and place.at in rows:
-                    rows[place.at] = place.reading(made, rows[place.at], log.dt, np.array([0]))
-            found.append(np.stack([rows[n] for n in shown]))
+            signals = dict(zip(names, (*y, *x), strict=False))
+            found.append(np.stack([np.asarray(signals[n], dtype=float) for n in shown]))
         return found
 
     def _force(self, place: Placement, made: Effect) -> np.ndarray:
@@ -251,22 +155,32 @@ class ShootingEvidence(PortEvidence):
         return self._kept_runs[key]
 
     def _simulate(
-        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
+        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
+        key = hash((x0.tobytes(), u.tobytes(), p.tobytes(), repr([(a.key, m.values) for a, m in acting])))
+        if key in self._kept_states:
+            return self._kept_states[key]
         simulator, log = self.simulator, self.log
         length = max(s.stop - s.first for s in self.stretches)
         rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
-        t, drive, numbers = log.t[rows], np.moveaxis(u[:, rows], 0, 1), np.moveaxis(p[:, rows], 0, 1)
+        copies = p[None] if p.ndim == 2 else p
+        t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
+        numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
         runner = Runner(simulator, log.dt, self.joints, self.substeps)
         x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
-        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(self.stretches)]
-        if not simulator.outputs:
-            return states, [np.zeros((0, s.stop - s.first)) for s in self.stretches]
-        outputs = []
-        for s, own in zip(self.stretches, states, strict=True):
-            at = slice(s.first, s.stop)
-            with np.errstate(all="ignore"):
-                outputs.append(simulator.output(log.t[at], own, u[:, at], p[:, at]))
+        self.simulated += many
+        stretches = self.stretches * many
+        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
+        outputs = [np.zeros((0, s.stop - s.first)) for s in stretches]
+        if simulator.outputs:
+            for k, (s, own) in enumerate(zip(stretches, states, strict=True)):
+                at = slice(s.first, s.stop)
+                with np.errstate(all="ignore"):
+                    outputs[k] = simulator.output(log.t[at], own, u[:, at], copies[k // len(self.stretches)][:, at])
+        while len(self._kept_states) >= MOST_STATES:
+            self._kept_states.pop(next(iter(self._kept_states)))
+        self._kept_states[key] = states, outputs
         return states, outputs
 
     def _look(self) -> None:
@@ -293,7 +207,14 @@ class ShootingEvidence(PortEvidence):
         pairs = kinematic_pairs(simulator, log.t[at], x, u)
         self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
         self.joints = joints_of(simulator, pairs, self.pushes)
+        self.feeds = fed_by(simulator, log.t[at], x, u)
         self._rates = simulator.rate(log.t, self._states, self._u, p)
+
+    def _again(self) -> None:
+        """Forget what was kept of the simulator with other parameters."""
+        self._x0 = self._fitted_starts()
+        self._moved.clear()
+        self._blocks()
 
     # --- residuals ------------------------------------------------------------------------------------------
     def _blocks(self) -> None:
@@ -339,7 +260,7 @@ class ShootingEvidence(PortEvidence):
             # The initial states that fit best under the change, not only to first order.
             predicted = self._predict(x0 + shift, active, numbers)
             again = self._left(readings, predicted)
-            if _power(again) < 4.0 * _power(left):
+            if power(again) < 4.0 * power(left):
                 x0, left = x0 + shift, again
             shift = self._explained(left)
         if changed and channels is None and shift.size:
@@ -360,7 +281,7 @@ class ShootingEvidence(PortEvidence):
         """Tell whether a change of the initial states is more than noise would make of it, so that first order errs."""
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
         moved = [np.tensordot(shift[:, k], self._O[k], axes=1) / sigma for k in range(len(left))]
-        return _power(moved) > sum(m.size for m in moved)
+        return power(moved) > sum(m.size for m in moved)
 
     def _explained(self, left: list[np.ndarray]) -> np.ndarray:
         """Return the changes of the initial states that explain most of what is left."""
@@ -418,9 +339,8 @@ class ShootingEvidence(PortEvidence):
         lengths = [(b - a) * log.dt for a, b in log.spans]
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
         lows = {name: float(np.min(x)) for name, x in signals.items()}
-        return SignalSizes(
-            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, float(np.median(lengths)), log.dt
-        )
+        length = float(np.median(lengths))
+        return SignalSizes(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds)
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
         """Return how large a constant input would have to be to make a gap like the one that is there."""
@@ -474,7 +394,3 @@ class ShootingEvidence(PortEvidence):
         if self.simulator.form != "ode":
             found = {k: v for k, v in found.items() if v in self.simulator.inputs}
         return found
-
-
-def _power(parts: list[np.ndarray]) -> float:
-    return float(sum(np.sum(np.square(x)) for x in parts))

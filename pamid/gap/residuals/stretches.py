@@ -1,0 +1,220 @@
+"""Stretches of a log that a simulator can follow, and the initial states that fit them best."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.port_log import PortLog
+from .ports import LAYINGS, PortEvidence
+
+FOLLOWS = 0.5
+"""Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
+ROUNDS = 6
+"""Rounds of fitting the initial states."""
+SHORTEST = 24
+"""Least samples of a stretch."""
+
+
+class Segment(NamedTuple):
+    """A piece of a run.
+
+    Parameters
+    ----------
+    first, stop : int
+        Its rows.
+    """
+
+    first: int
+    stop: int
+
+
+class StretchEvidence(PortEvidence):
+    """What predictions over stretches of a log need: where those begin and end, and their initial states.
+
+    Parameters
+    ----------
+    log : PortLog
+        The log.
+    simulator : Simulator
+        Of the form ``"ode"`` or ``"run"``.
+    whole : bool, default=False
+        Whether whole runs are predicted, however far they go astray.
+    refit : bool, default=False
+        Whether to begin from parameters that fit, see `PortEvidence`.
+    """
+
+    shown: list[str]
+    sigma: dict[str, float]
+
+    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
+        super().__init__(log, simulator, refit)
+        self.whole = whole
+        self.stretches: list[Segment] = []
+        self._x0 = np.zeros((len(simulator.states), 0))
+        self._moved: dict[tuple[str, ...], np.ndarray] = {}
+        self._guess = np.array([simulator.port(s).start for s in simulator.states])
+
+    @abstractmethod
+    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
+
+    def _lay(self) -> None:
+        """Choose the longest stretches that the simulator can follow, and fit where each begins."""
+        longest = max(b - a for a, b in self.log.spans)
+        best: tuple[float, list[Segment], np.ndarray] | None = None
+        length = longest
+        while True:
+            self.stretches = self._cut(length)
+            x0 = self._fitted_starts()
+            missed = self._missed(self._error(x0))
+            if missed >= FOLLOWS and length == longest and self.free and self.refit:
+                there, x, others = self._refitted(x0)
+                if there < FOLLOWS:
+                    self._begin_from(x)
+                    missed, x0 = there, others
+            if best is None or missed < 0.7 * best[0]:
+                best = missed, self.stretches, x0
+            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run" or self.whole:
+                break
+            length //= 2
+        _, self.stretches, self._x0 = best
+        length = max(s.stop - s.first for s in self.stretches)
+        whole = length >= longest
+        pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
+        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
+
+    def _cut(self, length: int) -> list[Segment]:
+        found = []
+        for a, b in self.log.spans:
+            count = max(1, round((b - a) / length))
+            edges = np.linspace(a, b, count + 1).astype(int)
+            found += [Segment(int(x), int(y)) for x, y in pairwise(edges)]
+        return found
+
+    def _starts(self) -> np.ndarray:
+        """Return first guesses of the initial states: what was measured, else where runs start."""
+        x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
+        for k, state in enumerate(self.simulator.states):
+            if state in self.log.channels:
+                x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
+        return x0
+
+    def _fitted_starts(self) -> np.ndarray:
+        x0 = self._starts()
+        if not len(x0):
+            return x0
+        error = self._error(x0)
+        for _ in range(ROUNDS):
+            slopes = self._slopes(x0)
+            trial = x0 + self._shift(slopes, error)
+            found = self._error(trial)
+            better = np.array([np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)])
+            if not better.any():
+                break
+            x0 = np.where(better, trial, x0)
+            error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
+        return x0
+
+    def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return what predictions miss once tolerances are fitted with the initial states, and both.
+
+        A simulator whose numbers are hardly known may follow a log only with others. Levenberg–Marquardt, the initial
+        states projected out of what numbers change.
+        """
+        x, d, damping = x0, np.zeros(len(self.free)), 1e-2
+        error = self._error(x)
+        for _ in range(LAYINGS):
+            slopes = self._slopes(x, self._numbers_at(d))
+            steps = [self._numbers_at(d + e) for e in 0.01 * np.eye(len(d))]
+            there = self._errors([x] * len(steps), steps)
+            moved = [[(a - b) / 0.01 for a, b in zip(error, t, strict=True)] for t in there]
+            columns = [np.stack([m[k] for m in moved]).reshape(len(d), -1) for k in range(len(error))]
+            A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
+            left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
+            size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
+            for _ in range(4):
+                H = (A / size[:, None]) @ (A / size[:, None]).T + damping * np.eye(len(d))
+                trial = np.clip(d + np.linalg.solve(H, A @ left / size) / size, -1.0, 1.0)
+                changed = [
+                    np.tensordot(trial - d, c, axes=1).reshape(e.shape) for c, e in zip(columns, error, strict=True)
+                ]
+                rest = [e - c for e, c in zip(error, changed, strict=True)]
+                start = x + self._shift(slopes, rest)
+                found = self._error(start, self._numbers_at(trial))
+                if power(found) < power(error):
+                    break
+                damping *= 10.0
+            else:
+                break
+            gain, x, d, error = 1.0 - power(found) / power(error), start, trial, found
+            damping *= 0.1
+            if gain < 0.01:
+                break
+        return self._missed(error), d, x
+
+    def _numbers_at(self, x: np.ndarray) -> np.ndarray:
+        return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
+
+    def _missed(self, error: list[np.ndarray]) -> float:
+        """Return the largest share of a signal's deviation that predictions miss."""
+        worst = 0.0
+        for row, name in zip(np.concatenate(error, axis=1), self.shown, strict=True):
+            size = float(np.std(self.log.channels[name])) or 1.0
+            worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
+        return worst if np.isfinite(worst) else np.inf
+
+    def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
+        """Return what predictions miss, in units of each channel's noise, shape (n_shown, length) a stretch."""
+        return self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0]
+
+    def _errors(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """Return the same for several initial states and numbers, which are simulated together."""
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        measured = [np.stack([self.log.channels[n][s.first : s.stop] for n in self.shown]) for s in self.stretches]
+        return [
+            [(y - rows) / sigma for y, rows in zip(measured, predicted, strict=True)]
+            for predicted in self._predict_many(starts, numbers)
+        ]
+
+    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
+        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
+        numbers = self.simulator.numbers if numbers is None else numbers
+        steps = [1e-4 * (float(np.max(np.abs(row))) or 1.0) for row in x0]
+        starts = [x0 + h * e[:, None] for h, e in zip(steps, np.eye(len(x0)), strict=True)]
+        base, *moved = self._errors([x0, *starts], [numbers] * (len(x0) + 1))
+        return [
+            np.stack([(base[j] - m[j]) / h for m, h in zip(moved, steps, strict=True)])
+            if steps
+            else np.zeros((0, *base[j].shape))
+            for j in range(len(base))
+        ]
+
+    def _shift(self, slopes: list[np.ndarray], error: list[np.ndarray]) -> np.ndarray:
+        """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""
+        columns = []
+        for slope, e in zip(slopes, error, strict=True):
+            A = slope.reshape(len(slope), -1)
+            size = np.sqrt(np.sum(np.square(A), axis=1))
+            size = np.where(size > 0.0, size, 1.0)
+            H = (A / size[:, None]) @ (A / size[:, None]).T + 1e-9 * np.eye(len(A))
+            columns.append(np.linalg.solve(H, A @ np.nan_to_num(e).ravel() / size) / size)
+        return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
+
+
+def beside(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return rows without what initial states would explain of them."""
+    O = slopes.reshape(len(slopes), -1)  # noqa: E741 - as in the module's formula
+    size = np.sqrt(np.sum(np.square(O), axis=1))
+    Q = np.linalg.qr((O[size > 0.0] / size[size > 0.0, None]).T)[0]
+    return rows - (rows @ Q) @ Q.T
+
+
+def power(parts: Sequence[np.ndarray]) -> float:
+    """Return the sum of all squares."""
+    return float(sum(np.sum(np.square(x)) for x in parts))
