@@ -215,9 +215,10 @@ def test_every_import_is_declared() -> None:
     optional = PROJECT["project"]["optional-dependencies"]
     extras = {
         re.split(r"[<>=!\[ ]", d)[0].lower()
-        for n in ("export", "distributed", "mujoco", "control")
+        for n in ("export", "distributed", "mujoco", "control", "robot")
         for d in optional[n]
     }
+    extras |= {"mcap_ros2"}  # of mcap-ros2-support
     used = {m.partition(".")[0] for p in LIBRARY for m, _ in imports(p)}
     foreign = used - set(sys.stdlib_module_names) - {"pamid", "estimators"}
     brought_along = {"joblib"}  # by scikit-learn

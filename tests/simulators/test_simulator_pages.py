@@ -204,6 +204,17 @@ def test_a_crash_or_a_hang_of_an_fmu_is_an_error(
     assert process.poll() is not None
 
 
+def test_an_fmu_gets_no_more_memory_than_its_limit(muscle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pamid.simulators import fmu_model
+
+    code = "from pamid.simulators.fmu_worker import _limited; _limited(2**29); bytearray(2**30)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.returncode == 1 and "MemoryError" in found.stderr
+    monkeypatch.setattr(fmu_model, "BYTES", 2**26)  # less than Python and numpy need: what fails there is told
+    with pytest.raises(PamidError, match=r"failed to map|ended its process|MemoryError"):
+        FmuSimulator(muscle, trust=True)
+
+
 def test_an_fmu_is_diagnosed_by_its_runs(muscle: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rng, fmu, runs = np.random.default_rng(0), FmuSimulator(muscle, trust=True), []
     for k in range(3):
