@@ -329,7 +329,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     @property
     def volume_(self) -> VolumeModel:
         """The identified volume: anything with ``jet(state)``."""
-        check_is_fitted(self, "weights_")
+        self._check_fitted("weights_")
         network = NeuralVolume(self.weights_, self.input_scale_, self.volume_scale_, self.activation)
         return network if self.anchor_ is None else AnchoredVolume(self.anchor_, network)
 
@@ -381,7 +381,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             return
         x = X[:, [self.signal_columns_[name] for name in STATE_SIGNALS]]
         margin = MARGIN * (seen[1] - seen[0])
-        outside = (x < seen[0] - margin) | (x > seen[1] + margin)
+        outside = np.abs(x - 0.5 * (seen[0] + seen[1])) > 0.5 * (seen[1] - seen[0]) + margin
         if outside.any() and np.mean(outside.any(axis=1)) > OUTSIDE:
             worst = int(np.argmax(outside.sum(axis=0)))
             warnings.warn(

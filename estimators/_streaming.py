@@ -42,6 +42,11 @@ class StreamMemory:
     _changes: ClassVar[bool] = True
     """Whether a change of the stream is looked for."""
 
+    @property
+    def _own(self) -> Any:
+        """The estimator that this is mixed into."""
+        return self
+
     # --- the memory ---------------------------------------------------------------------------------------------
     def _remember(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> None:
         """Begin a memory with the rows of a fit."""
@@ -61,7 +66,8 @@ class StreamMemory:
     def _partial_fit_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Self:
         if not hasattr(self, "_memory"):
             given = {"sample_weight": sample_weight, "groups": groups}
-            return self.fit(X, y, **{k: v for k, v in given.items() if v is not None})  # type: ignore[attr-defined]
+            self._own.fit(X, y, **{k: v for k, v in given.items() if v is not None})
+            return self
         batch, grouped = self._stream_rows(X, y, sample_weight, groups)
         if not (batch.weight > 0).any():
             return self
@@ -98,7 +104,7 @@ class StreamMemory:
         given.pop("sample_weight", None)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            off = np.reshape(self.predict(X, **given) - y, batch.y.shape)  # type: ignore[attr-defined]
+            off = np.reshape(self._own.predict(X, **given) - y, batch.y.shape)
         error = mean_square(off)
         ratio = unforeseen(errors, error) if overlap(old, batch, self._signal_positions()) else 1.0
         return ratio, (np.vstack([errors, error]) if ratio <= CHANGED else errors)
@@ -131,7 +137,7 @@ class StreamMemory:
         X, y, given = self._arguments(rows, grouped)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExcitationWarning)  # told of the batch that it is true of, when it came
-            self.fit(X, y, **given)  # type: ignore[attr-defined]
+            self._own.fit(X, y, **given)
 
     def _arguments(self, rows: Rows, grouped: bool) -> tuple[Any, Any, dict[str, Any]]:
         """Return remembered rows as ``fit`` takes them."""
@@ -165,7 +171,7 @@ class StreamMemory:
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         from sklearn.utils.validation import column_or_1d
 
-        table, y = self._read(X, y, reset=False)  # type: ignore[attr-defined]
+        table, y = self._own._read(X, y, reset=False)
         return table, column_or_1d(y).astype(float)[:, None]
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
@@ -175,7 +181,7 @@ class StreamMemory:
 
     def _signal_positions(self) -> list[int]:
         """Columns of X in which neighbours are looked for: all signals but the time."""
-        columns: dict[str, int] = self.signal_columns_  # type: ignore[attr-defined]
+        columns: dict[str, int] = self._own.signal_columns_
         return sorted({k for name, k in columns.items() if name != "time"}) or [0]
 
     def _memory_columns(self, rows: Rows) -> bool:
@@ -198,7 +204,7 @@ class StreamMemory:
         return 1.0
 
     def _weighs(self) -> bool:
-        return "sample_weight" in inspect.signature(self.fit).parameters  # type: ignore[attr-defined]
+        return "sample_weight" in inspect.signature(self._own.fit).parameters
 
 
 class Streaming(StreamMemory):

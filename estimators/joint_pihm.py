@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from sklearn.metrics import r2_score
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.laws.base import Law
@@ -183,7 +182,7 @@ class JointPIHM(HybridModel):
         ndarray, shape (n_samples, 2), or (n_samples,) after a fit on force alone
             Force, N, and mass flow, kg/s.
         """
-        check_is_fitted(self, "weights_")
+        self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
         out = self._predict(table)
         return out if self.n_targets_ == 2 else out[:, 0]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.laws.quasi_static import QuasiStaticForce
@@ -176,7 +176,7 @@ class StaticPIHM(HybridModel):
         ndarray, shape (n_samples,)
             Force, N.
         """
-        check_is_fitted(self, "weights_")
+        self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
         return self._predict(table)[:, 0]
 

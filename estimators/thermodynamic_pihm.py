@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.laws.thermodynamic import ThermodynamicFlow
@@ -187,7 +187,7 @@ class ThermodynamicPIHM(HybridModel):
         ndarray, shape (n_samples,)
             Mass flow, kg/s.
         """
-        check_is_fitted(self, "weights_")
+        self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
         return self._predict(table)[:, 0]
 

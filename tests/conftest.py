@@ -24,6 +24,12 @@ def slow_tests() -> set[str]:
     return {line for line in lines if line and not line.startswith("#")}
 
 
+def _short(item: pytest.Item) -> str:
+    """Return the name of a test with its file, without the folder, which it may leave for another."""
+    folder, _, name = item.nodeid.partition("::")
+    return f"{folder.rpartition('/')[2]}::{name}"
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--renew-slow", action="store_true", help="measure the tests that run, and list the slow ones anew"
@@ -34,7 +40,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of the list, which stands apart from them so that it can be measured anew."""
     known = slow_tests()
     for item in items:
-        if item.nodeid in known:
+        if _short(item) in known:
             item.add_marker(pytest.mark.slow)
 
 
@@ -48,7 +54,7 @@ def _cpu_seconds() -> float:
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     start = _cpu_seconds()
     result = yield
-    item.config.stash.setdefault(_TIMES, {})[item.nodeid] = _cpu_seconds() - start
+    item.config.stash.setdefault(_TIMES, {})[_short(item)] = _cpu_seconds() - start
     return result
 
 

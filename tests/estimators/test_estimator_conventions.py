@@ -62,6 +62,26 @@ def test_an_output_is_what_set_output_asks_for(rows, asked, kind):
     assert type(out) is kind
 
 
+def test_one_row_is_read_by_name_whatever_was_read_before(rows):
+    """Columns that were found right once are known again by identity; others, and what is not finite, are looked at."""
+    table = rows[["eps", "P"]].astype(float)
+    model = PolynomialForce(2).fit(table, rows["P"] * 1e-3)
+    expected = model.predict(table)
+    for k in (0, 5):
+        assert model.predict(table.iloc[[k]]) == pytest.approx(expected[[k]])
+        assert model.predict(table.iloc[[k]][["P", "eps"]].reindex(columns=["eps", "P"])) == pytest.approx(
+            expected[[k]]
+        )
+    with pytest.raises(ValueError, match="feature names"):
+        model.predict(table.iloc[[5]][["P", "eps"]])
+    with pytest.raises(ValueError, match="feature names"):
+        model.predict(table.iloc[[5]].rename(columns={"P": "p_gauge"}))
+    for bad in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=r"NaN|infinity"):
+            model.predict(table.iloc[[5]].assign(P=bad))
+    assert model.predict(table.iloc[[5]]) == pytest.approx(expected[[5]])
+
+
 def test_a_setting_on_the_command_line_is_that_of_python():
     made = make_estimator("PolynomialForce(surface)", {}, {"rest_length": 0.2}, None)
     assert made.get_params() == PolynomialForce(form="surface").get_params()
