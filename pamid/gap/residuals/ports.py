@@ -23,7 +23,7 @@ from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
 from .single import UNTURNED, _memory
 from .states import integral
-from .whitening import Whitening
+from .whitening import Whitening, smoothed
 
 Active = list[tuple[Placement, Any]]
 """Effects with their values, made: what acts at which port."""
@@ -262,7 +262,7 @@ class PortEvidence(ABC):
             power = np.mean(np.square(drawn[:, part]), axis=0)
             for run in np.unique(self.run[part]):
                 mine = self.run[part] == run
-                power[mine] = _smooth(power[mine], NEAR)
+                power[mine] = smoothed(power[mine], NEAR)
             typical = float(np.median(power)) if len(power) else 0.0
             least = max(0.04 * typical, (_LEAST * _rms(self.value[part])) ** 2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
@@ -491,11 +491,3 @@ class PortEvidence(ABC):
 
 def _rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0
-
-
-def _smooth(power: np.ndarray, near: int) -> np.ndarray:
-    """Return means over neighbours, fewer at the ends."""
-    sums = np.concatenate([[0.0], np.cumsum(power)])
-    at = np.arange(len(power))
-    low, high = np.maximum(at - near, 0), np.minimum(at + near + 1, len(power))
-    return (sums[high] - sums[low]) / (high - low)

@@ -81,3 +81,19 @@ class Whitening:
                     total[k:] += (factor[k, :-k] * x[:-k].T).T
             out[part] = total
         return out
+
+
+def smoothed(power: np.ndarray, near: int) -> np.ndarray:
+    """Return means over neighbours to either side, fewer at the ends.
+
+    Parameters
+    ----------
+    power : array, shape (n,)
+        Values in order.
+    near : int
+        Neighbours to either side.
+    """
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    at = np.arange(len(power))
+    low, high = np.maximum(at - near, 0), np.minimum(at + near + 1, len(power))
+    return (sums[high] - sums[low]) / (high - low)
