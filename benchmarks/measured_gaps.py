@@ -24,6 +24,7 @@ from pamid.systems.muscle import Muscle
 MAPPINGS = Path(__file__).parent.parent / "docs" / "mappings"
 AREA = np.pi / 4 * 0.025**2
 EVERYTHING = "all"  # the whole library
+UNITS_OF_THE_SERVO = {"target": "V", "position": "rad", "pressure": "V"}
 
 
 def log_of(files: list[Path], mapping: str) -> pd.DataFrame:
@@ -78,7 +79,11 @@ def cylinder(folder: Path, plots: Path | None) -> None:
     thin = log.iloc[::6].reset_index(drop=True)
     nominal = lambda X: AREA * X["p"].to_numpy()  # noqa: E731
     found = GapDiagnoser(
-        nominal, EVERYTHING, signals={"time": "time", "position": "x", "pressure": "p"}, random_state=0
+        nominal,
+        EVERYTHING,
+        signals={"time": "time", "position": "x", "pressure": "p"},
+        units={"target": "N", "position": "m", "pressure": "Pa"},
+        random_state=0,
     )
     found.fit(thin[["time", "x", "p"]], thin["F"], groups=thin["trajectory"])
     tell("Cylinder, all pressures, nominal F = P A", found)
@@ -104,6 +109,7 @@ def chambers(folder: Path, plots: Path | None) -> None:
             sense=-1,
             one_trajectory=True,
             signals=roles,
+            units={"target": "Pa/s", "pressure": "Pa"},
             random_state=0,
         ).fit(X, y)
         seconds = block["time"].iloc[-1] - block["time"].iloc[0]
@@ -137,7 +143,9 @@ def servo(folder: Path, plots: Path | None) -> None:
     table = table[kept].iloc[::2]
     roles = {"time": "time", "position": "q", "velocity": "dq", "pressure": "load"}
     for what, title in (("bare", "inertia and gravity"), ("gap", "inertia, gravity, Coulomb and viscous friction")):
-        found = GapDiagnoser(None, EVERYTHING, equation="torque", sense=-1, signals=roles, random_state=0)
+        found = GapDiagnoser(
+            None, EVERYTHING, equation="torque", sense=-1, signals=roles, units=UNITS_OF_THE_SERVO, random_state=0
+        )
         found.fit(table[["time", "q", "dq", "load"]], table[what], groups=table["run"])
         tell(f"Servo, beyond {title} (drive in V; 'pressure' is the load by gravity)", found)
     if plots:
@@ -225,6 +233,29 @@ def gaps(log: pd.DataFrame, plots: Path) -> None:
     picture(plots / "measured-festo.svg", title, "gauge pressure / bar", "F / N", lines)
 
 
+def piezo(folder: Path, plots: Path | None) -> None:
+    names = ["row", "time", "x", "drive"]
+    log = pd.read_csv(folder / "hysteresis_v_150_1hz.csv", header=None, names=names).iloc[::10].reset_index(drop=True)
+    line = np.polyfit(log["drive"], log["x"], 1)
+    print(f"\nPiezo stage: x / um = {line[0]:.4f} drive / V {line[1]:+.3f}")
+    roles, units = {"time": "time", "position": "drive"}, {"target": "um", "position": "V"}
+    found = GapDiagnoser(
+        lambda T: np.polyval(line, T["drive"]),
+        EVERYTHING,
+        signals=roles,
+        units=units,
+        one_trajectory=True,
+        random_state=0,
+    )
+    found.fit(log[["time", "drive"]], log["x"])
+    tell("Piezo stage, nominal: gain and offset", found)
+    if plots:
+        last = log[log["time"] > log["time"].max() - 1.0]
+        error = last["x"] - np.polyval(line, last["drive"])
+        lines = [("last cycle", last["drive"], error, None)]
+        picture(plots / "measured-piezo.svg", "piezo stage: displacement less its gain", "drive / V", "gap / um", lines)
+
+
 def picture(path: Path, title: str, x: str, y: str, lines: list) -> None:
     import matplotlib
 
@@ -249,6 +280,7 @@ STUDIES = {
     "cylinder": (cylinder, "pneumatic_cylinder"),
     "chambers": (chambers, "pneumatic_cylinder"),
     "servo": (servo, "servo_pendulum"),
+    "piezo": (piezo, "piezo"),
     "festo": (festo, "festo_muscles/10mm"),
 }
 
