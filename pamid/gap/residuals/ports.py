@@ -21,6 +21,7 @@ from ...simulators.structure import JointPort
 from ..inference.student_t import loglik, solve
 from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
+from .settled import Settled
 from .single import UNTURNED, _memory
 from .states import integral
 from .whitening import Whitening, smoothed
@@ -70,7 +71,7 @@ class PortWindows(NamedTuple):
     measured: np.ndarray
 
 
-class PortEvidence(ABC):
+class PortEvidence(Settled, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals come about.
@@ -412,18 +413,6 @@ class PortEvidence(ABC):
         except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
             return []
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
-
-    def freedom(self, spec: Spec) -> float:
-        """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
-        return 0.0
-
-    def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect hold beside any."""
-        return None
-
-    def widening(self, spec: Spec) -> np.ndarray | None:
-        """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
-        return None
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return how wide the noise is under effects that are undone in readings, as a share; None without such.
