@@ -119,7 +119,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         ``coloured``: root mean square correlation of what is left with its own past, where that is most.
         ``disagreeing``, ``uneven``: spread of the factors over runs, and over halves of the state, of the cause for
         which it is largest.
-        ``split``, ``paced``: the same over equations, and over slow and fast changes, octave by octave.
+        ``paced``: the same over slow and fast changes, octave by octave.
         ``uncertain``: half of the 90 % interval of the least certain factor.
         ``rivalled``: gain of the best set that lacks one of the causes, as a share of that of all.
         ``many``: number of causes beyond the first; four count as all.
@@ -168,14 +168,15 @@ def _of_factors(
     weight = np.empty(len(fit.z))
     for part, s, share in zip(evidence.parts, fit.scales, competition.fitter.weights, strict=True):
         weight[part] = share * (NU + 1.0) / (NU + np.square(fit.z[part] / s)) / s**2
-    found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0, "split": 0.0, "paced": 0.0}
+    found = {"disagreeing": 0.0, "uneven": 0.0, "uncertain": 0.0, "paced": 0.0}
     for whole in contributions.values():
-        d = whole - J @ np.linalg.lstsq(J, whole, rcond=None)[0] if J.shape[1] else whole
+        # A cause beyond the tolerance of the same parameter is what goes beyond it, and is not taken up by it.
+        others = J[:, ~np.isclose(_cosines(J, whole), 1.0, atol=1e-2)]
+        d = whole - others @ np.linalg.lstsq(others, whole, rcond=None)[0] if others.shape[1] else whole
         information, score = weight * d * d, -weight * d * fit.z
         runs = _summed(evidence.block, information, score)
         found["disagreeing"] = max(found["disagreeing"], runs.spread)
         found["uncertain"] = max(found["uncertain"], runs.half)
-        found["split"] = max(found["split"], _summed(_equation(evidence), information, score).spread)
         found["paced"] = max(found["paced"], _over_rates(evidence, np.sqrt(weight) * d, np.sqrt(weight) * fit.z).spread)
         for x in evidence.state.values():
             known = np.isfinite(x)
@@ -184,6 +185,12 @@ def _of_factors(
                 halves = _summed((x[known] > middle).astype(int), information[known], score[known])
                 found["uneven"] = max(found["uneven"], halves.spread)
     return found
+
+
+def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return how nearly each column goes the way of a vector, from 0 to 1."""
+    size = np.sqrt(np.sum(np.square(A), axis=0) * float(x @ x))
+    return np.asarray(np.abs(x @ A) / np.maximum(size, 1e-300))
 
 
 def _summed(label: np.ndarray, information: np.ndarray, score: np.ndarray) -> Agreement:
