@@ -26,7 +26,7 @@ class Slack(Effect):
     Examples
     --------
     >>> from pamid.effects import make_effect
-    >>> bool(make_effect("slack", rounding=20).measure(-200.0, None) < 1)  # N: nothing is pushed
+    >>> bool(make_effect("slack", rounding=20, rest=0).measure(-200.0, None) < 1)  # N: nothing is pushed
     True
     """
 

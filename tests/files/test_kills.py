@@ -447,7 +447,8 @@ def no_room(name: str, bench: Path, results: Callable[[str, str], Path], tmp_pat
     largest = max(f.stat().st_size for f in results(name, "new").iterdir())
     for size in (0, 100, 9 * largest // 10):  # a model file has some bytes more or less each time
         prepared(out, results(name, "old"), False)
-        assert killed_in_write(argv, size) == -signal.SIGXFSZ
+        # A compiler that the command starts may be the one that is killed; the command then says so.
+        assert killed_in_write(argv, size) in ((-signal.SIGXFSZ, 2) if name == "export-fmu" else (-signal.SIGXFSZ,))
         assert check_whole(out, old, new, argv) == "old"
         for draft in tmp_path.glob(".pamid-*"):  # nobody is left to remove it
             shutil.rmtree(draft)
