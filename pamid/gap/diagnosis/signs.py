@@ -28,7 +28,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, lanes
 from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 
@@ -199,9 +199,9 @@ def _summed(label: np.ndarray, information: np.ndarray, score: np.ndarray) -> Ag
 
 def _over_rates(evidence: ResidualSource, d: np.ndarray, z: np.ndarray) -> Agreement:
     """Return how well slow and fast changes agree on the factor of a contribution, octave by octave (Haar)."""
-    order = np.lexsort((evidence.time, evidence.side, evidence.run, _equation(evidence)))
-    lane = ((_equation(evidence) * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side)[order]
-    d, z = d[order], z[order]
+    lane = lanes(evidence)
+    order = np.lexsort((evidence.time, lane))
+    lane, d, z = lane[order], d[order], z[order]
     information, score = [], []
     for _ in range(OCTAVES):
         even = len(d) // 2 * 2
@@ -214,11 +214,6 @@ def _over_rates(evidence: ResidualSource, d: np.ndarray, z: np.ndarray) -> Agree
     information.append(float(d @ d))
     score.append(-float(d @ z))
     return agreement(np.array(information), np.array(score))
-
-
-def _equation(evidence: ResidualSource) -> np.ndarray:
-    """Return the place of each window's equation."""
-    return np.repeat(np.arange(len(evidence.parts)), [part.stop - part.start for part in evidence.parts])
 
 
 def _colour(competition: Competition, z: np.ndarray, part: slice) -> float:

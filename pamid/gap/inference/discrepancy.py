@@ -23,7 +23,7 @@ import numpy as np
 
 from ...effects import all_effects
 from ...signals.recursion import past
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
 from .gauss_newton import SLACK, Fit
 from .student_t import bounded
@@ -187,10 +187,7 @@ def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
     evidence : ResidualSource
         The log; no past reaches over the border of a run or an equation.
     """
-    equation = np.zeros(len(x), dtype=np.int64)
-    for k, part in enumerate(evidence.parts):
-        equation[part] = k
-    sequence = (equation * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side
+    sequence = lanes(evidence)
     order = np.lexsort((evidence.time, sequence))
     starts = np.flatnonzero(np.diff(sequence[order], prepend=-1))
     time, ordered = evidence.time[order], x[order]

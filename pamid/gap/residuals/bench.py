@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects import Plant, all_effects, make_effect
+from ...effects import Effect, Plant, all_effects, make_effect
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
@@ -17,7 +17,7 @@ from ...equations.run import SIGNS, Model, Run
 from ...equations.stretch import pool_noise
 from ..settings import LEAST_GAIN, ONE_MORE
 from .beginnings import without_beginnings
-from .protocol import STATE, Spec
+from .protocol import STATE, Spec, lanes
 from .whitening import Whitening
 
 if TYPE_CHECKING:
@@ -276,7 +276,10 @@ class Evidence:
     def _beginnings(self, spec: Spec, equation: str) -> list[np.ndarray]:
         """Return what each unknown beginning adds to an equation by one standard deviation, white."""
         part, found = self.parts[self.equations.index(equation)], []
+        library = all_effects()
         for name, values in spec.items():
+            if library[name].beginnings is Effect.beginnings:  # most effects remember nothing, and this is asked often
+                continue
             effect = make_effect(name, **values)
             for where, tau, size in effect.beginnings(self._spans, self._plant):
                 if where == equation:
@@ -288,9 +291,9 @@ class Evidence:
     @cached_property
     def _lanes(self) -> np.ndarray:
         """The run and side of each window, from 0 on in each equation."""
-        out = np.zeros(len(self.run), dtype=int)
+        out, every = np.zeros(len(self.run), dtype=int), lanes(self)
         for part in self.parts:
-            out[part] = np.unique(self.run[part] * 16 + self.side[part], return_inverse=True)[1]
+            out[part] = np.unique(every[part], return_inverse=True)[1]
         return out
 
     @cached_property

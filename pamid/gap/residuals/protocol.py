@@ -128,3 +128,9 @@ class ResidualSource(Protocol):
     def column(self, name: str, side: int = 0) -> str:
         """Return the name under which a reader knows a signal of the state."""
         ...
+
+
+def lanes(evidence: ResidualSource) -> np.ndarray:
+    """Return a number for each window that those of one equation, run and side share, in their order."""
+    equation = np.repeat(np.arange(len(evidence.parts)), [part.stop - part.start for part in evidence.parts])
+    return (equation * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side
