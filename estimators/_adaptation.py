@@ -25,7 +25,7 @@ from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, fitted_attributes
 from ._pihm import HybridModel, _checked_weight, _numpy, _range, _spread
 from ._progress import ProgressMixin, fit_progress
 from ._source import hybrid_of
@@ -171,14 +171,16 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
     def _target(self, base: HybridModel) -> HybridModel:
         """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
         model = clone(base)
-        model.__dict__.update({k: v for k, v in vars(base).items() if k.endswith("_") and not k.startswith("_")})
+        fitted = fitted_attributes(base)
+        for name in ("feature_names_in_", "n_features_in_", "signal_columns_"):  # of the target's own table
+            fitted.pop(name, None)
+            if name in vars(self):
+                fitted[name] = getattr(self, name)
+        for name, value in fitted.items():
+            setattr(model, name, value)
         sizes = {"rest_length": self.rest_length, "rest_diameter": self.rest_diameter}
         model.set_params(**{name: size for name, size in sizes.items() if size is not None})
         model.set_params(signals=self.signals, device=self.device, validation_fraction=self.validation_fraction)
-        model.__dict__.pop("feature_names_in_", None)
-        model.signal_columns_, model.n_features_in_ = self.signal_columns_, self.n_features_in_
-        if hasattr(self, "feature_names_in_"):
-            model.feature_names_in_ = self.feature_names_in_
         return model
 
     @staticmethod

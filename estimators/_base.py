@@ -151,6 +151,11 @@ class SignalEstimator(BaseEstimator):
         return X[:, self.signal_columns_[name]]
 
 
+def fitted_attributes(estimator: Any) -> dict[str, Any]:
+    """Return what a fit has set, by name."""
+    return {name: value for name, value in vars(estimator).items() if name.endswith("_") and not name.startswith("_")}
+
+
 _MATCHED: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 """The columns that an estimator has found to be those of its fit: rows of one table share them."""
 
@@ -178,4 +183,4 @@ def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
     return table
 
 
-__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "plain_table"]
+__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "fitted_attributes", "plain_table"]

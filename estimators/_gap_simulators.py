@@ -13,6 +13,8 @@ from pamid.errors import MissingColumnError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pamid.gap import Diagnosis
+
     from .gap_diagnoser import GapDiagnoser
 
 
@@ -21,18 +23,14 @@ def is_simulator(nominal: Any) -> bool:
     return "pamid.simulators.base" in {c.__module__ for c in type(nominal).__mro__}
 
 
-def fit_simulator(diagnoser: GapDiagnoser, X: Any, y: Any, groups: Any) -> GapDiagnoser:
-    """Diagnose a simulator: X holds the columns that its ports name, y one of its states or outputs."""
+def diagnosis_of(diagnoser: GapDiagnoser, X: Any, y: Any, groups: Any) -> tuple[Diagnosis, str]:
+    """Diagnose a simulator: X holds the columns that its ports name, y one of its states or outputs, which is named."""
     from pamid.gap import diagnose_simulator
 
-    log, diagnoser.target_ = _log(X, y, groups, diagnoser.nominal)
+    log, target = _log(X, y, groups, diagnoser.nominal)
     rng = check_random_state(diagnoser.random_state)
-    found = diagnose_simulator(log, diagnoser.nominal, diagnoser.effects, seed=int(rng.randint(2**31 - 1)))
-    diagnoser._write(found, found)
-    diagnoser.corrected_ = found.corrected if found.corrected is not None else diagnoser.nominal
-    diagnoser.feature_names_in_ = np.array([str(c) for c in X.columns], dtype=object)
-    diagnoser.n_features_in_ = len(X.columns)
-    return diagnoser
+    seed = int(rng.randint(2**31 - 1))
+    return diagnose_simulator(log, diagnoser.nominal, diagnoser.effects, seed=seed), target
 
 
 def predict_simulator(diagnoser: GapDiagnoser, X: Any, groups: Any) -> np.ndarray:

@@ -16,7 +16,7 @@ from pamid.fitting import free_run
 from pamid.fitting.epochs import standardisation
 from pamid.fitting.marquardt import Marquardt
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, fitted_attributes
 from ._checks import check_counts, check_sizes, warn_of_still_columns
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
@@ -282,4 +282,4 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     def _attributes(self, theta: np.ndarray) -> dict[str, Any]:
         """What a callback needs for a fitted copy."""
         self._keep(theta, np.zeros((len(theta), len(theta))))
-        return {name: value for name, value in vars(self).items() if name.endswith("_") and not name.startswith("_")}
+        return fitted_attributes(self)

@@ -277,5 +277,6 @@ class SequenceStreaming(StreamMemory):
 
 def forget(model: Any) -> Any:
     """Drop the memory of a model inside another one, which has its own."""
-    vars(model).pop("_memory", None)
+    if isinstance(model, StreamMemory) and hasattr(model, "_memory"):
+        del model._memory
     return model

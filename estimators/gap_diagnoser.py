@@ -16,7 +16,7 @@ from pamid.gap.learned import predict as remaining
 
 from ._base import SignalEstimator, Signals
 from ._gap_signals import EQUATIONS, located, notes_on, read_by, run_names, sampling_interval, spoken, values_of
-from ._gap_simulators import fit_simulator, is_simulator, predict_simulator
+from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
@@ -201,7 +201,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         from pamid.gap.one_equation import gather, outward, stuck_beside
 
         if is_simulator(self.nominal):
-            return fit_simulator(self, X, y, groups)
+            return self._fit_simulator(X, y, groups)
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
@@ -305,6 +305,14 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         noise = self.noise_floor_ / abs(self.scaling_.target)
         seconds = float(np.median(np.bincount(codes))) * dt
         return next_for_equation(found.rivals, signals, driven, evidence, noise, dt, seconds)
+
+    def _fit_simulator(self, X: Any, y: Any, groups: Any) -> Self:
+        found, self.target_ = diagnosis_of(self, X, y, groups)
+        self._write(found, found)
+        self.corrected_ = self.nominal if found.corrected is None else found.corrected
+        self.feature_names_in_ = np.array([str(c) for c in X.columns], dtype=object)
+        self.n_features_in_ = len(X.columns)
+        return self
 
     def _write(self, found: Any, inward: Any) -> None:
         from pamid.gap.one_equation import plain

@@ -11,7 +11,7 @@ from sklearn.base import RegressorMixin, clone
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
 
 from pamid.errors import ExtrapolationWarning
-from pamid.requirements import check_reads, reads_of
+from pamid.requirements import check_reads, formulas_of, reads_of
 from pamid.signals.state import State
 
 from ._base import SignalEstimator, Signals
@@ -301,10 +301,12 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
 
     def _force(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> np.ndarray:
         """Ask the force model; a pressure of the search beyond its fit is no matter until it is the answer."""
-        if hasattr(self.model_, "_formulas"):  # a formula needs no table, which would take longer than the model
-            signals = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
-            formulas = self.model_._formulas({name: signals[name] for name in self._read_by_model()})
-            return np.asarray(formulas["force"][1])
+        # A formula needs no table, which would take longer than the model.
+        signals = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
+        found = formulas_of(self.model_, {name: signals[name] for name in self._read_by_model()})
+        if len(found) == 1:
+            ((_, force),) = found.values()
+            return np.broadcast_to(force, P.shape)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExtrapolationWarning)
             return np.asarray(self.model_.predict(self._inputs(eps, deps, P)))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import OutputError, ParameterError, UnknownOptionError
 from ..files import PROBE, check_file
+from ..json_data import json_ready
 from ._style import plain
 
 if TYPE_CHECKING:
@@ -228,22 +229,9 @@ def parse_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any
 
 
 # --- output -------------------------------------------------------------------------------------------------
-def finite(value: Any) -> Any:
-    """Return plain JSON data: numpy numbers as Python's, NaN and infinities as null."""
-    if isinstance(value, dict):
-        return {str(k): finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def print_json(data: Any) -> None:
     """Print data as strict JSON."""
-    print(json.dumps(finite(data), indent=2, ensure_ascii=False, allow_nan=False))
+    print(json.dumps(json_ready(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

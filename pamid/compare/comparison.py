@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import UnknownOptionError
 from ..file_sets import replacing_together
 from ..files import write_whole
+from ..json_data import json_ready
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -165,9 +166,9 @@ class Comparison:
             "n_folds": self.n_folds,
             "n_runs": self.n_runs,
             "n_scored_rows": len(self.rows),
-            "noise_floor": _plain(self.noise_floor),
+            "noise_floor": json_ready(self.noise_floor),
             "notes": list(self.notes),
-            "estimators": [{k: _plain(v) for k, v in {**asdict(s), "fit": s.fit}.items()} for s in self.scores],
+            "estimators": [json_ready(asdict(s) | {"fit": s.fit}) for s in self.scores],
         }
 
     def __str__(self) -> str:
@@ -239,14 +240,6 @@ def _cells(s: Score) -> list[str]:
 
 def _number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, tuple):
-        return list(value)
-    return value
 
 
 def ranked(scores: Mapping[str, Score]) -> list[Score]:

@@ -66,7 +66,7 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | Non
     default the share that fits the run best.
     """
     per_flow, scale, stored = _stored(run, windows)
-    if mdot is run.__dict__["channels"].get("mdot"):
+    if mdot is run.channels.get("mdot"):
         p = run.model.params
         key = ("supplied", id(windows), p.gas, p.valve.critical_pressure_ratio)
         supplied, ramp = run.kept(key, lambda: _supplied(run, windows, mdot, per_flow) / scale)

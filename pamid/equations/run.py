@@ -204,6 +204,18 @@ class Run:
         return self.kept(("eps", gain, first), lambda: first + gain * self.q[:, None] * SIGNS)
 
     @cached_property
+    def state(self) -> dict[str, np.ndarray]:
+        """Angle, contractions, pressures and commands with their smoothed rates, of shape (n_samples, 1 or 2)."""
+        p = self.model.params
+        found = {"q": self.q[:, None], "dq": self.smooth("q", 1), "eps": self.eps}
+        found["deps"] = found["dq"] * (SIGNS * p.joint.pulley_radius / p.muscle.rest_length)
+        if "P" in self.channels:
+            found["P"], found["dP"] = self.channels["P"], self.smooth("P", 1)
+        if "u" in self.channels:
+            found["u"] = self.channels["u"]
+        return found
+
+    @cached_property
     def volume(self) -> np.ndarray:
         """Nominal gas volumes, m³, shape (n_samples, 2)."""
         return self.kept(("volume", *self.shape), lambda: np.asarray(self.model.plant.volume(self.eps)))

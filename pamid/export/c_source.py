@@ -203,7 +203,7 @@ class Writer:
             self.define("ANCHOR_CONTACT_CONTRACTION", anchor.contact_contraction),
             self.define("ANCHOR_CONTACT_WIDTH", anchor.contact_width),
             self.define("ANCHOR_REST_VOLUME", anchor.rest_volume),
-            self.define("ANCHOR_STRETCH", anchor._stretch),
+            self.define("ANCHOR_STRETCH", anchor.stretch),
             self.table("anchor_nodes", self.filled(POINTS)),
             self.table("anchor_weights", self.filled(SHARES)),
         ]

@@ -253,10 +253,10 @@ def _anchor(g: _Graph, anchor: Any) -> list[str]:
     mean = g("MatMul", g("Mul", braid, phi), g.constant(weights))
     # The width goes into the weights: onnxruntime joins a product and a factor after it in single precision.
     rise = g("MatMul", g("Mul", braid, slope), g.constant(weights / anchor.contact_width))
-    left = g.scaled(g.one_minus(eps), anchor._stretch)
+    left = g.scaled(g.one_minus(eps), anchor.stretch)
     V = g("Add", g.constant(anchor.rest_volume), g("Add", g("Mul", left, p), g("Mul", eps, mean)))
     end = g("Gather", g("Mul", braid, phi), g.constant([len(POINTS) - 1], np.int64), axis=1)
-    V_eps = g("Sub", end, g.scaled(p, anchor._stretch))
+    V_eps = g("Sub", end, g.scaled(p, anchor.stretch))
     return [V, V_eps, g("Add", left, g("Mul", eps, rise))]
 
 

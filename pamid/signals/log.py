@@ -165,7 +165,7 @@ def log_settings(
         duplicates=settings.duplicates if duplicates is None else duplicates,
         ambient_pressure=settings.ambient_pressure if ambient_pressure is None else float(ambient_pressure),
     )
-    settings._validate()
+    settings.validate()
     return settings
 
 
@@ -320,7 +320,7 @@ def _expand(path: Path) -> list[Path]:
 def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd.DataFrame]:
     """Add ``@file`` to names that several files or variables use."""
     uses = Counter(name for _, parts in frames for part in parts for name in part["trajectory"].unique())
-    labels = _labels([path for path, _ in frames])
+    labels = labels_of([path for path, _ in frames])
     result = []
     taken: set[str] = {name for name, count in uses.items() if count == 1}
     for (_, parts), label in zip(frames, labels, strict=True):
@@ -338,7 +338,7 @@ def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd
     return result
 
 
-def _labels(paths: list[Path]) -> list[str]:
+def labels_of(paths: list[Path]) -> list[str]:
     """Shortest ends of the paths that tell all files apart."""
     for depth in range(1, max(len(p.parts) for p in paths) + 1):
         labels = ["/".join([*p.parts[-depth:-1], p.stem]) for p in paths]

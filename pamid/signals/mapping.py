@@ -111,10 +111,11 @@ class SignalMapping:
                 "a column's name or position, or a table such as {column = 1, unit = 'kPa', gauge = true}",
                 "Correct the mapping.",
             )
-        mapping._validate(signal)
+        mapping.validate(signal)
         return mapping
 
-    def _validate(self, signal: str) -> None:
+    def validate(self, signal: str) -> None:
+        """Raise where what is said of a signal does not agree."""
         unit = self.si_unit(signal)
         pressure = unit.dimension == "pressure" if unit else dimension_of(signal) == "pressure"
         if self.gauge is not None and not pressure and dimension_of(signal) is not None:
@@ -332,10 +333,11 @@ class LogMapping:
         if settings.get("sampling_period") is not None:
             settings["sampling_period"] = parse_quantity(settings["sampling_period"], "time")
         mapping = cls(**settings)
-        mapping._validate()
+        mapping.validate()
         return mapping
 
-    def _validate(self) -> None:
+    def validate(self) -> None:
+        """Raise where an option is none of those offered."""
         for name, value, offered in (
             ("time_order", self.time_order, _ORDERS),
             ("duplicates", self.duplicates, _DUPLICATES),

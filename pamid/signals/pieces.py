@@ -13,7 +13,7 @@ from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterE
 from ._rows import Notes, free_name, note_sampling
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
-from .log import MAX_BYTES, PathLike, _labels, find_logs, log_settings, say_notes, tidy_tables
+from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, say_notes, tidy_tables
 from .mapping import LogMapping
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _pieces(
     import pandas as pd
 
     notes, taken = Notes(), dict[str, Path]()
-    for path, label in zip(files, _labels(files), strict=True):
+    for path, label in zip(files, labels_of(files), strict=True):
         for tables, zero_run in _raw(path, settings, rows, max_bytes):
             parts = tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)
             frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]

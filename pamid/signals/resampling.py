@@ -72,7 +72,7 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
     """
     import pandas as pd
 
-    _require_columns(log, ["trajectory", "time", *hold])
+    require_columns(log, ["trajectory", "time", *hold])
     time = log["time"].to_numpy(dtype=float)
     runs = list(blocks(log["trajectory"].to_numpy(dtype=object)))
     if period is None:
@@ -178,7 +178,7 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
         raise ParameterError("No log is given.", "at least one", "Pass the logs to join.")
     seen: set[str] = set()
     for log in logs:
-        _require_columns(log, ["trajectory", "time"])
+        require_columns(log, ["trajectory", "time"])
         signals = set(log.columns) - {"trajectory", "time"}
         if seen & signals:
             raise DuplicateColumnError(
@@ -217,7 +217,8 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
     return pd.concat(parts, ignore_index=True).astype({"trajectory": logs[0]["trajectory"].dtype})
 
 
-def _require_columns(log: pd.DataFrame, names: Sequence[str]) -> None:
+def require_columns(log: pd.DataFrame, names: Sequence[str]) -> None:
+    """Raise if a log lacks some of the columns."""
     missing = [n for n in names if n not in log.columns]
     if missing:
         raise MissingColumnError(

@@ -9,7 +9,7 @@ import numpy as np
 from pamid.errors import ParameterError, ShortTrajectoryError
 
 from ._rows import blocks
-from .resampling import _require_columns
+from .resampling import require_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +56,7 @@ def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
     """
     import pandas as pd
 
-    _require_columns(log, ["trajectory", "time"])
+    require_columns(log, ["trajectory", "time"])
     if not np.isfinite(length) or length <= 0:
         raise ParameterError(f"length is {length}.", "a positive time in s", "Correct it.")
     signals = [c for c in log.columns if c not in ("trajectory", "time") and pd.api.types.is_numeric_dtype(log[c])]

@@ -166,11 +166,6 @@ class FmuSimulator(Simulator):
         """Return the values of the parameters under the FMU's own names, for any importer."""
         return {self._names[k]: float(v.value) for k, v in self.parameters.items()}
 
-    def __copy__(self) -> Self:
-        out = object.__new__(type(self))
-        out.__dict__.update(self.__dict__)
-        return out
-
     def __deepcopy__(self, memo: Any) -> Self:
         return copy.copy(self)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
+from ..json_data import json_ready
 from ..signals.guess import guess_kind
 from .answerable import Answerable, answerable
 from .channels import Channel, channels_of
@@ -87,8 +86,7 @@ class Survey:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and text, as ``pamid check --json`` prints it."""
-        plain = {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        return {**plain, "classes": [list(g) for g in self.classes()]}
+        return {**json_ready(self), "classes": [list(g) for g in self.classes()]}
 
 
 def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None) -> Survey:
@@ -153,7 +151,7 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     if not sampling.repeats:
         notes.append("The noise rests on the differences of neighbouring samples, since no run repeats another.")
     found = Survey(sampling, channels, coverage, answers, separations, best, warnings, [], notes)
-    return dataclasses.replace(found, record=_record(found))
+    return replace(found, record=_record(found))
 
 
 def _clock_warnings(s: Sampling, c: Coverage) -> list[str]:
@@ -222,15 +220,3 @@ def _record(s: Survey) -> list[str]:
             if a.answer == answer and a.record and a.record not in asked:
                 asked[a.record] = None
     return told + list(asked)
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

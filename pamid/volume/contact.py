@@ -92,7 +92,7 @@ class ContactVolume:
     def slope(self, eps: Array, p_gauge: Array) -> Array:
         """Return ∂V/∂ε at a contraction and a gauge pressure, m³."""
         x, u = self._arguments(eps, p_gauge)
-        return self._braid(eps) * _contact(x, u) - self._stretch * p_gauge
+        return self._braid(eps) * _contact(x, u) - self.stretch * p_gauge
 
     def _braid(self, eps: Array) -> Array:
         """Return L₀ g, m³."""
@@ -100,7 +100,7 @@ class ContactVolume:
         return self.rest_length * self.area * (1.0 - u) * (1.0 + self.curvature * u)
 
     @property
-    def _stretch(self) -> float:
+    def stretch(self) -> float:
         """Volume that stretching threads add at rest length per gauge pressure, m³/Pa."""
         return self.thread_compliance * (self.rest_length * self.area + 3.0 * self.rest_volume)
 
@@ -118,7 +118,7 @@ class ContactVolume:
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample, V by Gauss–Legendre quadrature over ε."""
         eps, p = np.asarray(state.eps, dtype=float), np.asarray(state.P, dtype=float) - self.atmospheric_pressure
-        stretch = self._stretch
+        stretch = self.stretch
         at = eps[:, None] * POINTS
         x, u = self._arguments(at, p[:, None])
         braid, phi = self._braid(at), _contact(x, u)

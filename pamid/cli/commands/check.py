@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from ...errors import PressureReferenceError, TimeOrderError, UnitError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
+from ...json_data import json_ready
 from .._style import marked
 from ..common import (
     add_command,
     add_log_options,
     checked_output,
-    finite,
     note,
     print_json,
     progress,
@@ -134,7 +134,7 @@ def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame) -> list[P
     page = survey_html(found, log, name=_name(args))
     files = [write_whole(args.html, page)] if args.html else []
     if args.out:
-        data = json.dumps(finite(found.as_dict()), indent=2, ensure_ascii=False) + "\n"
+        data = json.dumps(json_ready(found.as_dict()), indent=2, ensure_ascii=False) + "\n"
         with replacing_together(args.out, FILES) as stage:
             for name, text in zip(FILES, (page, data), strict=True):
                 write_whole(stage / name, text)

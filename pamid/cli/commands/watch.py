@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ...errors import IncompatibleError, ParameterError, StreamError
+from ...json_data import json_ready
 from ...requirements import last_step
-from ..common import add_command, finite, load_simulator, note
+from ..common import add_command, load_simulator, note
 
 if TYPE_CHECKING:
     from ...online.stream import Samples
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
         source = lines(args.stream, follow=args.follow, patience=args.patience)
     for event in _events(args, source):
         if args.json:
-            print(json.dumps(finite(event), allow_nan=False), flush=True)
+            print(json.dumps(json_ready(event), allow_nan=False), flush=True)
         else:
             print(_said(event), flush=True)
     return 0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...json_data import json_ready
 from .family import DesignedRun, Limits
 
 if TYPE_CHECKING:
@@ -150,14 +151,10 @@ class Plan:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the plan as plain numbers and text."""
-        from ..diagnosis.result import _plain
-
-        found: dict[str, Any] = _plain(
+        found: dict[str, Any] = json_ready(
             {
                 **vars(self),
                 "runs": [{**run.as_dict(), "words": run.words} for run in self.runs],
-                "limits": vars(self.limits),
-                "expected": [vars(e) for e in self.expected],
             }
         )
         return found

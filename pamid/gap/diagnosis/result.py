@@ -6,8 +6,7 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from ...json_data import json_ready
 from .findings import (
     Band,
     Candidate,
@@ -16,7 +15,6 @@ from .findings import (
     EquationFinding,
     HypothesisFinding,
     NextExperiment,
-    ParameterEstimate,
     Region,
     TrajectoryShare,
 )
@@ -141,42 +139,34 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain numbers and text, the content of ``diagnosis.json``."""
-        experiment = self.next_experiment
-        return _plain(
+        return json_ready(
             {
                 "schema": SCHEMA,
                 "gap": self.gap if self.tested else None,
                 "p_value": self.p_value,
                 "verdict": self.verdict,
                 "where": {
-                    "equations": [vars(e) for e in self.equations],
-                    "regions": [vars(r) for r in self.regions],
-                    "bands": [vars(b) for b in self.bands],
-                    "trajectories": [vars(t) for t in self.trajectories],
+                    "equations": self.equations,
+                    "regions": self.regions,
+                    "bands": self.bands,
+                    "trajectories": self.trajectories,
                 },
-                "candidates": [vars(c) for c in self.candidates],
-                "causes": [
-                    {
-                        **vars(c),
-                        "told_apart_by": c.distinguished_by,  # the old name, for one version
-                        "parameters": {k: vars(p) for k, p in c.parameters.items()},
-                        "others": [{k: vars(p) for k, p in other.items()} for other in c.others],
-                    }
-                    for c in self.causes
-                ],
-                "closure": [vars(c) for c in self.closure],
-                "next_experiment": None if experiment is None else vars(experiment),
+                "candidates": self.candidates,
+                # The old name of distinguished_by serves one version more.
+                "causes": [vars(c) | {"told_apart_by": c.distinguished_by} for c in self.causes],
+                "closure": self.closure,
+                "next_experiment": self.next_experiment,
                 "leftover": self.leftover,
                 "remainder": self.remainder,
                 "with_reserve": self.with_reserve,
                 "signs": self.signs,
-                "hypotheses": [vars(h) for h in self.hypotheses],
+                "hypotheses": self.hypotheses,
                 "not_tested": self.not_tested,
                 "cannot_show": self.cannot_show,
-                "rivals": [vars(r) for r in self.rivals],
-                "logs": [{**vars(f), "parameters": _estimates(f.parameters)} for f in self.logs],
-                "changes": [vars(c) for c in self.changes],
-                "rounds": [vars(r) for r in self.rounds],
+                "rivals": self.rivals,
+                "logs": self.logs,
+                "changes": self.changes,
+                "rounds": self.rounds,
                 "notes": self.notes,
             }
         )
@@ -184,22 +174,3 @@ class Diagnosis:
     def to_json(self) -> str:
         """Return the content of ``diagnosis.json``."""
         return json.dumps(self.as_dict(), indent=1, allow_nan=False)
-
-
-def _estimates(found: dict[str, dict[str, ParameterEstimate]]) -> dict[str, dict[str, Any]]:
-    return {effect: {k: vars(p) for k, p in parameters.items()} for effect, parameters in found.items()}
-
-
-def _plain(value: Any) -> Any:
-    """Turn tuples and numpy numbers into what JSON knows; what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (np.bool_, bool)):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value

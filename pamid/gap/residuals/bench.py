@@ -13,7 +13,7 @@ from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
 from ...equations.log import columns_of, runs
-from ...equations.run import SIGNS, Model, Run
+from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
 from ..settings import LEAST_GAIN, ONE_MORE
 from .beginnings import without_beginnings
@@ -360,7 +360,7 @@ class Evidence:
             self._state = {name: np.full(len(self.z0), np.nan) for name in STATE}
             for name in self.equations:
                 for i, slot in self._slots[name]:
-                    for key, series in _run_state(self.runs[i]).items():
+                    for key, series in self.runs[i].state.items():
                         at = np.searchsorted(self.runs[i].time, self.time[slot]).clip(0, len(series) - 1)
                         column = np.minimum(self.side[slot], series.shape[1] - 1)
                         self._state[key][slot] = series[at, column]
@@ -371,22 +371,6 @@ def _lags(name: str) -> bool:
     """Tell whether an effect is a lag of a sensor, which is undone in its readings."""
     effect = all_effects()[name]
     return effect.n_states > 0 and "measure" in effect.hooks()
-
-
-def _run_state(run: Run) -> dict[str, np.ndarray]:
-    cached = run.__dict__.get("_window_state")
-    if cached is None:
-        q = run.q[:, None]
-        p = run.model.params
-        turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
-        cached = {"q": q, "dq": run.smooth("q", 1), "eps": run.eps}
-        cached["deps"] = cached["dq"] * turn
-        if "P" in run.channels:
-            cached["P"], cached["dP"] = run.channels["P"], run.smooth("P", 1)
-        if "u" in run.channels:
-            cached["u"] = run.channels["u"]
-        run.__dict__["_window_state"] = cached
-    return cached
 
 
 def _smallest(value: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> np.ndarray:

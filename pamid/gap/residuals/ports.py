@@ -22,7 +22,7 @@ from ..inference.student_t import loglik, solve
 from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
 from .settled import Settled
-from .single import UNTURNED, _memory
+from .single import UNTURNED, memory_of
 from .states import integral
 from .whitening import Whitening, smoothed
 
@@ -280,7 +280,7 @@ class PortEvidence(Settled, ABC):
         for pair in self._repeats():
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
-                    memory = _memory(spread, np.zeros(len(spread), int)) if len(spread) > 8 else 1.0
+                    memory = memory_of(spread, np.zeros(len(spread), int)) if len(spread) > 8 else 1.0
                     found[k].append((float(np.mean(np.square(spread))), memory, len(spread)))
         for k, (part, some) in enumerate(zip(self.parts, found, strict=True)):
             if some:
@@ -345,7 +345,7 @@ class PortEvidence(Settled, ABC):
         """
         for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
             if len(rest) > 8:
-                memory = max(float(self.memory[k]), _memory(self._whitened(rest, part), self.run[part]))
+                memory = max(float(self.memory[k]), memory_of(self._whitened(rest, part), self.run[part]))
                 self.weights[k] = 1.0 / memory
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step

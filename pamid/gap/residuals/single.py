@@ -167,7 +167,7 @@ class SignalEvidence:
         self.noise = np.full(len(self.first), max(self.channel, noise, 1e-4 * size, 1e-300))
         self.z0 = self.value / self.noise
         if left is not None and len(left) > 8:
-            memory = _memory(left, self.run)
+            memory = memory_of(left, self.run)
             self.weights = np.array([1.0 / memory])
             step = self.n * self.dt
             # Enough stretches remain for their signs to say something.
@@ -336,7 +336,7 @@ class SignalEvidence:
         return None
 
 
-def _memory(x: np.ndarray, run: np.ndarray) -> float:
+def memory_of(x: np.ndarray, run: np.ndarray) -> float:
     """Return over how many windows a residual repeats itself: the sum of its autocorrelation."""
     x = x - np.mean(x)
     power = float(np.mean(np.square(x)))

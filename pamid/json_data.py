@@ -1,0 +1,37 @@
+"""What JSON knows: plain dicts, lists, text and finite numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def json_ready(value: Any) -> Any:
+    """Return plain data: dataclasses as dicts, tuples and arrays as lists, what is not finite as None.
+
+    Parameters
+    ----------
+    value : object
+        Numbers of Python or numpy, text, None, and mappings, sequences, arrays and dataclasses of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.json_data import json_ready
+    >>> json_ready({"error": np.float64(0.5), "interval": (np.nan, np.array([1, 2]))})
+    {'error': 0.5, 'interval': [None, [1, 2]]}
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: json_ready(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(k): json_ready(v) for k, v in value.items()}
+    to_list = getattr(value, "tolist", None)
+    if callable(to_list):  # numpy's arrays and numbers
+        value = to_list()
+    if isinstance(value, list | tuple):
+        return [json_ready(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
