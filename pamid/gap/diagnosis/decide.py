@@ -93,7 +93,8 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         verdict.outcome, verdict.part_of, verdict.trust = _trusted(competition, outcome)
         best = verdict.outcome.best
         for name in best.fit.spec:
-            verdict.weights[name] = _weights(verdict.outcome.alternatives[name], best, name, gain)
+            about = competition.gain_about(best, name)
+            verdict.weights[name] = _weights(verdict.outcome.alternatives[name], best, name, about)
             verdict.classes[name] = _class(verdict.weights[name], name)
         verdict.kind = _kind(verdict, list(best.fit.spec))
     elif beyond < FALSE_ALARM:

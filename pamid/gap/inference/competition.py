@@ -198,9 +198,23 @@ class Competition:
         if len(h.fit.spec) < 2 or not self.evidence.exact:
             return more
         count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
+        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
+
+    def _gained(self, h: Hypothesis) -> np.ndarray:
+        """Return what a set explains of each equation, in nats."""
         sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
         gain = sizes * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
-        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ np.maximum(gain, 0.0))
+        return np.asarray(np.maximum(gain, 0.0))
+
+    def gain_about(self, h: Hypothesis, name: str) -> float:
+        """Return what a set explains, in nats, in the equations that one of its effects changes.
+
+        What other effects explain elsewhere says nothing of how well the form of this one is known.
+        """
+        touched = self.evidence.touched([name])
+        gained, gain = self._gained(h), max(h.score - self.base.score, 0.0)
+        mine = np.array([equation in touched for equation in self.evidence.equations])
+        return gain * float(gained[mine].sum() / gained.sum()) if gained.sum() > 0.0 else gain
 
     def _own_shares(self, h: Hypothesis) -> list[float]:
         if h.own is None:
