@@ -76,7 +76,7 @@ def diagnosed(
     logs: dict[str, pd.DataFrame] | None,
     step: Callable[[str], None],
 ) -> tuple[Diagnosis, History, pd.DataFrame]:
-    """Diagnose one log or several of a bench; return the answer, what a later one goes on from, and all rows.
+    """Diagnose one log or several of a bench; return the answer, what a later one goes on from, and the rows used.
 
     Parameters
     ----------
@@ -95,14 +95,18 @@ def diagnosed(
 
     from ..effects.registry import chosen_effects
     from ..gap import diagnose
+    from ..gap.engine import rows_used
     from ..gap.several import Conditions, read_conditions
     from ..gap.several.go_on import go_on
     from ..gap.several.history import History, read_history
 
     if logs is None:
-        log = readings_where(load_log(args), args.where, _JUDGED)
+        step("read the log")
+        log, rows = _used(args)
         history = History(params, chosen_effects(effects, "bench"))
         found = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
+        if len(log) < rows:
+            found.notes.insert(0, rows_used(len(log), rows))
         name = Path(args.log[0]).stem
         history.add(found, {name: log}, [Conditions({}, name)])
         return found, history, log
@@ -117,3 +121,14 @@ def diagnosed(
         )
     found = go_on(history, logs, conditions=table, seed=args.seed, progress=step)
     return found, history, pd.concat(history.logs.values(), ignore_index=True)
+
+
+def _used(args: argparse.Namespace) -> tuple[pd.DataFrame, int]:
+    """Return as much of the log as a diagnosis uses, whole trajectories, and how many rows there are."""
+    from ..gap.settings import MAX_ROWS
+    from ..signals import read_log_part
+
+    if args.where:  # what is left of a condition is not known before all is read
+        log = readings_where(load_log(args), args.where, _JUDGED)
+        return log, len(log)
+    return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.registry import chosen_effects
+from ..equations.log import trajectory_rows
 from ..signals.thinning import whole_trajectories
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
@@ -78,18 +79,25 @@ def diagnose(
     library = chosen_effects(effects, "bench")
     say = progress or (lambda _: None)
     say("read the log")
-    notes = check(log, params)
-    log, stuck = without_stuck(log)
-    notes += stuck
+    if len(log) > MAX_ROWS:
+        trajectory_rows(log)  # raises where whole trajectories cannot be told
     used = whole_trajectories(log, MAX_ROWS)
+    notes = check(used, params)
     if len(used) < len(log):
-        notes.append(f"{len(used):,} of {len(log):,} rows were used, whole trajectories evenly spread over the log.")
+        notes.append(rows_used(len(used), len(log)))
+    used, stuck = without_stuck(used)
+    notes += stuck
     evidence = Evidence(used, params)
     part = whole_trajectories(used, SEARCH_ROWS)
     searched = Evidence(part, params) if len(part) < len(used) else evidence
     if searched is not evidence:
         notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(used):,}.")
     return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say, searched)
+
+
+def rows_used(used: int, rows: int) -> str:
+    """Word how much of a log was used."""
+    return f"{used:,} of {rows:,} rows were used, whole trajectories evenly spread over the log."
 
 
 def explain(

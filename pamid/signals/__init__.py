@@ -10,6 +10,7 @@ from .._lazy import attach
 
 _HOME = {
     "read_log": "log",
+    "read_log_part": "pieces",
     "read_log_pieces": "pieces",
     "write_log": "log",
     "find_logs": "log",

@@ -8,6 +8,7 @@ from .mapping import LogMapping as LogMapping
 from .mapping import SignalMapping as SignalMapping
 from .noise import noise_level as noise_level
 from .noise import quantisation_step as quantisation_step
+from .pieces import read_log_part as read_log_part
 from .pieces import read_log_pieces as read_log_pieces
 from .plausibility import check_units as check_units
 from .plausibility import implausible_units as implausible_units
@@ -49,6 +50,7 @@ __all__ = [
     "parse_quantity",
     "quantisation_step",
     "read_log",
+    "read_log_part",
     "read_log_pieces",
     "resample",
     "split_trajectories",

@@ -1,8 +1,11 @@
-"""Logs larger than memory: whole trajectories at a time, from parquet and HDF5 files read in slices."""
+"""Logs larger than memory: whole trajectories at a time, or some of them, from files that are read in slices."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +16,9 @@ from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterE
 from ._rows import Notes, free_name, note_sampling
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
-from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, say_notes, tidy_tables
+from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
+from .thinning import spread_evenly, whole_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,6 +88,109 @@ def read_log_pieces(
     return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
 
 
+def read_log_part(
+    paths: PathLike | Iterable[PathLike],
+    mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
+    *,
+    most: int,
+    nan: str = "raise",
+    check_units: bool = True,
+    max_bytes: int = MAX_BYTES,
+) -> tuple[pd.DataFrame, int]:
+    """Read whole trajectories, evenly spread over a log, up to so many rows.
+
+    It reads what `whole_trajectories` keeps of what `read_log` reads. Of a parquet file, or an HDF5 file of one table
+    of vectors, nothing else is looked at, nor kept in memory.
+
+    Parameters
+    ----------
+    paths : str, Path or iterable of them
+        Files, folders or patterns.
+    mapping : LogMapping, dict, path of a TOML file, optional
+        Names, units, references and constants of the log.
+    most : int
+        Most rows.
+    nan, check_units, max_bytes : optional
+        As for `read_log`.
+
+    Returns
+    -------
+    log : DataFrame
+        Tidy frame.
+    rows : int
+        Rows of the whole log.
+
+    Raises
+    ------
+    LogError
+        As `read_log`, of what is read.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import pandas as pd
+    >>> from pamid.signals import read_log_part, write_log
+    >>> log = pd.DataFrame({"trajectory": list("aabbccdd"), "time": [0.0, 0.001] * 4, "P": [2e5, 2.1e5] * 4})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     part, rows = read_log_part(write_log(log, pathlib.Path(folder) / "log.parquet"), most=4)
+    >>> part["trajectory"].tolist(), rows
+    (['a', 'a', 'd', 'd'], 8)
+    """
+    settings = log_settings(mapping, nan, "warn", None, None, None)
+    files = find_logs(paths)
+    if len(files) == 1 and files[0].stat().st_size:
+        slicer = _SLICERS.get(format_of(files[0]).name)
+        sliced = slicer(files[0], settings, 0, max_bytes) if slicer is not None else None
+        if sliced is not None and (found := _spread(files[0], sliced, settings, most, nan, check_units)) is not None:
+            return found, sliced.rows
+    log = read_log(files, settings, nan=nan, check_units=check_units, max_bytes=max_bytes)
+    return whole_trajectories(log, most).reset_index(drop=True), len(log)
+
+
+def _spread(
+    path: Path, sliced: Sliced, settings: LogMapping, most: int, nan: str, check_units: bool
+) -> pd.DataFrame | None:
+    """Read some of the trajectories of a file; None where they can't be told before all is read, or all are wanted."""
+    import pandas as pd
+
+    unordered = settings.time_order == "split" or settings.zero_run is not None
+    if sliced.rows <= most or not sliced.sorted or len(sliced.ends) < 2 or unordered:
+        return None
+    notes = Notes()
+    tables = [RawTable(frame) for frame in sliced.read(spread_evenly(np.diff([0, *sliced.ends]), most))]
+    parts = [part for table in tables for part in tidy_tables([table], None, settings, path, nan, check_units, notes)]
+    log = pd.concat(parts, ignore_index=True)
+    order = [TRAJECTORY, "time"]
+    log = log[[*order, *[c for c in log.columns if c not in order]]]
+    note_sampling(log, notes)
+    say_notes(notes, "warn", stacklevel=4)
+    return log[:most]
+
+
+@dataclass(frozen=True)
+class Sliced:
+    """A file that is read in slices.
+
+    Parameters
+    ----------
+    ends : list of int
+        Row behind the last one of each slice.
+    sorted : bool
+        Whether the rows of each trajectory stand together.
+    read : callable
+        Yields the slices whose numbers it is given, all with None.
+    """
+
+    ends: list[int]
+    sorted: bool
+    read: Callable[[Collection[int] | None], Iterator[pd.DataFrame]]
+
+    @property
+    def rows(self) -> int:
+        """Rows of the file."""
+        return self.ends[-1]
+
+
 def _pieces(
     files: list[Path], settings: LogMapping, rows: int, nan: str, sampling: str, check_units: bool, max_bytes: int
 ) -> Iterator[pd.DataFrame]:
@@ -121,16 +228,16 @@ def _raw(
     if path.stat().st_size == 0:
         raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
     kind = format_of(path)
-    reader = {"parquet": _parquet, "HDF5": _hdf5}.get(kind.name)
-    sliced = reader(path, settings, rows, max_bytes) if reader is not None else None
+    slicer = _SLICERS.get(kind.name)
+    sliced = slicer(path, settings, rows, max_bytes) if slicer is not None else None
     if sliced is None:
         yield kind.read(path, settings, max_bytes)
         return
-    for frame in sliced:
+    for frame in sliced.read(None):
         yield [RawTable(frame)], None
 
 
-def cuts(names: Iterable[np.ndarray], rows: int) -> list[int]:
+def cuts(names: Iterable[np.ndarray], rows: int, met: list[Any] | None = None) -> list[int]:
     """Return where pieces end: after whole trajectories, before there are too many rows.
 
     Parameters
@@ -138,7 +245,9 @@ def cuts(names: Iterable[np.ndarray], rows: int) -> list[int]:
     names : iterable of ndarray
         Name of each row's trajectory, in slices.
     rows : int
-        Most rows of a piece of several trajectories.
+        Most rows of a piece of several trajectories; 0 for pieces of one each.
+    met : list, optional
+        Takes the name of each block of rows.
 
     Returns
     -------
@@ -151,6 +260,8 @@ def cuts(names: Iterable[np.ndarray], rows: int) -> list[int]:
         changes = np.flatnonzero(part[1:] != part[:-1]) + 1
         if len(part) and n and part[0] != last:
             changes = np.concatenate([[0], changes])
+        if met is not None and len(part):
+            met += part[changes].tolist() if n else [part[0], *part[changes].tolist()]
         for at in (n + changes).tolist():  # a trajectory ends here
             if at - begun > rows and edge > begun:
                 ends.append(edge)
@@ -175,7 +286,7 @@ def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> 
         )
 
 
-def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
+def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -184,19 +295,21 @@ def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Ite
             schema, total = file.schema_arrow, file.metadata.num_rows
             flat = flat_columns(schema, settings)
             named = names_column(flat, settings)
-            ends = [total]
+            ends, met = [total], list[Any]()
             if named is not None:
                 batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
-                ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows)
+                ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows, met)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _damaged(path, error) from None
     if total == 0:
         return None
     _require_size(path, ends, len(flat), max_bytes)
-    return _parquet_slices(path, flat, ends)
+    return Sliced(ends, len(set(met)) == len(met), partial(_parquet_slices, path, flat, ends))
 
 
-def _parquet_slices(path: Path, columns: list[str], ends: list[int]) -> Iterator[pd.DataFrame]:
+def _parquet_slices(
+    path: Path, columns: list[str], ends: list[int], chosen: Collection[int] | None = None
+) -> Iterator[pd.DataFrame]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -204,17 +317,19 @@ def _parquet_slices(path: Path, columns: list[str], ends: list[int]) -> Iterator
         # Buffered ahead, all row groups that were read would be kept until the file is closed.
         with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
             waiting: list[Any] = []
-            held, left = 0, [b - a for a, b in zip([0, *ends], ends, strict=False)]
+            held, left = 0, deque(enumerate(b - a for a, b in zip([0, *ends], ends, strict=False)))
             for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
                 waiting.append(batch)
                 held += len(batch)
-                while left and held >= left[0]:
+                while left and held >= left[0][1]:
+                    number, rows = left.popleft()
                     table = pa.Table.from_batches(waiting)
-                    rest = table.slice(left[0])
+                    rest = table.slice(rows)
                     # Zero-copy slices would keep what is behind them; the last batch alone is copied.
                     waiting = rest.to_batches()[-1:] if rest.num_rows else []
                     held = rest.num_rows
-                    yield table.slice(0, left.pop(0)).replace_schema_metadata(None).to_pandas()
+                    if chosen is None or number in chosen:
+                        yield table.slice(0, rows).replace_schema_metadata(None).to_pandas()
                     del table, rest
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _damaged(path, error) from None
@@ -227,7 +342,7 @@ def _damaged(path: Path, error: Exception) -> Exception:
     return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a whole file", "Copy the log again.")
 
 
-def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterator[pd.DataFrame] | None:
+def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
     import h5py
 
     from .formats.hdf5 import collect, is_matlab
@@ -247,11 +362,12 @@ def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Iterat
             columns = list(table)
             named = names_column(columns, settings)
             total = len(next(iter(table.values())))
-            ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows)
+            met: list[Any] = []
+            ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows, met)
     except OSError as error:
         raise _damaged(path, error) from None
     _require_size(path, ends, len(columns), max_bytes)
-    return _hdf5_slices(path, group, columns, ends)
+    return Sliced(ends, len(set(met)) == len(met), partial(_hdf5_slices, path, group, columns, ends))
 
 
 def _vector(item: Any) -> Iterator[np.ndarray]:
@@ -265,16 +381,21 @@ def _values(item: Any, begin: int, end: int) -> np.ndarray:
     return np.asarray(item.asstr()[begin:end] if h5py.check_string_dtype(item.dtype) else item[begin:end])
 
 
-def _hdf5_slices(path: Path, group: str, columns: list[str], ends: list[int]) -> Iterator[pd.DataFrame]:
+def _hdf5_slices(
+    path: Path, group: str, columns: list[str], ends: list[int], chosen: Collection[int] | None = None
+) -> Iterator[pd.DataFrame]:
     import h5py
     import pandas as pd
 
     try:
         with h5py.File(path, "r") as file:
-            for begin, end in zip([0, *ends], ends, strict=False):
-                yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
+            for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):
+                if chosen is None or number in chosen:
+                    yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
     except OSError as error:
         raise _damaged(path, error) from None
 
 
-__all__ = ["ROWS", "read_log_pieces"]
+_SLICERS: dict[str, Callable[[Path, LogMapping, int, int], Sliced | None]] = {"parquet": _parquet, "HDF5": _hdf5}
+
+__all__ = ["ROWS", "read_log_part", "read_log_pieces"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -135,6 +136,30 @@ def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
     if len(log) <= most:
         return log
     rows = [r for _, r in blocks(log["trajectory"].to_numpy(dtype=object))]
-    count = max(1, len(rows) * most // len(log))
-    chosen = (rows[k] for k in np.linspace(0, len(rows) - 1, count).round().astype(int))
+    chosen = (rows[k] for k in spread_evenly([r.stop - r.start for r in rows], most))
     return log.iloc[np.concatenate([np.arange(r.start, min(r.stop, r.start + most)) for r in chosen])[:most]]
+
+
+def spread_evenly(lengths: Sequence[int] | np.ndarray, most: int) -> list[int]:
+    """Return the numbers of trajectories that are spread evenly over a log and hold about so many rows in all.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Rows of each trajectory.
+    most : int
+        Rows wanted.
+
+    Returns
+    -------
+    list of int
+        Increasing; at least one.
+
+    Examples
+    --------
+    >>> from pamid.signals.thinning import spread_evenly
+    >>> spread_evenly([2, 2, 2, 2], 4)
+    [0, 3]
+    """
+    count = min(max(1, len(lengths) * most // max(int(np.sum(lengths)), 1)), len(lengths))
+    return [int(k) for k in np.linspace(0, len(lengths) - 1, count).round()]

@@ -13,7 +13,7 @@ from pamid.bench import BenchParameters, simulate, sine, unfold
 from pamid.cli import main
 from pamid.equations import evaluate_log
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, SamplingWarning, TruncatedLogError
-from pamid.signals import read_log, read_log_pieces, write_log
+from pamid.signals import read_log, read_log_part, read_log_pieces, whole_trajectories, write_log
 from pamid.signals.pieces import cuts
 
 
@@ -140,3 +140,25 @@ def test_bad_logs_are_named(log, tmp_path):
     gaps.loc[gaps.index > 150, "time"] += 1.0
     with pytest.warns(SamplingWarning, match="gaps"):
         list(read_log_pieces(write_log(gaps, tmp_path / "gaps.h5"), rows=50))
+
+
+@pytest.mark.parametrize("ending", ["parquet", "h5", "csv"])
+@pytest.mark.parametrize("most", [25, 90, 1000])
+def test_a_part_of_a_log_is_what_is_kept_of_the_whole(tmp_path, ending, most):
+    lengths = [10, 30, 8, 22, 40, 5]
+    log = pd.concat([_run(f"r{k}", n) for k, n in enumerate(lengths)], ignore_index=True)
+    file = write_log(log, tmp_path / f"log.{ending}")
+    part, rows = read_log_part(file, most=most)
+    assert rows == len(log)
+    pd.testing.assert_frame_equal(part, whole_trajectories(read_log(file), most).reset_index(drop=True))
+
+
+def test_a_part_of_a_log_with_mixed_rows_is_refused_as_the_whole_is(tmp_path):
+    log = pd.concat([_run("a", 20), _run("b", 20), _run("a", 20).assign(time=lambda t: t["time"] + 1.0)])
+    log.to_parquet(tmp_path / "log.parquet", index=False)
+    with pytest.raises(InterleavedTrajectoryError, match="comes back"):
+        read_log_part(tmp_path / "log.parquet", most=30)
+
+
+def _run(name: str, n: int) -> pd.DataFrame:
+    return pd.DataFrame({"trajectory": name, "time": 1e-3 * np.arange(n), "P": 2e5 + 1e3 * np.arange(n)})
