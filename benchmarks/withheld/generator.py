@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -345,7 +345,12 @@ def generate(specs: Sequence[Spec], layout: tuple[int, int]) -> list[Case]:
     return cases
 
 
-def record_more(cases: Sequence[Case], plans: Sequence[list[Reference]], seed: int) -> list[list[pd.DataFrame]]:
+def record_more(
+    cases: Sequence[Case],
+    plans: Sequence[list[Reference]],
+    seed: int,
+    changed: Callable[[_Draw], _Draw] = lambda d: d,
+) -> list[list[pd.DataFrame]]:
     """Record further runs on the benches of cases, with noise of their own.
 
     Parameters
@@ -356,6 +361,8 @@ def record_more(cases: Sequence[Case], plans: Sequence[list[Reference]], seed: i
         For each case its runs, all of one length.
     seed : int
         Seed of the noise, beside the case's own.
+    changed : callable, optional
+        Takes a bench, returns it as it is on that day.
 
     Returns
     -------
@@ -363,7 +370,7 @@ def record_more(cases: Sequence[Case], plans: Sequence[list[Reference]], seed: i
         For each case a log a run.
     """
     draws = [
-        replace(c.drawn, plan=plan, future=[], noise_seed=(*c.drawn.noise_seed, seed))
+        replace(changed(c.drawn), plan=plan, future=[], noise_seed=(*c.drawn.noise_seed, seed))
         for c, plan in zip(cases, plans, strict=True)
     ]
     return [[_frame([run], False) for run in runs] for runs in simulate(draws, False)]

@@ -13,6 +13,7 @@ from pamid.bench import BenchParameters, simulate, sine, triangle
 from pamid.cli import main
 from pamid.cli.commands.demo import second_round
 from pamid.errors import (
+    ExcitationError,
     IncompatibleError,
     LogFormatError,
     LogNotFoundError,
@@ -351,3 +352,12 @@ def test_the_next_run_of_one_equation_stays_within_the_log() -> None:
     assert found is not None and "viscous_friction" in found.separates
     swing = found.trajectory["position_amplitude"]
     assert found.trajectory["position"] - swing >= 0.05 and found.trajectory["position"] + swing <= 0.15
+
+
+def test_a_joint_at_rest_is_a_log_beside_one_of_motion(healthy: pd.DataFrame) -> None:
+    still = DesignedRun("hold", 1.0, offset=0.0)
+    more = simulate(NOMINAL, [still.trajectory("held")], seed=3)
+    found = diagnose_logs({"first": healthy, "held": more}, NOMINAL, ["leakage", "flow_bias"])
+    assert found.verdict == "none"
+    with pytest.raises(ExcitationError, match="held: Nothing moves"):
+        diagnose_logs({"held": more}, NOMINAL, ["leakage"])

@@ -85,6 +85,8 @@ class Plan:
         For parameters, how much narrower their intervals become, as a factor.
     designs : int
         Designs that were looked at.
+    closest : list of DesignedRun
+        Where no run would tell, those that come closest.
 
     Examples
     --------
@@ -106,6 +108,7 @@ class Plan:
     needed: float = float("nan")
     shrinks: dict[str, float] = field(default_factory=dict)
     designs: int = 0
+    closest: list[DesignedRun] = field(default_factory=list)
 
     @property
     def names(self) -> list[str]:
@@ -155,6 +158,7 @@ class Plan:
             {
                 **vars(self),
                 "runs": [{**run.as_dict(), "words": run.words} for run in self.runs],
+                "closest": [{**run.as_dict(), "words": run.words} for run in self.closest],
             }
         )
         return found

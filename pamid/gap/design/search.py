@@ -253,7 +253,7 @@ class _Search:
         needed = self.limits.seconds * TELLS / top if 0.03 * TELLS < top < TELLS else float("nan")
         return Plan(
             self.purpose, runs if tells else [], self.limits, names, beliefs, expected, clarity(between, self.beliefs),
-            tells, alike, needed, designs=self.looked,
+            tells, alike, needed, designs=self.looked, closest=[] if tells else runs,
         )  # fmt: skip
 
     def _pool(self) -> list[DesignedRun]:

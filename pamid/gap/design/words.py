@@ -20,7 +20,8 @@ def summary(plan: Plan) -> str:
     if not plan.tells:
         longer = "A longer one would not, either."
         if math.isfinite(plan.needed):
-            longer = f"One of about {plan.needed:.0f} s would."
+            like = f" ({plan.closest[0].words.rpartition(', ')[0]})" if len(plan.closest) == 1 else ""
+            longer = f"One of about {plan.needed:.0f} s would{like}."
         return (
             f"{undecided} No run of {plan.limits.seconds:g} s within the limits tells the likeliest one from the "
             f"others. {longer} Widen a limit (--angle, --pressure, --rise), log another signal, or take them as one."

@@ -22,11 +22,22 @@ _MOVED = 0.02  # rad
 _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 
-def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
+def check(log: pd.DataFrame, params: BenchParameters, *, moving: bool = True) -> list[str]:
     """Return notes on a log; raise where nothing could be ranked.
+
+    Parameters
+    ----------
+    log : DataFrame
+        The log.
+    params : BenchParameters
+        The simulator.
+    moving : bool, default=True
+        Whether something has to move in it; beside logs of motion a joint at rest tells of offsets, leaks and loads.
 
     Raises
     ------
+    MissingColumnError
+        The log allows no equation.
     ExcitationError
         Neither angle nor pressure moves.
     """
@@ -40,24 +51,14 @@ def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
             "at least the columns of one equation",
             "Log the forces F1, F2 or the flows mdot1, mdot2 as well.",
         )
-    rows = trajectory_rows(log)
-    swing = max(float(np.ptp(v)) if len(v := log["q"].iloc[r].dropna().to_numpy(dtype=float)) else 0.0 for _, r in rows)
-    pressures = [c for c in columns_of("P") if c in log.columns]
-    rise = max(
-        [
-            float(np.ptp(v))
-            for c in pressures
-            for _, r in rows
-            if len(v := log[c].iloc[r].dropna().to_numpy(dtype=float))
-        ]
-        or [0.0]
-    )
-    if swing < 2e-3 and rise < 2e3:
+    if moving and not moves(log):
+        swing, rise = _motion(log)
         raise ExcitationError(
             f"Nothing moves in the log: the angle by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
             "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
             "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
         )
+    rows = trajectory_rows(log)
     notes = unit_doubts(log, params)
     if len(rows) == 1:
         notes.append(
@@ -76,6 +77,23 @@ def check(log: pd.DataFrame, params: BenchParameters) -> list[str]:
         )
     notes += [f"Not looked at: {why}." for why in skipped.values()]
     return notes
+
+
+def moves(log: pd.DataFrame) -> bool:
+    """Tell whether the angle or a pressure moves in any run of a log."""
+    swing, rise = _motion(log)
+    return swing >= 2e-3 or rise >= 2e3
+
+
+def _motion(log: pd.DataFrame) -> tuple[float, float]:
+    """Return the largest range of the angle (rad) and of a pressure (Pa) within one run."""
+    rows = trajectory_rows(log)
+
+    def largest(column: str) -> float:
+        runs = (log[column].iloc[r].dropna().to_numpy(dtype=float) for _, r in rows)
+        return max((float(np.ptp(v)) for v in runs if len(v)), default=0.0)
+
+    return largest("q"), max((largest(c) for c in columns_of("P") if c in log.columns), default=0.0)
 
 
 def without_stuck(log: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:

@@ -18,7 +18,7 @@ from ..diagnosis.next_experiment import next_experiment
 from ..diagnosis.result import Diagnosis
 from ..inference.competition import Competition
 from ..residuals.bench import Evidence
-from ..residuals.checks import check, notes_on, without_stuck
+from ..residuals.checks import check, moves, notes_on, without_stuck
 from ..settings import MAX_ROWS, SEARCH_ROWS
 from .alike import check_alike
 from .compare import merged
@@ -146,7 +146,8 @@ def _tables(
     """Return the logs without the readings of stuck sensors, and notes; an error names its log."""
     from ...errors import PamidError
 
-    tables, notes = [], []
+    tables: list[pd.DataFrame] = []
+    notes: list[str] = []
     seen: dict[str, str] = {}
     for (name, log), conditions in zip(logs.items(), held, strict=True):
         marks = run_marks(log)
@@ -159,7 +160,8 @@ def _tables(
                 )
         seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}
         try:
-            told = check(log, conditions.under(params))
+            # A joint at rest tells of offsets, leaks and loads, beside logs of motion.
+            told = check(log, conditions.under(params), moving=name == list(logs)[-1] and not any(map(moves, tables)))
             table, stuck = without_stuck(log)
         except PamidError as error:
             error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
