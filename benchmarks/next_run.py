@@ -38,8 +38,8 @@ SUITES = ("confusable", "weak", "pairs")
 SHARES = {"confusable": 0.5, "weak": 0.25, "pairs": 0.25}
 LAYOUT = (2, 1400)
 """Runs of the first log, and samples a run with its lead."""
-SECONDS, ROUNDS = 4.0, 2
-DESIGNS = 60
+SECONDS, ROUNDS = 2.0, 2
+DESIGNS = 40
 """Designs that are looked at for each run."""
 GROUP = 8
 """Cases that are generated together."""
@@ -108,16 +108,22 @@ class Arm:
 
     def take(self, log: Any) -> None:
         """Diagnose with the run that was recorded."""
+        from pamid.errors import PamidError
         from pamid.gap.several.go_on import go_on
 
-        before, logs = self.found, dict(self.history.logs)
-        self.found = go_on(self.history, {f"round-{len(self.rounds) + 1}": log})
-        said = _said(self.found, self.case)
+        before = self.found
+        try:
+            self.found = go_on(self.history, {f"round-{len(self.rounds) + 1}": log})
+        except PamidError as error:  # counts as wrong
+            nothing = dict.fromkeys(("right", "named", "one", "closed"), False)
+            said = {"verdict": "error", "causes": [], "first": str(error), **nothing}
+        else:
+            said = _said(self.found, self.case)
         said["run"] = self.run.as_dict()
         if self.name == "designed":
             said["next_seconds"] = self.planned
             said["tells"] = bool(self.plan.tells)
-            said["realised"] = _realised(before, self.plan, logs, self.history.logs, self.history.params, self.case)
+            said["realised"] = _realised(before, self.plan, self.history.logs, self.history.params, self.case)
         self.rounds.append(said)
 
     @property
@@ -160,10 +166,11 @@ def _said(found: Any, case: Case) -> dict[str, Any]:
     }
 
 
-def _realised(before: Any, plan: Any, logs: dict[str, Any], more: dict[str, Any], params: Any, case: Case) -> list[Any]:
+def _realised(before: Any, plan: Any, more: dict[str, Any], params: Any, case: Case) -> list[Any]:
     """Return predicted and realised differences in log-likelihood of the true explanation to its rivals."""
     from pamid.gap.inference.competition import Competition
     from pamid.gap.residuals.bench import Evidence
+    from pamid.gap.settings import ONE_MORE
     from pamid.gap.several.stacked import Log, StackedEvidence
 
     known = {frozenset(r.names): r for r in before.rivals}
@@ -180,7 +187,8 @@ def _realised(before: Any, plan: Any, logs: dict[str, Any], more: dict[str, Any]
             out[names] = competition.hypothesis(fit).score
         return out
 
-    a, b = scores(logs), scores(more)
+    a = {names: r.score + ONE_MORE * max(len(names) - 1, 0) for names, r in known.items()}
+    b = scores(more)
     pairs = [e for e in plan.expected if frozenset(e.truth) == true]
     return [
         [list(e.rival), e.nats, (b[true] - b[frozenset(e.rival)]) - (a[true] - a[frozenset(e.rival)])] for e in pairs
@@ -242,11 +250,11 @@ def main(argv: list[str] | None = None) -> int:
     suites = args.suite or SUITES
     total = sum(SHARES[s] for s in suites)
     listed = [specs(s, max(1, round(args.cases * SHARES[s] / total)), args.seed) for s in suites]
-    groups = [cases[k : k + GROUP] for cases in listed for k in range(0, len(cases), GROUP)]
+    groups = [(k / len(cases), cases[k : k + GROUP]) for cases in listed for k in range(0, len(cases), GROUP)]
     # The suites take turns, so that a run that is stopped has cases of each.
-    groups.sort(key=lambda g: g[0].index)
+    groups.sort(key=lambda g: g[0])
     began = time.monotonic()
-    for group in groups if not args.report else []:
+    for _, group in groups if not args.report else []:
         missing = [s for s in group if not (folder / f"{s.name}.json").is_file()]
         if missing and time.monotonic() - began < 60.0 * args.minutes:
             examine(missing, lambda name, result: write_json(folder / f"{name}.json", result))
@@ -340,17 +348,33 @@ def report(found: Sequence[dict[str, Any]], command: str) -> str:
         lines.append(
             f"| CPU time of `next`, {DESIGNS} designs, s: median (largest) | – | {len(cpu)} | {took} | – | – |"
         )
-    kinds = Counter(r["run"]["kind"] for r in designed)
-    chosen = ", ".join(f"{k} {n}" for k, n in kinds.most_common())
     right = sum(f["first"]["right"] for f in shut)
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"Of {len(single)} first logs with one cause {len(shut)} left one name alone, {right} of them the right "
-            f"one. Kinds of designed runs: {chosen or 'none'}.",
-        ]
-    )
+    lines += [
+        "",
+        f"Of {len(single)} first logs with one cause {len(shut)} left one name alone, {right} of them the right one.",
+        "",
+    ]
+    return "\n".join([*lines, *_kinds(left + pairs_left)])
+
+
+def _kinds(found: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a table of what first runs of each kind did, whichever arm recorded them."""
+    runs: dict[str, list[tuple[str, bool]]] = {}
+    for f in found:
+        for arm in ARMS:
+            for r in f["arms"][arm][:1]:
+                closes = r["named"] and r["closed"]
+                runs.setdefault(r["run"]["kind"], []).append((arm, closes))
+    ranked = sorted(runs.items(), key=lambda item: -sum(c for _, c in item[1]) / len(item[1]))
+    lines = ["| kind of the first further run | designed | random | standard | closes the case, rightly |"]
+    lines.append("| --- | --- | --- | --- | --- |")
+    for kind, closed_by in ranked:
+        count = Counter(arm for arm, _ in closed_by)
+        lines.append(
+            f"| {kind} | {' | '.join(str(count[a]) for a in ARMS)} | {share([c for _, c in closed_by])} of "
+            f"{len(closed_by)} |"
+        )
+    return lines
 
 
 def _one(said: dict[str, Any]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from pamid.bench import BenchParameters, simulate, sine, triangle
 from pamid.cli import main
 from pamid.cli.commands.demo import second_round
+from pamid.effects import all_effects
 from pamid.errors import (
     ExcitationError,
     IncompatibleError,
@@ -26,8 +28,8 @@ from pamid.errors import (
 from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
 from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
-from pamid.gap.design.score import clarity
-from pamid.gap.design.search import plan_next
+from pamid.gap.design.score import Discrimination, clarity
+from pamid.gap.design.search import Bench, _known, plan_next
 from pamid.gap.design.words import outcomes, summary
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
@@ -361,3 +363,17 @@ def test_a_joint_at_rest_is_a_log_beside_one_of_motion(healthy: pd.DataFrame) ->
     assert found.verdict == "none"
     with pytest.raises(ExcitationError, match="held: Nothing moves"):
         diagnose_logs({"held": more}, NOMINAL, ["leakage"])
+
+
+def test_what_the_logs_leave_open_of_an_explanation_tells_it_from_another(healthy: pd.DataFrame) -> None:
+    bench = Bench(NOMINAL, [Evidence(healthy, NOMINAL)])
+    values = [dict(all_effects()[name]().values) for name in ("coulomb_friction", "stribeck_friction")]
+    values[1] |= {"coulomb": values[0]["amplitude"], "breakaway": 1e-3}
+    rivals = [
+        Rival({n: v}, {}, 0.0, 0.5) for n, v in zip(("coulomb_friction", "stribeck_friction"), values, strict=True)
+    ]
+    known = [_known(bench, r) for r in rivals]
+    sure = [replace(k, precision=1e8 * k.precision) for k in known]
+    trial = Evidence(simulate(NOMINAL, [sine(8, 15, 500)], seed=5), NOMINAL)
+    wide, narrow = (Discrimination(trial, k, forms=False).between([0])[1, 0] for k in (known, sure))
+    assert wide > narrow + 1.0

@@ -3,14 +3,17 @@ r"""How clearly runs would tell explanations apart, before they are recorded.
 A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. Beside what the
 earlier logs say of its parameters, the expected difference in log-likelihood is
 
-.. math:: D_{ij} = \min_x \sum_e \tfrac{n_e}{2} \log\Big(1 + \frac{\|d_e + A_e x\|^2}{n_e}\Big)
-    + \tfrac{1}{2} x^\top \Lambda_j x
+.. math:: D_{ij} = \min_x \sum_e \tfrac{n_e}{2} \log\Big(1 + \frac{E\|d_e + A_e x\|^2}{n_e}\Big)
+    + \tfrac{1}{2} E\, x^\top \Lambda_j x
 
 with d the difference of their residuals in units of noise and model discrepancy, A what the rival's parameters, the
 tolerances and the inexactness of its form can do, and Λ the posterior precision of the earlier logs: the
 Kullback–Leibler divergence between refitted models, of which T-optimality takes the smallest (Atkinson & Fedorov).
-Each equation has a scale of its own, so that what is far off counts by its logarithm. Several rivals are judged
-together by the bound on the probability of a wrong choice,
+E is taken over what the earlier logs leave open of the true explanation's own parameters, as in the criterion of Box
+and Hill: two explanations that agree at their fits may differ elsewhere, and a run that shows it decides.
+Each equation has a scale of its own, so that what is far off counts by its logarithm. To the evidence also goes what
+parameters cost that the run determines (`price`): with it a simple explanation gains on one that holds it as a special
+case. Several rivals are judged together by the bound on the probability of a wrong choice,
 
 .. math:: P_\text{wrong} \le \sum_{i<j} \sqrt{\pi_i \pi_j}\, e^{-D_{ij}/4}.
 
@@ -34,8 +37,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...effects import Parameter
 from ..inference.discrepancy import Discrepancy
 from ..inference.gauss_newton import Fit, Fitter, slots_of
+from ..inference.occam import occam_of, possible
 from ..residuals.bench import Evidence
 from ..settings import FORM_SMOOTH, TOLERANCE
 
@@ -57,16 +62,82 @@ class Known:
         Posterior precision of the tolerances and its effects' parameters.
     belief : float
         Probability.
+    windows : int, default=0
+        Windows of the earlier logs.
     """
 
     fit: Fit
     precision: np.ndarray
     belief: float
+    windows: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
         """Its effects."""
         return tuple(self.fit.spec)
+
+    def curvature(self, H: np.ndarray) -> np.ndarray:
+        """Return what is known of the effects' parameters where that of all coefficients is H."""
+        m = len(self.fit.x)
+        keep = np.arange(m, len(self.precision))
+        rest = np.setdiff1d(np.arange(len(H)), keep)
+        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
+        C = H / np.outer(size, size) + 1e-9 * np.eye(len(H))
+        schur = C[np.ix_(keep, keep)] - C[np.ix_(keep, rest)] @ np.linalg.solve(
+            C[np.ix_(rest, rest)], C[np.ix_(rest, keep)]
+        )
+        return np.asarray(schur * np.outer(size[keep], size[keep]))
+
+    def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
+        """Return for each effect the places, parameters and values of its parameters."""
+        slots = slots_of(self.fit.spec)
+        mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
+        return [
+            (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
+        ]
+
+    def price(self, H: np.ndarray, windows: float) -> float:
+        """Return what the parameters cost in evidence where the precision of all coefficients is H."""
+        if not self.fit.spec:
+            return 0.0
+        known = self.curvature(H)
+        return sum(
+            occam_of(
+                known[np.ix_(at, at)], windows, parameters, values, _gain(known[np.ix_(at, at)], parameters, values)
+            )
+            for at, parameters, values in self.each()
+        )
+
+    @property
+    def reach(self) -> np.ndarray:
+        """How far tolerances and parameters were thought possible to be from their values; tolerances have a prior."""
+        out = np.full(len(self.precision), np.inf)
+        if self.fit.spec:
+            m, known = len(self.fit.x), self.curvature(self.precision)
+            for at, parameters, values in self.each():
+                mine = known[np.ix_(at, at)]
+                out[m + np.array(at)] = possible(mine, parameters, values, _gain(mine, parameters, values))
+        return np.maximum(out, 1e-12)
+
+    @property
+    def held(self) -> np.ndarray:
+        """The precision with which the explanation is refitted: nonlinear parameters no further than they reach."""
+        linear = np.array([p.linear for _, p in slots_of(self.fit.spec)], dtype=bool)
+        free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
+        return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
+
+    @property
+    def open(self) -> np.ndarray:
+        """The covariance of tolerances and parameters, as far as these were thought possible."""
+        P = self.precision + np.diag(self.reach**-2.0)
+        size = np.sqrt(np.maximum(np.diag(P), 1e-300))
+        return np.asarray(np.linalg.inv(P / np.outer(size, size) + 1e-9 * np.eye(len(P))) / np.outer(size, size))
+
+
+def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
+    """Return what an effect explains: that of its amplitudes, in which it is linear."""
+    a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
+    return 0.5 * float(a @ known @ a)
 
 
 def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -132,25 +203,41 @@ class Discrimination:
     known : sequence of Known
         The explanations.
     forms : bool, default=True
-        Whether the inexactness of forms is counted: without it a preview, which says too much.
+        Whether the form of a rival may be inexact, at its cost, as the diagnosis allows: without it a preview, which
+        says too much.
     """
 
     def __init__(self, trial: Evidence, known: Sequence[Known], forms: bool = True) -> None:
+        self._read(trial, known, [sensitivities(trial, k.fit) for k in known], forms)
+
+    def _read(
+        self, trial: Evidence, known: Sequence[Known], each: Sequence[tuple[np.ndarray, np.ndarray]], forms: bool
+    ) -> None:
         self.known, self.m = list(known), len(known)
+        self.exact: Discrimination | None = None
+        if forms:
+            self.exact = Discrimination.__new__(Discrimination)
+            self.exact._read(trial, known, each, False)
         self.runs = trial.trajectories
         slices = [_rows(trial.block[part], part.start, len(self.runs)) for part in trial.parts]
         self.n = np.array([[s.stop - s.start for s in rows] for rows in slices], dtype=float)  # equation, run
-        residuals, columns = zip(*(sensitivities(trial, k.fit) for k in self.known), strict=True)
+        residuals, columns = zip(*each, strict=True)
         self.G: list[np.ndarray] = []
         self.b: list[list[np.ndarray | None]] = []
         self.dd: list[list[np.ndarray | None]] = []
         self.prior: list[np.ndarray] = []
+        self.wider: list[np.ndarray] = []
+        self.open = [k.open for k in self.known]
+        self.own: list[list[tuple[np.ndarray, np.ndarray]]] = []
         for j, k in enumerate(self.known):
             S, width = _form(trial, k.fit) if forms else (np.zeros((len(trial.z0), 0)), np.ones(len(trial.z0)))
             B = np.column_stack([columns[j], S]) / width[:, None]
             q = S.shape[1]
+            self.wider.append(
+                np.array([sum(float(np.log(width[rows[k]]).sum()) for rows in slices) for k in range(len(self.runs))])
+            )
             P = np.zeros((B.shape[1], B.shape[1]))
-            P[: B.shape[1] - q, : B.shape[1] - q] = k.precision
+            P[: B.shape[1] - q, : B.shape[1] - q] = k.held
             P[B.shape[1] - q :, B.shape[1] - q :] = np.eye(q) / FORM_SMOOTH**2
             self.prior.append(P)
             self.G.append(np.array([[B[s].T @ B[s] for s in rows] for rows in slices]))
@@ -158,6 +245,7 @@ class Discrimination:
             self.b.append(
                 [None if v is None else np.array([[B[s].T @ v[s] for s in rows] for rows in slices]) for v in d]
             )
+            self.own.append([_own(B, columns[i] / width[:, None], slices) for i in range(self.m)])
             self.dd.append(
                 [None if v is None else np.array([[v[s] @ v[s] for s in rows] for rows in slices]) for v in d]
             )
@@ -176,34 +264,56 @@ class Discrimination:
             Row: the one that is true; column: the one that is refitted.
         """
         out = np.zeros((self.m, self.m))
+        dearer = [self._dearer(k, chosen) for k in range(self.m)]
         for i in range(self.m):
             for j in range(self.m):
                 if i != j:
-                    x, left, n = self._refitted(i, j, chosen)
-                    out[i, j] = float(0.5 * n @ np.log1p(left / n) + 0.5 * x @ self.prior[j] @ x)
-        return out
+                    cost, left, n = self._refitted(i, j, chosen)
+                    out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost) + dearer[j] - dearer[i]
+        return out if self.exact is None else np.minimum(out, self.exact.between(chosen))
 
-    def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Refit an explanation to what some of the runs show where another is true.
+    def _dearer(self, which: int, chosen: Sequence[int]) -> float:
+        """Return by how much the parameters of an explanation cost more after some of the runs."""
+        k, at = self.known[which], list(chosen)
+        H = self.G[which][:, at].sum(axis=(0, 1)) + self.prior[which]
+        inner = slice(0, len(k.precision))
+        H[inner, inner] += k.precision - k.held  # what was thought possible is counted by the price
+        return k.price(H, k.windows + self.n[:, at].sum()) - k.price(k.precision, k.windows)
+
+    def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Refit an explanation to what some of the runs show where another is true, whatever is open of that one.
 
         Returns
         -------
-        tuple of array
-            Its coefficients, the sum of squares that it leaves in each equation, and the windows of each.
+        cost : float
+            What its coefficients and the inexactness of its form cost.
+        left, windows : array, shape (n_equations,)
+            The sum of squares that it leaves in each equation, and the windows of each.
         """
         at, b, dd = list(chosen), self.b[j][i], self.dd[j][i]
         assert b is not None and dd is not None
         G, bi, ddi = (v[:, at].sum(axis=1) for v in (self.G[j], b, dd))
+        own, cross = (v[:, at].sum(axis=1) for v in self.own[j][i])
+        Q, P = self.open[i], self.prior[j]
         n = np.maximum(self.n[:, at].sum(axis=1), 1.0)
-        scale2, x, left = np.ones(len(n)), np.zeros(G.shape[1]), ddi
+        scale2, cost, left = np.ones(len(n)), 0.0, ddi
         for _ in range(ROUNDS):
-            H = np.tensordot(1.0 / scale2, G, 1) + self.prior[j]
+            H = np.tensordot(1.0 / scale2, G, 1) + P
             size = np.sqrt(np.maximum(np.diag(H), 1e-300))
             C = H / np.outer(size, size) + 1e-9 * np.eye(len(size))
-            x = -np.linalg.solve(C, (bi / scale2[:, None]).sum(axis=0) / size) / size
-            left = np.maximum(ddi + 2.0 * bi @ x + np.einsum("i,eij,j->e", x, G, x), 0.0)
+            asked = np.column_stack([(bi / scale2[:, None]).sum(axis=0), np.tensordot(1.0 / scale2, cross, 1)])
+            X = -np.linalg.solve(C, asked / size[:, None]) / size[:, None]
+            x, X = X[:, 0], X[:, 1:]
+            left = ddi + 2.0 * bi @ x + np.einsum("i,eij,j->e", x, G, x)
+            moved = own + np.einsum("eji,jk->eik", cross, X) + np.einsum("ji,ejk->eik", X, cross)
+            moved = moved + np.einsum("ai,eab,bk->eik", X, G, X, optimize=True)
+            left = np.maximum(left, 0.0) + np.maximum(np.einsum("eij,ji->e", moved, Q), 0.0)
+            cost = 0.5 * float(x @ P @ x + np.sum(Q * (X.T @ P @ X)))
             scale2 = 1.0 + left / n
-        return x, left, n
+        free = slice(len(self.known[j].precision), None)
+        form = np.tensordot(1.0 / scale2, G, 1)[free, free] * FORM_SMOOTH**2
+        cost += 0.5 * float(np.linalg.slogdet(np.eye(len(form)) + form)[1]) + float(self.wider[j][at].sum())
+        return cost, left, n
 
     def largest(self, i: int, j: int, chosen: Sequence[int]) -> tuple[int, float]:
         """Return the equation in which an explanation is furthest off where another is true, and how far, in noise."""
@@ -227,16 +337,17 @@ class Discrimination:
         k = self.known[which]
         m = len(k.fit.x)
         H = self.G[which][:, list(chosen)].sum(axis=(0, 1)) + self.prior[which]
-        keep = np.arange(m, len(k.precision))
-        if not len(keep):
+        if len(k.precision) == m:
             return 0.0
-        rest = np.setdiff1d(np.arange(len(H)), keep)
-        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        C = H / np.outer(size, size) + 1e-9 * np.eye(len(H))
-        schur = C[np.ix_(keep, keep)] - C[np.ix_(keep, rest)] @ np.linalg.solve(
-            C[np.ix_(rest, rest)], C[np.ix_(rest, keep)]
-        )
-        return float(np.linalg.slogdet(schur)[1] + 2.0 * np.sum(np.log(size[keep])))
+        return float(np.linalg.slogdet(k.curvature(H))[1])
+
+
+def _own(B: np.ndarray, own: np.ndarray, slices: Sequence[Sequence[slice]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the products of an explanation's own columns, and of a rival's with them, by equation and run."""
+    return (
+        np.array([[own[s].T @ own[s] for s in rows] for rows in slices]),
+        np.array([[B[s].T @ own[s] for s in rows] for rows in slices]),
+    )
 
 
 def clarity(between: np.ndarray, beliefs: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from ..inference.gauss_newton import Fit
 from ..residuals.bench import Evidence
 from .family import DesignedRun, Limits, draw, near
 from .plan import TELLS, Expected, Plan
-from .score import Discrimination, Known, clarity, precision
+from .score import HELD, Discrimination, Known, clarity, precision
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
     from ...bench.references import Trajectory
 
-SHARES = 0.5, 0.3, 0.2
-"""Share of the designs that are drawn from the whole family, near the best, and nearer."""
+WIDE = 0.6
+"""Share of the designs that are drawn from the whole family; the others are drawn near the best of these."""
 NEAR = 0.25, 0.1
-"""How near, as shares of the limits."""
+"""How near, by turns, as shares of the limits."""
 BEST = 5
 """Designs about which others are drawn."""
 FINAL = 3
@@ -143,7 +143,7 @@ def _known(bench: Bench, rival: Rival) -> Known:
     free = bench.logs[-1].free
     x = np.array([float(rival.deviations.get(name, 0.0)) for name in free])
     fit = Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
-    return Known(fit, precision(bench.logs, fit), rival.belief)
+    return Known(fit, precision(bench.logs, fit), rival.belief, sum(len(log.z0) for log in bench.logs))
 
 
 class _Search:
@@ -161,6 +161,7 @@ class _Search:
         self.sensors, self.columns = bench.sensors, bench.columns()
         self.beliefs = np.array([k.belief for k in known])
         self.found: list[tuple[float, DesignedRun]] = []
+        self.seen: list[tuple[DesignedRun, pd.DataFrame]] = []
         self.looked = 0
 
     # --- one batch of designs -------------------------------------------------------------------------------
@@ -170,7 +171,18 @@ class _Search:
         actual = log.simulator(truth.fit.spec, dict(zip(log.free, map(float, truth.fit.x), strict=True)))
         told = [run.trajectory(str(k)) for k, run in enumerate(runs)]
         table, there = self._simulated(actual, told, list(range(len(runs))))
-        return Evidence(table[[c for c in self.columns if c in table]], self.bench.params), there
+        table = table[[c for c in self.columns if c in table]]
+        if truth is self.known[0]:
+            self.seen += [(runs[int(str(name))], run) for name, run in table.groupby("trajectory", sort=False)]
+        return Evidence(table, self.bench.params), there
+
+    def seen_again(self, runs: Sequence[DesignedRun]) -> Evidence:
+        """Return what the likeliest explanation makes of designs that were looked at."""
+        import pandas as pd
+
+        of = [next(table for seen, table in self.seen if seen is run) for run in runs]
+        parts = [table.assign(trajectory=str(k)) for k, table in enumerate(of)]
+        return Evidence(pd.concat(parts, ignore_index=True), self.bench.params)
 
     def _simulated(
         self, actual: BenchParameters, told: Sequence[Trajectory], which: list[int]
@@ -210,15 +222,15 @@ class _Search:
     def look(self, designs: int) -> None:
         """Look at designs: some of the whole family, then some near the best."""
         kinds = self.limits.kinds
-        n = max(len(kinds), round(SHARES[0] * designs))
+        n = max(len(kinds), round(WIDE * designs))
         self.say("look at runs of all kinds")
         self._take([draw(self.rng, self.limits, kinds[k % len(kinds)]) for k in range(n)])
-        for share, width in zip(SHARES[1:], NEAR, strict=True):
-            more = min(round(share * designs), designs - self.looked)
-            if more > 0:
-                self.say("look near the best")
-                best = [run for _, run in self.found[:BEST]]
-                self._take([near(self.rng, best[k % len(best)], self.limits, width) for k in range(more)])
+        if more := max(designs - self.looked, 0):
+            self.say("look near the best")
+            best = [run for _, run in self.found[:BEST]]
+            self._take(
+                [near(self.rng, best[k % len(best)], self.limits, NEAR[k // len(best) % 2]) for k in range(more)]
+            )
 
     def _take(self, runs: Sequence[DesignedRun]) -> None:
         self.found = sorted([*self.found, *self.scored(runs)], key=lambda f: -f[0])
@@ -228,13 +240,12 @@ class _Search:
         """Compare the best designs with every explanation being the true one, and put them together."""
         pool = self._pool()
         self.say("compare the best")
-        told = []
-        for truth in self.known if self.purpose == "discriminate" else self.known[:1]:
+        told = [(Discrimination(self.seen_again(pool), self.known), 0)]
+        others = [k for k in self.known[1:] if k.belief >= HELD] if self.purpose == "discriminate" else []
+        for truth in others:
             trial, there = self.trial(pool, truth)
             if len(there) == len(pool):
                 told.append((Discrimination(trial, self.known), self.known.index(truth)))
-        if not told:
-            told = [(Discrimination(self.trial(pool, self.known[0])[0], self.known), 0)]
         chosen = self._greedy(told, len(pool))
         runs = [pool[k] for k in chosen]
         names, beliefs = [k.names for k in self.known], [float(k.belief) for k in self.known]

@@ -63,18 +63,39 @@ def occam(
         What the effect gains in likelihood.
     """
     n, k = D.shape
-    one = 0.5 * float(np.log(max(n, 2)))
     if k < 2:
-        return one * k
+        return 0.5 * float(np.log(max(n, 2))) * k
     Dw = D * weights[:, None]
     H = D.T @ Dw
     if J.shape[1]:
         cross = J.T @ Dw
         H = H - cross.T @ np.linalg.lstsq(J.T @ (J * weights[:, None]) + 3.0 * np.eye(J.shape[1]), cross, rcond=None)[0]
-    strength = 2.0 * max(gain, 1.0)
+    return occam_of(H, n, parameters, values, gain)
+
+
+def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> float:
+    """Return what the parameters of an effect cost where the curvature of the likelihood is known.
+
+    Parameters
+    ----------
+    H : array, shape (n_parameters, n_parameters)
+        Curvature of the likelihood, tolerances projected out.
+    n : float
+        Windows.
+    parameters, values, gain
+        As for `occam`.
+    """
+    one, k = 0.5 * float(np.log(max(n, 2))), len(H)
+    if k < 2:
+        return one * k
+    S = possible(H, parameters, values, gain)
+    bends = 0.5 * float(np.linalg.slogdet(np.eye(k) + H * np.outer(S, S))[1])
+    return float(np.clip(one + bends - 0.5 * np.log1p(2.0 * max(gain, 1.0)), one, one * k))
+
+
+def possible(H: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> np.ndarray:
+    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size."""
     curvature = np.maximum(np.diag(H), 0.0)
     with np.errstate(divide="ignore"):
-        amplitude = np.where(curvature > 0.0, np.sqrt(strength / np.maximum(curvature, 1e-300)), 0.0)
-    S = np.array([a if p.linear else width(p, v) for p, v, a in zip(parameters, values, amplitude, strict=True)])
-    bends = 0.5 * float(np.linalg.slogdet(np.eye(k) + H * np.outer(S, S))[1])
-    return float(np.clip(one + bends - 0.5 * np.log1p(strength), one, one * k))
+        amplitude = np.where(curvature > 0.0, np.sqrt(2.0 * max(gain, 1.0) / np.maximum(curvature, 1e-300)), 0.0)
+    return np.array([a if p.linear else width(p, v) for p, v, a in zip(parameters, values, amplitude, strict=True)])
