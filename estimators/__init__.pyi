@@ -4,6 +4,7 @@ from ._registry import all_estimators as all_estimators
 from ._registry import checked_instances as checked_instances
 from .conformal_regressor import ConformalRegressor as ConformalRegressor
 from .conformal_regressor import PredictionInterval as PredictionInterval
+from .cylinder_force import CylinderForce as CylinderForce
 from .forward_model import ForwardAnswer as ForwardAnswer
 from .forward_model import ForwardModel as ForwardModel
 from .full_fine_tuning import FullFineTuning as FullFineTuning
@@ -14,6 +15,7 @@ from .hosovsky_hybrid import HosovskyHybrid as HosovskyHybrid
 from .inverse_model import InverseModel as InverseModel
 from .inverse_model import PressureAnswer as PressureAnswer
 from .inverted_force import InvertedForce as InvertedForce
+from .joint_drive import JointDrive as JointDrive
 from .joint_pihm import JointPIHM as JointPIHM
 from .law_regressor import LawRegressor as LawRegressor
 from .lifted_load import LiftedLoad as LiftedLoad
@@ -45,6 +47,7 @@ __all__ = [
     "MLP",
     "NNARX",
     "ConformalRegressor",
+    "CylinderForce",
     "ForwardAnswer",
     "ForwardModel",
     "FullFineTuning",
@@ -54,6 +57,7 @@ __all__ = [
     "HosovskyHybrid",
     "InverseModel",
     "InvertedForce",
+    "JointDrive",
     "JointPIHM",
     "LawRegressor",
     "LiftRun",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import ShortTrajectoryError, UnknownOptionError
 from ._simulators import port_simulator_of
-from .common import load_log, muscle_numbers, page_of
+from .common import load_log, page_numbers, page_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,12 +59,13 @@ def _of_model(args: argparse.Namespace) -> dict[str, Left]:
     head, model = inspect(args.model), load(args.model)
     equation = equation_of(model, args.equation or head["metadata"].get("equation"))
     page = page_of(args) if args.sim else None
-    muscle_numbers(page)
+    page_numbers(page, kinds=equation.kinds)
     signals = signal_table(load_log(args, nan="drop"), page, equation)
     error = signals[equation.column].to_numpy(dtype=float) - predict_table(model, signals)
     read = [n for n in getattr(model, "feature_names_in_", ("eps", "P")) if n in signals and n != "trajectory"]
     inputs = [n for n in read if n not in ("run", "time")]
-    return {equation.name: Left(signals[["trajectory", "time", *inputs]].assign(residual=error), equation.unit)}
+    left = signals[["trajectory", "time", *inputs]].assign(residual=error)
+    return {equation.name: Left(left[left["residual"].notna()], equation.unit)}
 
 
 def _of_system(log: pd.DataFrame, system: System) -> dict[str, Left]:

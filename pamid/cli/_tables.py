@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import (
@@ -24,18 +25,26 @@ if TYPE_CHECKING:
     from ..bench.parameters import BenchParameters
     from ..systems import System
 
-RATES = {"deps": "eps", "dP": "P"}
+RATES = {"deps": "eps", "dP": "P", "dx": "x", "dq": "q", "ddq": "q"}
+"""Rates that estimators read, and the signals that they are taken of."""
 
 
 class Target(NamedTuple):
-    """What is predicted: the equation's name, the column that holds it, its unit."""
+    """What is predicted: its name, the column that holds it, its unit, the kinds of pages and signals it belongs to."""
 
     name: str
     column: str
     unit: str
+    kinds: tuple[str, ...] = ("muscle", "bench")
+    signals: tuple[str, ...] = ("eps", "P")
 
 
-TARGETS = {"force": Target("force", "F", "N"), "flow": Target("flow", "mdot", "kg/s")}
+TARGETS = {
+    "force": Target("force", "F", "N"),
+    "flow": Target("flow", "mdot", "kg/s"),
+    "cylinder": Target("cylinder", "F", "N", ("cylinder",), ("x", "P")),
+    "drive": Target("drive", "drive", "drive", ("joint",), ("q",)),
+}
 
 
 def equation_of(estimator: Any, wanted: str | None) -> Target:
@@ -67,7 +76,8 @@ def equation_of(estimator: Any, wanted: str | None) -> Target:
         raise ParameterError(
             f"{type(last).__name__} can predict either equation.", "force or flow", "Add --equation force or flow."
         )
-    return TARGETS[name]
+    target = TARGETS[name]
+    return target._replace(unit=last.unit) if target.name == "drive" else target
 
 
 def _own_equations(estimator: Any) -> list[str]:
@@ -75,16 +85,20 @@ def _own_equations(estimator: Any) -> list[str]:
         if callable(found := getattr(estimator, method, None)):
             laws = found()
             return [law.equation for law in (laws if isinstance(laws, tuple) else (laws,))]
-    return []
+    said = [name for name in getattr(estimator, "equations", ()) if name in TARGETS]
+    return said if len(said) == 1 else []
 
 
 def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
     """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target.
 
-    A log of the bench is unfolded by its simulator; a log of one muscle has these columns already.
+    A log of the bench is unfolded by its simulator; a log of one muscle has these columns already. A log of a cylinder
+    or a joint keeps its signals; rows in which its drive is not known have none.
     """
     from ..systems import System
 
+    if target.signals != ("eps", "P"):
+        return _table_of_system(log, page, target)
     columns = list(map(str, log.columns))
     if "eps" in columns and "P" in columns:
         table = log.assign(run=log["trajectory"])
@@ -107,12 +121,41 @@ def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, targe
     return table
 
 
+def _table_of_system(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
+    from ..systems import System
+
+    table = page.samples(log) if isinstance(page, System) else log
+    if lacking := [name for name in (*target.signals, target.column) if name not in table.columns]:
+        raise MissingColumnError(
+            f"The log has no {', '.join(lacking)} (it has {', '.join(map(str, log.columns[:20]))}).",
+            f"{', '.join((*target.signals, target.column))} of a {target.kinds[0]}",
+            f"Map your columns with --columns, or name the page of the {target.kinds[0]} by --sim.",
+        )
+    return table.assign(run=table["trajectory"])
+
+
+def settle(estimator: Any, speed: Any, unit: str, given: dict[str, Any]) -> None:
+    """Give an estimator what the log says, unless the user has: unit of a drive, speed below which friction fades."""
+    import numpy as np
+
+    accepted = estimator.get_params()
+    if "unit" in accepted and "unit" not in given and unit:
+        estimator.set_params(unit=unit)
+    if "still" in accepted and "still" not in given and speed is not None:
+        quick = float(np.quantile(np.abs(speed), 0.99))
+        estimator.set_params(still=_STILL * quick if quick > 0 else accepted["still"])
+
+
+_STILL = 0.05
+"""Of the quickest speed: where the sign of the motion counts by three quarters."""
 SIZES = ("rest_length", "rest_diameter")
 """What no estimator may take by default: the size of the muscle."""
 
 
-def make_estimator(name: str, settings: dict[str, Any], numbers: dict[str, Any], seed: int) -> Any:
-    """Make an estimator by its name: settings as given, geometry from the page, seed where it takes one."""
+def make_estimator(
+    name: str, settings: dict[str, Any], seed: int, numbers_for: Callable[[tuple[str, ...]], dict[str, Any]]
+) -> Any:
+    """Make an estimator by its name: settings as given, numbers of pages of its kinds, seed where it takes one."""
     import difflib
 
     from pamid.estimators import all_estimators
@@ -136,7 +179,8 @@ def make_estimator(name: str, settings: dict[str, Any], numbers: dict[str, Any],
             f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
         )
     settings = {k: parse_quantity(v, k) if k in SIZES and isinstance(v, str) else v for k, v in settings.items()}
-    values = {"random_state": seed, **numbers}
+    kinds = dict.fromkeys(k for e in getattr(known[name], "equations", ()) if e in TARGETS for k in TARGETS[e].kinds)
+    values = {"random_state": seed, **{k: v for k, v in numbers_for(tuple(kinds)).items() if k != "unit"}}
     if lacking := [size for size in SIZES if size in accepted and size not in {**values, **settings}]:
         raise MissingParameterError(
             f"{name} needs {' and '.join(lacking)} of the muscle, which nothing here says.",
@@ -220,6 +264,8 @@ class Scores:
         """Take a piece with its predictions."""
         import numpy as np
 
+        known = table[self.target.column].notna().to_numpy()
+        table, predicted = table[known], predicted[known]
         measured = table[self.target.column].to_numpy(dtype=float)
         if self._origin is None:
             self._origin = float(measured[0]) if len(measured) else None

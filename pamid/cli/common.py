@@ -170,13 +170,15 @@ def _page_path(args: argparse.Namespace) -> str | None:
     return None
 
 
-def muscle_numbers(page: BenchParameters | System | None, columns: str | None = None) -> dict[str, Any]:
-    """Return what a page says of the muscle, for estimators; without a page the rest length of the mapping.
+def page_numbers(
+    page: BenchParameters | System | None, columns: str | None = None, kinds: Sequence[str] = ("muscle", "bench")
+) -> dict[str, Any]:
+    """Return what a page says of a muscle, cylinder or joint, for estimators; without one, the mapping's rest length.
 
     Raises
     ------
     UnknownOptionError
-        The page is that of a system without a muscle.
+        The page is that of another system than the estimator is for.
     """
     from ..signals.mapping import LogMapping
     from ..signals.units import parse_quantity
@@ -185,14 +187,17 @@ def muscle_numbers(page: BenchParameters | System | None, columns: str | None = 
     if page is None:
         constants = LogMapping.load(columns).constants if columns else {}
         return {k: parse_quantity(constants[k], k) for k in ("rest_length",) if k in constants}
+    kind = page.kind if isinstance(page, System) else "bench"
+    if kind not in kinds:
+        what = "contraction and pressure of a muscle" if "muscle" in kinds else f"the signals of a {kinds[0]}"
+        own = page.estimator if isinstance(page, System) else "GeometricForce"
+        raise UnknownOptionError(
+            f"The page is that of a {kind}.",
+            f"the page of a {' or a '.join(kinds)}, since this model reads {what}",
+            f"For a {kind} fit {own} ('pamid fit LOG --sim SIM.toml --out MODEL.pamid').",
+        )
     if not isinstance(page, System):
         return dict(page.values())
-    if page.kind != "muscle":
-        raise UnknownOptionError(
-            f"The page is that of a {page.kind}.",
-            "the page of a muscle or a bench, since models of force and flow read contraction and pressure of a muscle",
-            f"'pamid compare' and 'pamid diagnose' take the page of a {page.kind}.",
-        )
     return {name: value for name, value in page.values.items() if isinstance(value, float)}
 
 

@@ -26,6 +26,7 @@ _UFUNCS: dict[Any, str] = {
     np.exp: "exp",
     np.log: "log",
     np.tanh: "tanh",
+    np.sin: "sin",
     np.sqrt: "sqrt",
     np.minimum: "min",
     np.maximum: "max",
@@ -148,7 +149,7 @@ def _interpolated(x: Symbol, knots: Any, values: Any) -> Symbol:
     return total
 
 
-_KNOWN = "arithmetic, abs, exp, log, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
+_KNOWN = "arithmetic, abs, exp, log, sin, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
 
 
 _FOLD: dict[str, Callable[..., Any]] = {
@@ -161,6 +162,7 @@ _FOLD: dict[str, Callable[..., Any]] = {
     "exp": math.exp,
     "log": math.log,
     "tanh": math.tanh,
+    "sin": math.sin,
     "sqrt": math.sqrt,
     "pow": operator.pow,
     "min": min,

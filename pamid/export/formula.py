@@ -20,6 +20,10 @@ from .reference import TOLERANCES
 SIGNALS = UNITS | {
     "F": "N",
     "load": "kg",
+    "dx": "m/s",
+    "q": "rad",
+    "dq": "rad/s",
+    "ddq": "rad/s^2",
     "V": "m^3",
     "V_eps": "m^3",
     "V_P": "m^3/Pa",
@@ -33,6 +37,7 @@ TYPICAL = {
     "deps": (0.0, 0.2),
     "P": (3e5, 8e4),
     "dP": (0.0, 3e5),
+    "dx": (0.0, 0.05),
     "V": (1e-4, 2e-5),
     "V_eps": (2e-4, 5e-5),
     "V_P": (1e-11, 1e-11),

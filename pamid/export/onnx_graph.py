@@ -27,6 +27,7 @@ _OPERATORS = {
     "exp": "Exp",
     "log": "Log",
     "tanh": "Tanh",
+    "sin": "Sin",
     "sqrt": "Sqrt",
     "pow": "Pow",
     "min": "Min",

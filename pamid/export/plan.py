@@ -188,7 +188,7 @@ def last_step(model: Any) -> tuple[Any, list[str]]:
                 "a hybrid model, after no more than a RateTransformer",
                 "Fit the hybrid model on the signals themselves: it scales its inputs.",
             )
-        notes.append("deps and dP are inputs: the pipeline's rates look at later samples, which a controller has not.")
+        notes.append("Rates are inputs: those of the pipeline look at later samples, which a controller has not.")
     return steps[-1][1], notes
 
 

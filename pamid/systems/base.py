@@ -210,6 +210,8 @@ class System(ABC):
     """1 where effects take away from the target, -1 where they add to it."""
     library: ClassVar[str] = "actuator"
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
+    estimator: ClassVar[str] = "GeometricForce"
+    """Name of the estimator that fits its parameters."""
 
     def __init__(self, *, effects: Sequence[EffectSpec] = (), **values: Any) -> None:
         entries: list[Quantity | Choice] = [*self.numbers, *self.choices]
@@ -264,6 +266,14 @@ class System(ABC):
     def units(self) -> dict[str, str]:
         """Units of target, position and pressure, as `pamid.estimators.GapDiagnoser` takes them; empty for SI."""
         return {}
+
+    def samples(self, log: pd.DataFrame) -> pd.DataFrame:
+        """Return a log with what its estimator learns from and its target; no target in rows where it is not known."""
+        return log
+
+    def unit_of(self, columns: Collection[str]) -> str:
+        """Return the unit of the target on a log with some columns."""
+        return self.units.get("target", "N")
 
     def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
         """Return the system with further effects, which act in a sense, 1 or -1, on a target in a unit."""

@@ -48,6 +48,8 @@ class Cylinder(System):
         Choice("force", tuple(_SENSES), "what F measures: the push it delivers, or what moves the rod", "unknown"),
     )
 
+    estimator = "CylinderForce"
+
     @property
     def sense(self) -> str | int:  # type: ignore[override]
         """Whether friction takes away from F or adds to it."""

@@ -50,6 +50,7 @@ class Joint(System):
     choices = (Choice("unit", ("unknown", "N m", "V", "A"), "unit of the logged drive", "unknown"),)
     sense = -1
     library = "motor"
+    estimator = "JointDrive"
 
     @classmethod
     def own(cls, signals: Collection[str]) -> list[str]:
@@ -61,6 +62,18 @@ class Joint(System):
         """The drive's unit, radian; what stands for a pressure is a load in the drive's unit."""
         unit = "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
         return {"target": unit, "position": "rad", "pressure": unit}
+
+    def samples(self, log: pd.DataFrame) -> pd.DataFrame:
+        """Return a log with the drive of each row, none where it is off or at its limit."""
+        self.require(log)
+        drive, usable, *_ = self._drive(log)
+        return log.assign(drive=np.where(usable, drive, np.nan))
+
+    def unit_of(self, columns: Collection[str]) -> str:
+        """Return the unit of what drives the joint on a log with some columns."""
+        if "drive" in columns:
+            return "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
+        return "V" if "voltage" in columns else "output unit"
 
     def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
         """Return the joint with further effects, and the unit of its drive where the log has told it."""
@@ -103,8 +116,7 @@ class Joint(System):
         if "enabled" in log.columns:
             on = log["enabled"].to_numpy(dtype=float) > 0.5
         if "drive" in log.columns:
-            unit = str(self.values["unit"])
-            return log["drive"].to_numpy(dtype=float), on, "drive unit" if unit == "unknown" else unit, []
+            return log["drive"].to_numpy(dtype=float), on, self.unit_of(log.columns), []
         if "q_ref" not in log.columns:
             raise MissingColumnError(
                 f"The log has neither drive nor q_ref; it has {', '.join(map(str, log.columns[:20]))}.",
@@ -123,8 +135,8 @@ class Joint(System):
         if limit:
             on &= np.abs(wanted) < _FULL * limit
         if "voltage" in log.columns:
-            return wanted * log["voltage"].to_numpy(dtype=float), on, "V", []
-        return wanted, on, "output unit", []
+            wanted = wanted * log["voltage"].to_numpy(dtype=float)
+        return wanted, on, self.unit_of(log.columns), []
 
     def _rate(self, log: pd.DataFrame, order: int, longer: float = 1.0) -> np.ndarray:
         from scipy.signal import savgol_filter

@@ -10,6 +10,7 @@ from pamid.estimators import (
     MLP,
     NNARX,
     ConformalRegressor,
+    CylinderForce,
     ForwardModel,
     FullFineTuning,
     GapDiagnoser,
@@ -18,6 +19,7 @@ from pamid.estimators import (
     HosovskyHybrid,
     InverseModel,
     InvertedForce,
+    JointDrive,
     JointPIHM,
     LawRegressor,
     LiftedLoad,
@@ -147,6 +149,7 @@ CASES = {
     "ConformalRegressor": (
         lambda s: ConformalRegressor(PolynomialForce(2), independent_rows=True, confidence=0.5), (["eps", "P"], "F")
     ),
+    "CylinderForce": (lambda s: CylinderForce(still=0.05, signals={"dx": "deps"}), (["deps", "P"], "F")),
     "ForwardModel": (
         lambda s: ForwardModel(hidden=4, n_starts=1, random_state=0), (["P", "load"], ["load", "lift"])
     ),
@@ -158,6 +161,7 @@ CASES = {
                      (["F", "eps"], "P")),
     "InvertedForce": (lambda s: InvertedForce(GeometricForce(), on_unreachable="clip"), (["F", "eps"], "P")),
     "JointPIHM": (lambda s: JointPIHM(0.2, 0.02, **PIHM), (STATE, ["F", "mdot"])),
+    "JointDrive": (lambda s: JointDrive(signals={"q": "eps", "dq": "deps", "ddq": "P"}), (["eps", "deps", "P"], "F")),
     "LawRegressor": (lambda s: LawRegressor(), ([*STATE, "V", "V_eps", "V_P"], "F")),
     "LiftedLoad": (lambda s: LiftedLoad(start="rest"), SEQUENCE),
     "LinearStateSpace": (lambda s: LinearStateSpace(start="rest", order=1, block_rows=4), SEQUENCE),
@@ -189,7 +193,7 @@ CASES = {
     "TransferFunction": (lambda s: TransferFunction(n_poles=1, horizon=20, start="rest"), SEQUENCE),
 }  # fmt: skip
 
-LINEAR = {"PolynomialForce", "PolynomialFlow", "SINDyModel", "SINDyRegressor"}
+LINEAR = {"CylinderForce", "JointDrive", "PolynomialForce", "PolynomialFlow", "SINDyModel", "SINDyRegressor"}
 """Sufficient statistics: exactly the fit of all batches, however many rows."""
 
 UNLEARNT = {"LawRegressor", "RateTransformer"}

@@ -373,7 +373,7 @@ def test_the_step_of_a_pipeline_is_named(models, tmp_path):
     with pytest.raises(ExportError, match="'standardscaler' \\(StandardScaler\\)"):
         export(make_pipeline(StandardScaler(), model), tmp_path)
     plan = plan_of(make_pipeline(RateTransformer(), model))
-    assert any("deps and dP are inputs" in note for note in plan.notes)
+    assert any("Rates are inputs" in note for note in plan.notes)
 
 
 def test_the_effect_is_named(models, tmp_path):

@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from pamid.estimators import (
+    CylinderForce,
     ForwardModel,
     GeometricFlow,
     GeometricForce,
     HosovskyHybrid,
     InverseModel,
+    JointDrive,
     LawRegressor,
     NonlinearElastic,
     PolynomialFlow,
@@ -54,6 +56,8 @@ def table() -> pd.DataFrame:
     )
     pull = chou_hannaford(X.P, X.eps, rest_diameter=0.021, braid_angle=0.45)
     X["F"] = pull - 40.0 * np.tanh(8.0 * X.deps) - 200.0 * X.eps + rng.normal(0.0, 1.0, n)
+    X["dx"], X["q"], X["dq"], X["ddq"] = 0.5 * X.deps, 5.0 * X.eps, 5.0 * X.deps, rng.normal(0.0, 3.0, n)
+    X["drive"] = 0.1 * X.ddq + 0.5 * np.sin(X.q) + 0.2 * np.tanh(2.0 * X.dq)
     X["mdot"] = flow(BraidedVolume(0.2, 0.021, 0.45), X.P, X.dP, X.eps, X.deps)
     return X.assign(V=7e-5, V_eps=pull * 0.2 / (X.P - 101_325.0), V_P=0.0, trajectory=np.arange(n) // 50)
 
@@ -77,6 +81,8 @@ CASES = {
     "InverseModel, direction": (InverseModel(direction=True, **SMALL), ["F", "eps", "trajectory"], "P"),
     "ForwardModel": (ForwardModel(**SMALL), ["P", "load"], ["F", "eps"]),
     "SINDyRegressor": (SINDyRegressor(degree=2, sign_of=("deps",)), STATE, "F"),
+    "CylinderForce": (CylinderForce(still=0.05), ["dx", "P"], "F"),
+    "JointDrive": (JointDrive(still=0.5), ["q", "dq", "ddq"], "drive"),
     "LawRegressor": (LawRegressor(), [*STATE, "V", "V_eps", "V_P"], "F"),
 }
 

@@ -14,9 +14,9 @@ from ..common import (
     add_log_options,
     checked_output,
     load_log,
-    muscle_numbers,
     note,
     number,
+    page_numbers,
     page_of,
     print_json,
     progress,
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...persistence import inspect, load, save
     from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
-    from .fit import _pipeline, _with_rates
+    from .fit import _pipeline, with_rates
 
     out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.samples < 0 or args.folds < 0 or args.folds == 1:
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     params, sizes = _muscle(args)
     estimator = _adapter(args, source, sizes)
     signals = signal_table(load_log(args, nan="drop"), params, target)
-    steps, features = _with_rates(signals, estimator)
+    steps, features = with_rates(signals, estimator, target)
     columns = list(features.columns) if steps else ["trajectory", "eps", "deps", "P", "dP"]
     X, y = features[columns], signals[target.column]
     stride = max(1, len(X) // args.samples) if args.samples else 1
@@ -162,7 +162,7 @@ def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | System | None, 
     from ...bench.parameters import BenchParameters
 
     page = page_of(args)
-    numbers = muscle_numbers(page)
+    numbers = page_numbers(page)
     sizes = None if page is None else (numbers["rest_length"], numbers["rest_diameter"])
     if args.muscle is None:
         return page, sizes

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ExcitationError, MissingParameterError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...requirements import WithVolume
-from ..common import add_command, add_log_options, load_log, muscle_numbers, note, page_of, print_json, progress
+from ..common import add_command, add_log_options, load_log, note, page_numbers, page_of, print_json, progress
 from ..rows import add_where, rows_where
 
 if TYPE_CHECKING:
@@ -156,11 +156,11 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
     output = args.predict or ("eps" if "load" in log.columns else "P")
     target = TARGETS.get(args.equation) or Target(args.equation, *target_of(args.equation, output))
     signals = signal_table(log, page, target)
-    parameters = muscle_numbers(page, args.columns)
+    parameters = page_numbers(page, args.columns)
     own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}
     parameters |= {name: value for name, value in own.items() if value is not None}
     chosen = "all" if args.estimators == "all" else _names(args.estimators)
-    measured = [target.column, *(t.column for t in TARGETS.values() if t.column in signals.columns)]
+    measured = [target.column, *(t.column for t in (TARGETS["force"], TARGETS["flow"]) if t.column in signals)]
     entries = candidates(
         args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed, output=output
     )

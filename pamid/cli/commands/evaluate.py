@@ -14,9 +14,9 @@ from ..common import (
     add_log_options,
     load_log,
     load_pieces,
-    muscle_numbers,
     note,
     number,
+    page_numbers,
     page_of,
     print_json,
     progress,
@@ -189,7 +189,7 @@ def _evaluate_model(args: argparse.Namespace) -> int:
     model = load(args.model)
     equation = equation_of(model, args.equation or head["metadata"].get("equation"))
     page = page_of(args) if args.sim else None
-    muscle_numbers(page)
+    page_numbers(page, kinds=equation.kinds)
     scores_ = Scores(equation)
     pieces = [load_log(args, nan="drop")] if args.piece_rows is None else load_pieces(args, args.piece_rows, nan="drop")
     with progress(args, "Predicting") as step:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError, TooFewTrajectoriesError
 from .._parameters import fitted_parameters, parameter_lines
@@ -13,9 +13,9 @@ from ..common import (
     add_log_options,
     checked_output,
     load_log,
-    muscle_numbers,
     note,
     number,
+    page_numbers,
     page_of,
     parse_settings,
     print_json,
@@ -23,27 +23,40 @@ from ..common import (
     table,
 )
 
+if TYPE_CHECKING:
+    from ...bench.parameters import BenchParameters
+    from ...systems import System
+
 _DESCRIPTION = """\
-Fit an estimator to the force or the mass flow of a log and save it.
+Fit an estimator to a log and save it: force or mass flow of a muscle, force of a cylinder, drive of a joint.
 
 First the estimator is fitted on most runs and scored on those left out, for each fold of a grouped cross-validation:
 that is the error to expect on a run that it has not seen. Then it is fitted on all runs and written to --out.
 Rates (deps, dP) are not logged; where the estimator needs them they are computed run by run and become the first step
 of the saved pipeline. From --sim come the contraction (from the joint angle) and the geometry that the estimator
-starts from.
+starts from. Without --estimator the one that fits the parameters of the page: GeometricForce for a muscle or a bench,
+CylinderForce, JointDrive.
 """
 _EXAMPLES = """\
   pamid fit log.parquet --estimator StaticPIHM --sim sim.toml --out force.pamid
   pamid fit log.parquet --estimator GeometricFlow --sim sim.toml --out flow.pamid --set model=tondu_lopez
+  pamid fit run*.csv --columns columns.toml --sim cylinder.toml --out cylinder.pamid
   pamid fit festo/*.csv --columns mapping.toml --estimator MLP --equation force --set max_iter=50 --out mlp.pamid
 """
+
+
+_CORRELATED = ("cylinder", "drive")
+"""Targets whose standard errors count blocks of runs instead of rows."""
+_BLOCKS = 10
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(subparsers, "fit", "fit an estimator to a log and save it", _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
-    parser.add_argument("--estimator", metavar="NAME", required=True, help="name of the estimator, such as StaticPIHM")
+    parser.add_argument(
+        "--estimator", metavar="NAME", help="name of the estimator, such as StaticPIHM (default: that of the page)"
+    )
     parser.add_argument(
         "--equation", choices=("force", "flow"), help="what to predict, if the estimator leaves it open"
     )
@@ -64,7 +77,8 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...persistence import save
-    from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, signal_table
+    from ...systems import System
+    from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, settle, signal_table
 
     out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.thin < 1 or args.folds < 0 or args.folds == 1:
@@ -74,8 +88,9 @@ def run(args: argparse.Namespace) -> int:
             "Correct the number.",
         )
     page = page_of(args)
-    numbers = muscle_numbers(page, args.columns)
-    estimator = make_estimator(args.estimator, parse_settings(args.set), numbers, args.seed)
+    args.estimator = args.estimator or _of_page(page)
+    given = parse_settings(args.set)
+    estimator = make_estimator(args.estimator, given, args.seed, lambda kinds: page_numbers(page, args.columns, kinds))
     target = equation_of(estimator, args.equation)
     trainer = _keep_state(estimator, args) if args.checkpoint is not None else None
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
@@ -84,8 +99,14 @@ def run(args: argparse.Namespace) -> int:
             "every sample, as it will get them when it predicts",
             "Leave --thin out, or resample the log first.",
         )
-    signals = signal_table(load_log(args, nan="drop"), page, target)
-    steps, features = _with_rates(signals, estimator)
+    log = load_log(args, nan="drop")
+    signals = signal_table(log, page, target)
+    steps, features = with_rates(signals, estimator, target)
+    known = signals[target.column].notna()
+    features, signals = features[known], signals[known]
+    speed = features.get("dx", features.get("dq"))
+    settle(estimator, speed, page.unit_of(log.columns) if isinstance(page, System) else "", given)
+    target = equation_of(estimator, args.equation)
     # After a step of rates the estimator sees all that this step gives, as it will when the saved pipeline predicts.
     columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]
     scores = None
@@ -95,7 +116,8 @@ def run(args: argparse.Namespace) -> int:
     rows = slice(None, None, args.thin)
     started = time.perf_counter()
     with progress(args, f"Fitting {args.estimator}"):
-        fitted = _fit(estimator, features[columns].iloc[rows], signals[target.column].iloc[rows])
+        given_runs = {"groups": _blocks(signals["trajectory"].iloc[rows])} if target.name in _CORRELATED else {}
+        fitted = _fit(estimator, features[columns].iloc[rows], signals[target.column].iloc[rows], **given_runs)
     seconds = time.perf_counter() - started
     if args.checkpoint is not None:
         fitted.set_params(trainer=trainer)  # a path of this machine is no part of the model
@@ -128,8 +150,21 @@ def run(args: argparse.Namespace) -> int:
     print(table([args.estimator, f"rmse / {target.unit}", "fit / %", "samples"], lines))
     if found:
         print(parameter_lines(found))
+    if (bore := getattr(fitted, "bore_", None)) is not None and isinstance(page, System):
+        print(f"the area is that of a bore of {1e3 * bore:.4g} mm; the page says {1e3 * page.number('bore'):.4g} mm")
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
+
+
+def _of_page(page: BenchParameters | System | None) -> str:
+    """Return the estimator that fits the parameters of a page."""
+    if page is None:
+        raise ParameterError(
+            "Neither --estimator nor --sim is given.",
+            "an estimator, or the page of a system, which has one of its own",
+            "Add --estimator NAME (pamid compare tells them apart), or --sim SIM.toml ('pamid init' writes one).",
+        )
+    return str(getattr(page, "estimator", "GeometricForce"))
 
 
 def _line(name: str, scores: dict[str, Any]) -> list[str]:
@@ -161,7 +196,7 @@ def _inputs(features: Any, estimator: Any) -> list[str]:
     return [name for name in needed_signals(estimator) if name in features.columns]
 
 
-def _with_rates(signals: Any, estimator: Any) -> tuple[list[tuple[str, Any]], Any]:
+def with_rates(signals: Any, estimator: Any, target: Any) -> tuple[list[tuple[str, Any]], Any]:
     """Return the steps before the estimator, fitted, and the table with the rates that the estimator needs."""
     from .._tables import RATES, needed_signals
 
@@ -170,18 +205,28 @@ def _with_rates(signals: Any, estimator: Any) -> tuple[list[tuple[str, Any]], An
         return [], signals
     from pamid.estimators import RateTransformer
 
-    base = signals[["trajectory", "time", *RATES.values()]]
-    rates = RateTransformer(columns=tuple(RATES.values())).fit(base)
+    moving = target.signals if target.signals == ("eps", "P") else tuple(dict.fromkeys(RATES[r] for r in missing))
+    base = signals[["trajectory", "time", *target.signals]]
+    rates = RateTransformer(columns=moving, second="ddq" in missing).fit(base)
     found = rates.transform(base)
     return [("rates", rates)], found
 
 
-def _fit(estimator: Any, X: Any, y: Any) -> Any:
+def _blocks(runs: Any) -> Any:
+    """Return a tenth of a run for each row: within it residuals may depend on each other, as friction's do.
+
+    Standard errors over such blocks are those of batch means; rows taken as independent make them many times too small.
+    """
+    place, rows = runs.groupby(runs, sort=False).cumcount(), runs.map(runs.value_counts())
+    return (runs.astype(str) + "/" + (_BLOCKS * place // rows).astype(str)).to_numpy()
+
+
+def _fit(estimator: Any, X: Any, y: Any, **given: Any) -> Any:
     """Fit, with scikit-learn's complaints about parameters turned into pamid's."""
     from sklearn.utils._param_validation import InvalidParameterError
 
     try:
-        return estimator.fit(X, y)
+        return estimator.fit(X, y, **given)
     except InvalidParameterError as error:
         raise ParameterError(str(error), "a value that the estimator takes", "Correct the --set option.") from None
 

@@ -10,12 +10,13 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from ...errors import IncompatibleError, ParameterError, StreamError
+from ...errors import IncompatibleError, ParameterError, StreamError, UnknownOptionError
 from ...json_data import json_ready
 from ...requirements import last_step
 from ..common import add_command, load_simulator, note
 
 if TYPE_CHECKING:
+    from ...bench.parameters import BenchParameters
     from ...online.stream import Samples
 
 _TARGETS = ("F", "mdot")
@@ -51,7 +52,9 @@ def add_parser(subparsers: Any) -> None:
         subparsers, "watch", "follow a stream of samples and name what appears", _DESCRIPTION, _EXAMPLES
     )
     parser.add_argument("stream", metavar="STREAM", help="file of JSON lines, or - for a pipe")
-    parser.add_argument("--sim", metavar="SIM.toml", required=True, help="simulator file of the bench")
+    parser.add_argument(
+        "--sim", metavar="SIM.toml", required=True, help="simulator file of the bench, or page of the muscle"
+    )
     parser.add_argument("--model", metavar="MODEL", help="fitted hybrid model whose volume is the healthy one")
     parser.add_argument(
         "--muscle", type=int, choices=(1, 2), default=1, help="muscle of a bench's samples (default: 1)"
@@ -93,11 +96,11 @@ def run(args: argparse.Namespace) -> int:
 def _events(args: argparse.Namespace, source: Iterator[bytes | None]) -> Iterator[dict[str, Any]]:
     from ...online.stream import Samples
 
-    params = load_simulator(args.sim)
+    params, bench = _simulator(args.sim)
     samples = Samples(
         ("eps", "P", *_TARGETS), interval=args.interval, convert=lambda row: _one_muscle(row, args.muscle, params)
     )
-    told, watcher, silence = 0, _Watcher(args, params, samples), _Silence()
+    told, watcher, silence = 0, _Watcher(args, params, samples, bench), _Silence()
     for line in source:
         if line is not None:
             for begins, table in samples.take(line):
@@ -123,6 +126,24 @@ def _events(args: argparse.Namespace, source: Iterator[bytes | None]) -> Iterato
             f"more than {args.learn:g} s of samples with time, eps, P and F or mdot in SI",
             "Correct the stream, or learn for less time with --learn.",
         )
+
+
+def _simulator(path: str) -> tuple[BenchParameters, bool]:
+    """Read the numbers of a bench, or of a single muscle, and tell whether there is a bench."""
+    from ...bench.parameters import BenchParameters
+    from ...systems import kind_of_file, read_system
+
+    if (kind := kind_of_file(path)) in ("cylinder", "joint"):
+        raise UnknownOptionError(
+            f"{path} is the page of a {kind}.",
+            "the page of a muscle or a bench, since what is watched for are effects of a muscle on its gas",
+            f"'pamid diagnose' says of a log of a {kind} what has changed.",
+        )
+    if kind != "muscle":
+        return load_simulator(path), True
+    page = read_system(path)
+    own = ("rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature")
+    return BenchParameters.for_muscle("B").replace(**{name: page.number(name) for name in own}), False
 
 
 def _one_muscle(row: dict[str, Any], muscle: int, params: Any) -> dict[str, Any]:
@@ -165,9 +186,10 @@ class _Silence:
 class _Watcher:
     """Learn, then watch, and say so while nothing can be seen."""
 
-    def __init__(self, args: argparse.Namespace, params: Any, samples: Samples) -> None:
+    def __init__(self, args: argparse.Namespace, params: Any, samples: Samples, bench: bool) -> None:
         self.args = args
         self.params = params
+        self.bench = bench
         self.samples = samples
         self.healthy: list[dict[str, Any]] = []
         self.monitor: Any = None
@@ -233,7 +255,7 @@ class _Watcher:
         from ...gap.design.confirm import confirming
 
         name = finding.effect
-        if name not in self.confirmed and name in all_effects():
+        if self.bench and name not in self.confirmed and name in all_effects():
             linear = next((p.name for p in all_effects()[name].parameters if p.linear), "")
             run = confirming(name, self.params, {linear: finding.value}, seed=self.args.seed)
             self.confirmed[name] = {} if run is None else {"confirm": run.words, "run": run.as_dict()}

@@ -1,0 +1,90 @@
+"""A force balance that is linear in its parameters: what drives a cylinder or a joint, friction included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.utils import Tags
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+
+from ._base import SignalEstimator
+from ._checks import check_sizes
+from ._classical import warn_of_still_signals
+from ._linear import LinearTerms
+from ._trajectories import trajectory_codes
+
+
+class BalanceRegressor(LinearTerms, RegressorMixin, SignalEstimator):
+    """Shared by `CylinderForce` and `JointDrive`: a sum of terms of named signals, each term a physical parameter."""
+
+    __metadata_request__fit: ClassVar = {"groups": True}
+
+    _state: ClassVar[Any]
+    """Tuple of the signals, in the order of `reads`."""
+    still: float
+
+    def __sklearn_tags__(self) -> Tags:
+        """Declare that random tables, which obey no physics, are fitted poorly."""
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def _output(self) -> tuple[str, str]:
+        """Return name and unit of what is predicted."""
+        raise NotImplementedError
+
+    def _way(self, speed: Any) -> Any:
+        """Return the sign of the motion, smooth about standstill."""
+        return np.tanh(speed / self.still)
+
+    def _training(
+        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool = True, least: int = 2
+    ) -> tuple[NamedTuple, np.ndarray, np.ndarray, np.ndarray | None]:
+        check_sizes(self, still=1e-12)
+        clusters = None if groups is None else trajectory_codes(X, groups)
+        X, y = self._read(X, y, reset=reset, ensure_min_samples=least)
+        y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
+        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        return self._signals_of(X), y, weight, clusters
+
+    def _signals_of(self, X: np.ndarray) -> Any:
+        return self._state(*(self._signal(X, name) for name in self.reads))
+
+    def _warn_of_still(self, state: Any) -> None:
+        warn_of_still_signals(state, self.reads, type(self).__name__)
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict the force or drive.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            In N, or in the unit of the drive.
+        """
+        check_is_fitted(self, "coef_")
+        X, _ = self._read(X, reset=False)
+        return self._predict_state(self._signals_of(X))
+
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the prediction as a formula of the signals, which may be symbols: what an export writes.
+
+        Parameters
+        ----------
+        signals : mapping of str to array or symbol
+            Each signal that the model reads, SI units.
+
+        Returns
+        -------
+        dict of str to (str, array or symbol)
+            Unit and value of the output.
+        """
+        name, unit = self._output()
+        return {name: (unit, self._formula(self._state(*(signals[s] for s in self.reads))))}
