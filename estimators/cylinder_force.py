@@ -46,8 +46,6 @@ class CylinderForce(BalanceRegressor):
         Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
     units_ : dict of str to str
         Their units.
-    bore_ : float
-        Inner diameter, m, that belongs to the area; NaN if there is none.
     covariance_ : ndarray, shape (5, 5)
         Their covariance.
     factor_ : ndarray
@@ -101,7 +99,8 @@ class CylinderForce(BalanceRegressor):
         self.signals = signals
 
     @property
-    def bore_(self) -> float:  # noqa: D102
+    def bore_(self) -> float:
+        """Inner diameter, m, that belongs to the area; NaN if there is none."""
         square = 4.0 / math.pi * float(self.parameters_["area"]) + self.rod**2
         return math.sqrt(square) if square > 0 else math.nan
 
