@@ -18,9 +18,10 @@ import pytest
 from pamid import __version__
 from pamid.bench import BenchParameters
 from pamid.cli import app, main
-from pamid.cli.common import finite, parse_settings, table
+from pamid.cli.common import parse_settings, table
 from pamid.equations import evaluate_log
 from pamid.errors import ParameterError, UnitWarning
+from pamid.json_data import json_ready
 from pamid.persistence import inspect, load
 from pamid.signals import read_log
 
@@ -412,7 +413,7 @@ def test_settings_are_literals_or_text():
 
 
 def test_json_has_no_nan():
-    assert finite({"a": np.float64("nan"), "b": [np.int64(3), float("inf")], "c": "x"}) == {
+    assert json_ready({"a": np.float64("nan"), "b": [np.int64(3), float("inf")], "c": "x"}) == {
         "a": None,
         "b": [3, None],
         "c": "x",
