@@ -11,7 +11,7 @@ from ._balance import BalanceRegressor
 from ._base import Signals
 
 
-class _Signals(NamedTuple):
+class _RodSignals(NamedTuple):
     dx: Any
     P: Any
 
@@ -83,7 +83,7 @@ class CylinderForce(BalanceRegressor):
 
     reads = ("dx", "P")
     equations = ("cylinder",)
-    _state = _Signals
+    _state = _RodSignals
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class CylinderForce(BalanceRegressor):
             "area": "m²", "offset": "N", "dry_friction": "N", "pressure_friction": "N/Pa", "viscous_friction": "N s/m",
         }  # fmt: skip
 
-    def _shares(self, state: _Signals) -> list[Any]:
+    def _shares(self, state: _RodSignals) -> list[Any]:
         p, way = state.P - self.atmospheric_pressure, self._way(state.dx)
         return [p, 1.0 + 0.0 * p, way, way * p, state.dx]
 

@@ -10,7 +10,7 @@ from ._balance import BalanceRegressor
 from ._base import Signals
 
 
-class _Signals(NamedTuple):
+class _JointSignals(NamedTuple):
     q: Any
     dq: Any
     ddq: Any
@@ -79,7 +79,7 @@ class JointDrive(BalanceRegressor):
 
     reads = ("q", "dq", "ddq")
     equations = ("drive",)
-    _state = _Signals
+    _state = _JointSignals
 
     def __init__(self, unit: str = "drive", still: float = 0.05, *, signals: Signals | None = None) -> None:
         self.unit = unit
@@ -96,7 +96,7 @@ class JointDrive(BalanceRegressor):
             "viscous_friction": f"{u} s/rad",
         }  # fmt: skip
 
-    def _shares(self, state: _Signals) -> list[Any]:
+    def _shares(self, state: _JointSignals) -> list[Any]:
         level = np.sin(state.q + 0.5 * np.pi)  # cos q: ONNX runtimes know the sine alone in double precision
         one = 1.0 + 0.0 * state.q
         return [state.ddq, np.sin(state.q), level, one, self._way(state.dq), state.dq]
