@@ -82,7 +82,9 @@ def muscle(seed: int, factor: float = 1.0) -> pd.DataFrame:
     eps, deps, P, dP = (table[name].to_numpy() for name in STATE)
     F = chou_hannaford(P, eps, rest_diameter=0.021, braid_angle=0.45) - 60.0 * np.tanh(8.0 * deps) - 200.0 * eps
     mdot = flow(BraidedVolume(0.2, 0.021, 0.45), P, dP, eps, deps)
+    push = 5e-4 * (P - 101_325.0) + 40.0 * np.tanh(deps / 0.05) + 50.0 * np.sin(eps)
     return table.assign(
+        push=factor * push + rng.normal(0.0, 5.0, n),
         F=factor * F + rng.normal(0.0, 5.0, n),
         mdot=factor * mdot + rng.normal(0.0, 0.01 * mdot.std(), n),
         V=factor * 7e-5,
@@ -149,7 +151,7 @@ CASES = {
     "ConformalRegressor": (
         lambda s: ConformalRegressor(PolynomialForce(2), independent_rows=True, confidence=0.5), (["eps", "P"], "F")
     ),
-    "CylinderForce": (lambda s: CylinderForce(still=0.05, signals={"dx": "deps"}), (["deps", "P"], "F")),
+    "CylinderForce": (lambda s: CylinderForce(still=0.05, signals={"dx": "deps"}), (["deps", "P"], "push")),
     "ForwardModel": (
         lambda s: ForwardModel(hidden=4, n_starts=1, random_state=0), (["P", "load"], ["load", "lift"])
     ),
@@ -161,7 +163,9 @@ CASES = {
                      (["F", "eps"], "P")),
     "InvertedForce": (lambda s: InvertedForce(GeometricForce(), on_unreachable="clip"), (["F", "eps"], "P")),
     "JointPIHM": (lambda s: JointPIHM(0.2, 0.02, **PIHM), (STATE, ["F", "mdot"])),
-    "JointDrive": (lambda s: JointDrive(signals={"q": "eps", "dq": "deps", "ddq": "P"}), (["eps", "deps", "P"], "F")),
+    "JointDrive": (
+        lambda s: JointDrive(signals={"q": "eps", "dq": "deps", "ddq": "P"}), (["eps", "deps", "P"], "push")
+    ),
     "LawRegressor": (lambda s: LawRegressor(), ([*STATE, "V", "V_eps", "V_P"], "F")),
     "LiftedLoad": (lambda s: LiftedLoad(start="rest"), SEQUENCE),
     "LinearStateSpace": (lambda s: LinearStateSpace(start="rest", order=1, block_rows=4), SEQUENCE),
