@@ -32,6 +32,7 @@ from ...simulators.structure import (
     some_instants,
     spread_numbers,
 )
+from .kinematic import both_measured, curvature, half_a_step
 from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
 
@@ -58,6 +59,8 @@ class Balance(NamedTuple):
         Row of the states' rates, or of the outputs where the order is 0.
     unit : str
         Its unit.
+    velocity : str
+        The velocity that it holds against a position; empty for the simulator's own equations.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Balance(NamedTuple):
     order: int
     row: int
     unit: str
+    velocity: str = ""
 
 
 class DirectEvidence(PortEvidence):
@@ -119,6 +123,7 @@ class DirectEvidence(PortEvidence):
         if self._mass is not None:
             units = {j.name: j.unit for j in self.joints}
             self.windows = [w._replace(unit=units.get(w.equation, w.unit)) for w in self.windows]
+        self._skew()
         self._settle()
 
     def _again(self) -> None:
@@ -154,6 +159,10 @@ class DirectEvidence(PortEvidence):
                 found.append(Balance(name, state, 1, row, unit))
             elif state in self.derived.values():
                 found.append(Balance(name, positions[state], 2, row, unit))
+        named = {b.name for b in found}
+        for position, velocity in both_measured(self.pairs, log).items():
+            row, name = simulator.states.index(position), velocity if velocity not in named else position
+            found.append(Balance(name, position, 1, row, rate_unit(simulator, position), velocity))
         for row, output in enumerate(simulator.outputs):
             if output in log.channels:
                 found.append(Balance(output, output, 0, row, simulator.port(output).unit))
@@ -184,6 +193,17 @@ class DirectEvidence(PortEvidence):
             raise ShortTrajectoryError(
                 f"No run of the log holds a window of {self.n} samples.", "longer runs", "Record longer runs."
             )
+
+    def _skew(self) -> None:
+        """Let the clocks of positions and velocities be half a step apart, as numbers with a tolerance."""
+        ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
+        for k, b in enumerate(self.balances):
+            if b.velocity:
+                column = np.zeros(ends[-1])
+                column[ends[k] : ends[k + 1]] = half_a_step(self._table[b.velocity], self.log, self.n, self._first[k])
+                self.skews[f"skew of {b.velocity}"] = column
+        self.free = [*self.free, *self.skews]
+        self.about = np.zeros(len(self.free))
 
     def _samples(self) -> int:
         """Return the samples in a window: several in a period of the fastest motion, and enough windows in all."""
@@ -273,7 +293,8 @@ class DirectEvidence(PortEvidence):
             return self._of_outputs(active, readings, x, pushed, p)
         rates = self._total_rates(x, u, pushed, p, restored)
         outputs = simulator.output(log.t, x, pushed, _wide(p, log.n)) if simulator.outputs else np.zeros((0, log.n))
-        return self._windowed(active, readings, rates, added, outputs, x)
+        curves = rates if restored else self._base_rates
+        return self._windowed(active, readings, rates, added, outputs, curves)
 
     def _force(self, place: object, made: object, table: Mapping[str, np.ndarray]) -> np.ndarray:
         from ...simulators.placement import Placement
@@ -375,7 +396,7 @@ class DirectEvidence(PortEvidence):
 
     def _windowed(
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
-        outputs: np.ndarray, x: np.ndarray,
+        outputs: np.ndarray, curves: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         log, found = self.log, []
         for b, firsts in zip(self.balances, self._first, strict=True):
@@ -391,6 +412,9 @@ class DirectEvidence(PortEvidence):
                 y = np.diff(readings[b.channel][a:e], b.order) / log.dt**b.order
                 if b.order == 1:
                     y = y - 0.5 * (start[a : e - 1] + end[a : e - 1])
+                    if b.velocity:
+                        row = self.simulator.states.index(b.velocity)
+                        y = y - curvature(curves[row, a : e - 1], curves[row, log.n + a : log.n + e - 1], log.dt)
                 elif b.order == 2:
                     y = y - (start[a : e - 2] + 2.0 * end[a : e - 2]) / 6.0
                     y = y - (2.0 * start[a + 1 : e - 1] + end[a + 1 : e - 1]) / 6.0
@@ -409,7 +433,7 @@ class DirectEvidence(PortEvidence):
 
     def _inertia(self) -> np.ndarray | None:
         """Return the inertia at each window, shape (n_windows, n_joints, n_joints), where all joints have the same."""
-        moving = [k for k, b in enumerate(self.balances) if b.order]
+        moving = [k for k, b in enumerate(self.balances) if b.order and not b.velocity]
         if not moving or len({self.balances[k].order for k in moving}) > 1:
             return None
         return self.simulator.inertia(self._x[:, self.windows[moving[0]].centre])

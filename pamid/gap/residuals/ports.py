@@ -89,6 +89,8 @@ class PortEvidence(Settled, ABC):
     ----------
     placements : dict of str to Placement
         Every effect at every port.
+    skews : dict of str to array, shape (n_windows,)
+        What half a step between the clocks of a position and its velocity adds to the residuals.
     """
 
     exact = False
@@ -117,6 +119,7 @@ class PortEvidence(Settled, ABC):
         self.given = simulator
         self.free = [n for n, p in simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
         self.about = np.zeros(len(self.free))
+        self.skews: dict[str, np.ndarray] = {}
         self._turning: dict[str, bool] = {}
         self._own: Active = []
 
@@ -151,7 +154,7 @@ class PortEvidence(Settled, ABC):
         self.J = self._slopes_of(1.0)
         if self.free and self.refit and self._bends():
             self._again()
-            self.value = self._residual(self._own, self.simulator.numbers)
+            self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
             self._kept.clear()
             self.z0 = self._whitening.white(self.value / self.noise)
             self.J = self._slopes_of(SMALL)
@@ -372,6 +375,11 @@ class PortEvidence(Settled, ABC):
             out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
         return out
 
+    def _skewed(self, deviations: Mapping[str, float]) -> np.ndarray | float:
+        """Return what clocks that are apart add to the residuals; it is straight in how far."""
+        about = dict(zip(self.free, self.about, strict=True))
+        return sum((column * (about[k] + deviations.get(k, 0.0)) for k, column in self.skews.items()), 0.0)
+
     def active(self, spec: Spec) -> Active:
         """Return the simulator's own effects and those of a spec, made."""
         return [*self._own, *((self.placements[k], self.placements[k].effect(**v)) for k, v in spec.items())]
@@ -387,7 +395,7 @@ class PortEvidence(Settled, ABC):
             if len(self._kept) > MOST_KEPT:
                 self._kept.clear()
             with np.errstate(all="ignore"):
-                found = self._residual(self.active(spec), self.numbers(deviations))
+                found = self._residual(self.active(spec), self.numbers(deviations)) + self._skewed(deviations or {})
             found = np.where(np.isfinite(found), found, 1e3 * self.noise)
             self._kept[key] = self._whitening.white(found / self.noise)
         return self._kept[key].copy()
