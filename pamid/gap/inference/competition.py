@@ -9,7 +9,18 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource
-from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, KEPT, MOST_CAUSES, OF_ITS_OWN, ONE_MORE, TOLERANCE
+from ..settings import (
+    CLOSE,
+    CLOSE_SHARE,
+    EXCESS,
+    FORM_SMOOTH,
+    FORM_TIMES,
+    KEPT,
+    MOST_CAUSES,
+    OF_ITS_OWN,
+    ONE_MORE,
+    TOLERANCE,
+)
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
@@ -119,7 +130,40 @@ class Competition:
             return Screen(None, {}, [])
         about = self._about(self.base)
         found = contenders(about.grow(MOST_CAUSES), about.fit(()).score)
+        if self.evidence.bends:
+            found = [*self._close_singles(about), *(s for s in found if len(s.templates) > 1)]
         return Screen(about, self._singles(about), found)
+
+    def _close_singles(self, about: Subsets) -> list[Subset]:
+        """Return the effects that may each be the cause, as far as a model of first order can say.
+
+        Where residuals are simulated, that errs for large effects. By how much is seen at the best of them.
+        """
+        gains = about.gains(about.fit(()))
+        best: dict[str, int] = {}
+        for t in np.argsort(-gains, kind="stable"):
+            if gains[t] > 0.0:
+                best.setdefault(self.templates[t].effect, int(t))
+        found = sorted((about.fit((t,)) for t in list(best.values())[: 4 * KEPT]), key=lambda s: -s.score)
+        if not found:
+            return []
+        gain = max(found[0].score - about.fit(()).score, 0.0)
+        reach = CLOSE + (CLOSE_SHARE + self._bent(about, found[0])) * gain
+        return [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
+
+    def _bent(self, about: Subsets, subset: Subset) -> float:
+        """Return by what share of its contribution a set differs from its model of first order, up to all of it."""
+        evidence, m = self.evidence, self.evidence.J.shape[1]
+        template = self.templates[subset.templates[0]]
+        straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]
+        deviations = dict(zip(evidence.free, map(float, subset.x[:m]), strict=True))
+        there = evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
+        return float(min(1.0, np.linalg.norm(there - straight) / max(float(np.linalg.norm(straight)), 1e-300)))
+
+    def _enough(self, h: Hypothesis) -> bool:
+        """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""
+        sizes = np.array([part.stop - part.start for part in self.evidence.parts])
+        return bool(h.fit.spec) and bool(np.all(h.left <= 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(sizes, 1))))
 
     def refit(self, screen: Screen) -> Outcome:
         """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes."""
@@ -128,10 +172,13 @@ class Competition:
             return Outcome(self.base, self.base, {})
         nothing = about.fit(()).score
         for subset in screen.contenders:
+            if len(subset.templates) > 1 and self.evidence.bends and self._enough(best):
+                break
             # What one effect explains exactly may need several to first order.
             first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
             gain = self._ranked(best)[1] - self.base.score
-            if best is self.base or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
+            alone = self.evidence.bends and len(subset.templates) == 1
+            if best is self.base or alone or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
                 self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
                 best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
         for left in reversed(range(ROUNDS)):

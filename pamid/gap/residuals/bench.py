@@ -67,6 +67,7 @@ class Evidence:
     """
 
     exact = True
+    bends = False
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
     least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""

@@ -95,6 +95,8 @@ class PortEvidence(Settled, ABC):
 
     exact = False
     """Any model may be wrong in several small ways at once."""
+    bends = True
+    """Whether residuals are no sums of what effects do one by one: large ones are refitted before they are ranked."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 1.5 * LEAST_GAIN

@@ -72,6 +72,7 @@ class ResidualSource(Protocol):
     sharp: list[slice]
     stretch: float
     exact: bool
+    bends: bool
     least_gain: float
     decisive: float
 

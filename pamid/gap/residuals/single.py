@@ -84,6 +84,7 @@ class SignalEvidence:
     """
 
     exact = False
+    bends = False
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""

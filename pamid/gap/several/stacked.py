@@ -57,6 +57,7 @@ class StackedEvidence:
     """
 
     exact = True
+    bends = False
 
     def __init__(
         self, logs: Sequence[Log], active: Callable[[str, int], bool], plain: Callable[[str], str] = str
