@@ -154,6 +154,19 @@ def test_no_gap_is_none_and_a_mass_within_its_tolerance_is_no_gap() -> None:
     assert diagnose_simulator(cart(), rail(1.94), LIBRARY).verdict == "none"
 
 
+def test_two_sensors_of_one_motion_are_held_against_each_other() -> None:
+    log = cart()
+    assert evidence_of(log, rail()).equations == ["x", "v"]
+    # No force knows of the position: only the velocity tells that its sensor is wrong by 5 %.
+    faulty = log.assign(x=1.05 * log["x"])
+    found = diagnose_simulator(faulty, rail(), ["viscous_friction", "actuator_gain", "sensor_gain", "sensor_bias"])
+    assert (found.causes[0].effects[0], found.causes[0].where[0]) == ("sensor_gain", "x")
+    assert found.causes[0].parameters["deviation"].value == pytest.approx(0.05, rel=0.05)
+    # A position that is read half a step late is no gap, as clocks are known to that; the log has a twentieth by itself.
+    found = diagnose_simulator(log.assign(x=log["x"] - 0.005 * log["v"]), rail(), LIBRARY)
+    assert found.verdict == "none" and found.deviations["skew of v"] == pytest.approx(0.9, abs=0.05)
+
+
 def test_a_mass_that_is_hardly_known_is_found_where_nothing_is_straight_on_the_way() -> None:
     found = diagnose_simulator(cart(), rail(1.0, 1.5), LIBRARY)
     assert found.verdict == "none" and found.deviations["m"] == pytest.approx(1.0 / 1.5, rel=0.02)  # 2 kg, not 1
