@@ -162,7 +162,7 @@ def test_two_sensors_of_one_motion_are_held_against_each_other() -> None:
     found = diagnose_simulator(faulty, rail(), ["viscous_friction", "actuator_gain", "sensor_gain", "sensor_bias"])
     assert (found.causes[0].effects[0], found.causes[0].where[0]) == ("sensor_gain", "x")
     assert found.causes[0].parameters["deviation"].value == pytest.approx(0.05, rel=0.05)
-    # A position that is read half a step late is no gap, as clocks are known to that; the log has a twentieth by itself.
+    # A position that is read half a step late is no gap: clocks are known to that; the log has a twentieth of its own.
     found = diagnose_simulator(log.assign(x=log["x"] - 0.005 * log["v"]), rail(), LIBRARY)
     assert found.verdict == "none" and found.deviations["skew of v"] == pytest.approx(0.9, abs=0.05)
 
