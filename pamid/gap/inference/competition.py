@@ -158,7 +158,8 @@ class Competition:
         straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]
         deviations = dict(zip(evidence.free, map(float, subset.x[:m]), strict=True))
         there = evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
-        return float(min(1.0, np.linalg.norm(there - straight) / max(float(np.linalg.norm(straight)), 1e-300)))
+        apart, size = float(np.linalg.norm(there - straight)), float(np.linalg.norm(straight))
+        return min(1.0, apart / max(size, 1e-300))
 
     def _enough(self, h: Hypothesis) -> bool:
         """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""

@@ -35,13 +35,10 @@ from ...simulators.structure import (
 from .kinematic import both_measured, curvature, half_a_step
 from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
+from .window_length import Rate, samples
 
-LEAST_WINDOWS = 400
-"""Windows in a log, where its rows allow as many."""
 MOST_ASKED = 12
 """Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
-POWER, PER_PERIOD = 0.9, 6.0
-"""Share of the power of what is modelled that lies below a frequency, and windows in its period."""
 
 
 class Balance(NamedTuple):
@@ -169,7 +166,7 @@ class DirectEvidence(PortEvidence):
         return found
 
     def _lay_windows(self) -> None:
-        log, self.n = self.log, self._samples()
+        log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
         self._first: list[list[np.ndarray]] = []
         self.windows = []
         for b in self.balances:
@@ -205,20 +202,9 @@ class DirectEvidence(PortEvidence):
         self.free = [*self.free, *self.skews]
         self.about = np.zeros(len(self.free))
 
-    def _samples(self) -> int:
-        """Return the samples in a window: several in a period of the fastest motion, and enough windows in all."""
-        log, shortest = self.log, max(e - a for a, e in self.log.spans)
-        most = max(1, min(log.n // LEAST_WINDOWS, shortest // 8))
-        fastest = most
-        for series in self._modelled():
-            frequency = _top_frequency(series, log)
-            if frequency > 0.0:
-                fastest = min(fastest, round(1.0 / (PER_PERIOD * frequency * log.dt)))
-        return max(1, fastest, min(most, 3 if log.n > 3 * LEAST_WINDOWS else 1))
-
-    def _modelled(self) -> list[np.ndarray]:
-        n = self.log.n
-        return [self._base_rates[b.row, :n] if b.order else self.log.channels[b.channel] for b in self.balances]
+    def _says(self, b: Balance) -> Rate:
+        modelled = self._base_rates[b.row, : self.log.n] if b.order else self.log.channels[b.channel]
+        return Rate(modelled, b.order, self.channel_noise(b.channel))
 
     # --- motion ---------------------------------------------------------------------------------------------
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -471,14 +457,3 @@ def _next(x: np.ndarray, log: PortLog) -> np.ndarray:
     for _, b in log.spans:
         at[b - 1] = b - 1
     return x[:, at]
-
-
-def _top_frequency(x: np.ndarray, log: PortLog) -> float:
-    """Return the frequency, Hz, below which most of the power of a signal lies, over its longest run."""
-    a, b = max(log.spans, key=lambda s: s[1] - s[0])
-    part = x[a:b] - np.mean(x[a:b])
-    power = np.cumsum(np.square(np.abs(np.fft.rfft(part))))
-    if not power[-1] > 0.0:
-        return 0.0
-    at = int(np.searchsorted(power, POWER * power[-1]))
-    return float(np.fft.rfftfreq(b - a, log.dt)[max(at, 1)])

@@ -27,10 +27,10 @@ from ...simulators.integrate import Runner, substeps_for
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
-from .direct import LEAST_WINDOWS
 from .ports import Active, PortWindows
 from .states import integral, roles_of
 from .stretches import ROUNDS, StretchEvidence, power
+from .window_length import LEAST_WINDOWS
 
 MOST_RUNS = 200
 """Runs that are kept for the case that they are asked for again."""

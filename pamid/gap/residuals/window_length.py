@@ -1,0 +1,108 @@
+"""How long windows of rates are: short beside the fastest motion, and long enough for noise not to hide what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...equations.windows import kernel
+from ...simulators.port_log import PortLog
+
+LEAST_WINDOWS = 400
+"""Windows in a log, where its rows allow as many."""
+POWER, PER_PERIOD = 0.9, 6.0
+"""Share of the power of what is modelled that lies below a frequency, and windows in its period."""
+HIDDEN = 0.1
+"""Share of what is modelled up to which a window's noise hides nothing of interest."""
+
+
+class Rate(NamedTuple):
+    """What an equation says.
+
+    Parameters
+    ----------
+    modelled : array, shape (n_rows,)
+        What the simulator says of the rate.
+    order : int
+        Order of the derivative that is measured.
+    noise : float
+        Standard deviation of the reading's noise, in the unit of the reading.
+    """
+
+    modelled: np.ndarray
+    order: int
+    noise: float
+
+
+def samples(rates: Sequence[Rate], log: PortLog) -> int:
+    """Return the samples in a window: several in a period of the fastest motion, and enough windows in all.
+
+    Windows in which noise hides what is modelled are longer, as long as longer ones tell more of it: N/n windows tell
+    N/n times its power over that of their noise.
+
+    Parameters
+    ----------
+    rates : sequence of Rate
+        What the equations say.
+    log : PortLog
+        The log.
+    """
+    most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
+    shortest = most
+    for rate in rates:
+        frequency = _top_frequency(rate.modelled, log)
+        if frequency > 0.0:
+            shortest = min(shortest, round(1.0 / (PER_PERIOD * frequency * log.dt)))
+    n = max(1, shortest, min(most, 3 if log.n > 3 * LEAST_WINDOWS else 1))
+    told = _told(n, rates, log.dt)
+    while n < most and np.any(told * n < HIDDEN**-2):
+        longer = min(most, n + max(1, n // 4))
+        more = _told(longer, rates, log.dt)
+        if np.prod(more / np.maximum(told, 1e-300)) <= 1.0:
+            break
+        n, told = longer, more
+    return n
+
+
+def window_noise(noise: float, n: int, order: int, dt: float) -> float:
+    """Return the noise of a derivative over a window.
+
+    Parameters
+    ----------
+    noise : float
+        That of a sample.
+    n, order : int
+        Samples of the window, order of the derivative.
+    dt : float
+        Sampling interval, s.
+
+    Examples
+    --------
+    >>> from pamid.gap.residuals.window_length import window_noise
+    >>> window_noise(1.0, 4, 0, 0.01)  # a mean of four
+    0.5
+    """
+    weights = np.concatenate([kernel(n, order + 1), np.zeros(order)])
+    for _ in range(order):
+        weights = np.diff(weights, prepend=0.0)
+    return noise * float(np.linalg.norm(weights)) / dt**order
+
+
+def _told(n: int, rates: Sequence[Rate], dt: float) -> np.ndarray:
+    """Return for each equation the power of what is modelled over that of its noise, a sample of the log."""
+    power = [float(np.var(np.convolve(r.modelled, kernel(n, r.order + 1), "valid"))) for r in rates]
+    noise = [max(window_noise(r.noise, n, r.order, dt), 1e-300) for r in rates]
+    return np.array([p / (s * s) / n for p, s in zip(power, noise, strict=True)])
+
+
+def _top_frequency(x: np.ndarray, log: PortLog) -> float:
+    """Return the frequency, Hz, below which most of the power of a signal lies, over its longest run."""
+    a, b = max(log.spans, key=lambda s: s[1] - s[0])
+    part = x[a:b] - np.mean(x[a:b])
+    power = np.cumsum(np.square(np.abs(np.fft.rfft(part))))
+    if not power[-1] > 0.0:
+        return 0.0
+    at = int(np.searchsorted(power, POWER * power[-1]))
+    return float(np.fft.rfftfreq(b - a, log.dt)[max(at, 1)])
