@@ -3,7 +3,8 @@
 Predictions begin at the true state and go on for a stretch. What a cause adds to them is taken to first order in its
 size; changes of the initial state and of the parameters within their tolerances are taken out. A case is detectable if
 what is left exceeds the noise by `DETECTABLE` nats, and decidable if every other cause, at its best size, leaves
-`MARGIN` nats and `FORM` of it.
+`MARGIN` nats and `FORM` of it. What a gain or a parameter does is taken anew at that size: a wrong pump constant and a
+gain of the pump are one and the same at any.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from .simulate import Record, faulty
 
 DETECTABLE, MARGIN, FORM = 20.0, 10.0, 0.01
 SUBSTEPS = 2
+SIZED = ("actuator_gain", "sensor_gain", "parameter_deviation")
+"""Causes whose effect is not straight in their size."""
 
 
 class Decision(NamedTuple):
@@ -79,7 +82,6 @@ def decide(
     """Return what a case with one cause can show; `p` are the true parameters without it."""
     some = hypotheses(plant, sizes)
     # What the true cause does is taken at its own size, as everything else is.
-    gap, others = None, []
     projector = _Projector(plant, made, p)
     columns = projector.effects([[true], *([h] for h in some)])
     gap = columns[0]
@@ -90,11 +92,25 @@ def decide(
         if (h.name, h.port) == (true.name, true.port) or not power > 0.0:
             continue
         left = 0.5 * float(gap @ gap - (gap @ d) ** 2 / power)
-        others.append(left)
+        if h.name in SIZED and left < 0.5 * nats:
+            left = min(left, _at_its_size(projector, h, gap, d))
         if left < best:
             best, rival = left, f"{h.name}@{h.port}"
     detectable = nats > DETECTABLE
     return Decision(nats, best, rival, detectable, detectable and best > MARGIN + FORM * nats)
+
+
+def _at_its_size(projector: _Projector, h: Cause, gap: np.ndarray, d: np.ndarray) -> float:
+    """Return what a cause leaves once its effect is taken at the size that fits best, in a few rounds."""
+    size, left = 1.0, np.inf
+    for _ in range(4):
+        size = float(np.clip(size * (gap @ d) / (d @ d), -0.9 / abs(h.p["a"]), 0.9 / abs(h.p["a"])))
+        [d] = projector.effects([[type(h)(h.name, h.port, h.p | {"a": size * h.p["a"]})]])
+        power = float(d @ d)
+        if not power > 0.0:
+            break
+        left = min(left, 0.5 * float(gap @ gap - (gap @ d) ** 2 / power))
+    return left
 
 
 class _Projector:
