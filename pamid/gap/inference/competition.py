@@ -381,6 +381,9 @@ class Competition:
         others = sorted((n for n in net if n not in at.fit.spec), key=lambda n: -net[n])
         found = []
         for name in [n for n in others if net[n] > own - allowed][:most]:
+            if self.evidence.bends and frozenset({*keep, name}) in self._done:
+                found.append(self._done[frozenset({*keep, name})])
+                continue
             self.say(f"refit with {name}")
             found.append(self._refitted(about, about.fit((place[name],)), at, keep))
         return found

@@ -21,6 +21,8 @@ NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
 MIX = 0.4
 """How far a share of another form may go in one step."""
+FAR_ENOUGH = 10.0
+"""How many times what ends a fit a step must gain for the next to do without differences anew."""
 LOST = 300.0
 """Log-likelihood below that without an effect at which a fit with it does not come back."""
 
@@ -201,11 +203,13 @@ class Fitter:
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)
-        damping = 1.0
+        damping, anew = 1.0, True
+        D = moved = changed = np.zeros(0)
         for done in range(steps):
             if done == 3 and best.loglik < least - LOST:
                 break
-            D, lower, upper = self.jacobian(slots, phi, z, x)
+            found_D, lower, upper = self.jacobian(slots, phi, z, x, None if anew else ())
+            D = found_D if anew else _turned(D, moved, changed, slots)
             step = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
             ).x[self.n :]
@@ -220,10 +224,13 @@ class Fitter:
                 damping *= 0.35
             if found.loglik <= best.loglik:
                 break
+            moved, changed = trial - phi, z_trial - z
             added, best, phi, z = found.loglik - best.loglik, found, trial, z_trial
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
+            # Where each residual is a run of a simulator, a step that got far says how sensitivities change.
+            anew = not self.evidence.bends or added < FAR_ENOUGH * gain
         return best
 
     def _fit(
@@ -240,25 +247,15 @@ class Fitter:
         x: np.ndarray,
         only: Sequence[int] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sensitivities by finite differences, and how far a step may go; of some parameters alone if wanted."""
+        """Return sensitivities by finite differences, of some parameters alone if wanted, and how far a step may go."""
         D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
         spec, alone = _spec(slots, phi), {}
         for k, (name, p) in enumerate(slots):
-            if only is not None and k not in only:
-                continue
             v = phi[k]
             h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
             h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
             if v + h > p.upper:
                 h = -h
-            moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
-            if len(spec) > 1 and all(adds(n) for n in spec):
-                # What is added to an equation changes by itself as it does beside other effects.
-                if name not in alone:
-                    alone[name] = self.evidence.tangent({name: spec[name]}, x)
-                D[:, k] = (self.evidence.tangent({name: moved}, x) - alone[name]) / h
-            else:
-                D[:, k] = (self.evidence.tangent({**spec, name: moved}, x) - z) / h
             lower[k], upper[k] = p.lower - v, p.upper - v
             if _mixes(p):
                 lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
@@ -267,6 +264,16 @@ class Fitter:
             elif not p.linear:
                 reach = 0.1 * (p.upper - p.lower)
                 lower[k], upper[k] = max(lower[k], -reach), min(upper[k], reach)
+            if only is not None and k not in only:
+                continue
+            moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
+            if len(spec) > 1 and all(adds(n) for n in spec):
+                # What is added to an equation changes by itself as it does beside other effects.
+                if name not in alone:
+                    alone[name] = self.evidence.tangent({name: spec[name]}, x)
+                D[:, k] = (self.evidence.tangent({name: moved}, x) - alone[name]) / h
+            else:
+                D[:, k] = (self.evidence.tangent({**spec, name: moved}, x) - z) / h
         return D, lower, upper
 
 
@@ -278,6 +285,15 @@ def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solv
         if moved < NEAR:
             break
     return found
+
+
+def _turned(
+    D: np.ndarray, moved: np.ndarray, changed: np.ndarray, slots: Sequence[tuple[str, Parameter]]
+) -> np.ndarray:
+    """Return sensitivities that agree with the last step, the least change of them that does (Broyden)."""
+    along = moved / np.square([abs(p.nominal) or p.upper - p.lower for _, p in slots])
+    power = float(along @ moved)
+    return D + np.outer(changed - D @ moved, along) / power if power > 0.0 else D
 
 
 def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:

@@ -32,7 +32,7 @@ from ...simulators.structure import (
     some_instants,
     spread_numbers,
 )
-from .kinematic import both_measured, curvature, half_a_step
+from .kinematic import bent, both_measured, nuisances
 from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
 from .window_length import Rate, samples
@@ -192,13 +192,16 @@ class DirectEvidence(PortEvidence):
             )
 
     def _skew(self) -> None:
-        """Let the clocks of positions and velocities be half a step apart, as numbers with a tolerance."""
+        """Let the clocks of positions and velocities be half a step apart, and velocities bend, within tolerances."""
         ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
         for k, b in enumerate(self.balances):
             if b.velocity:
-                column = np.zeros(ends[-1])
-                column[ends[k] : ends[k + 1]] = half_a_step(self._table[b.velocity], self.log, self.n, self._first[k])
-                self.skews[f"skew of {b.velocity}"] = column
+                found = nuisances(self._table[b.velocity], self.log, self.n, self._first[k])
+                for name, own in found.items():
+                    column = np.zeros(ends[-1])
+                    column[ends[k] : ends[k + 1]] = own
+                    if np.any(column):
+                        self.skews[f"{name} of {b.velocity}"] = column
         self.free = [*self.free, *self.skews]
         self.about = np.zeros(len(self.free))
 
@@ -279,8 +282,7 @@ class DirectEvidence(PortEvidence):
             return self._of_outputs(active, readings, x, pushed, p)
         rates = self._total_rates(x, u, pushed, p, restored)
         outputs = simulator.output(log.t, x, pushed, _wide(p, log.n)) if simulator.outputs else np.zeros((0, log.n))
-        curves = rates if restored else self._base_rates
-        return self._windowed(active, readings, rates, added, outputs, curves)
+        return self._windowed(active, readings, rates, added, outputs)
 
     def _force(self, place: object, made: object, table: Mapping[str, np.ndarray]) -> np.ndarray:
         from ...simulators.placement import Placement
@@ -378,11 +380,11 @@ class DirectEvidence(PortEvidence):
         self, active: Active, readings: Mapping[str, np.ndarray], x: np.ndarray, u: np.ndarray, p: np.ndarray
     ) -> np.ndarray:
         outputs = self.simulator.output(self.log.t, x, u, _wide(p, self.log.n))
-        return self._windowed(active, readings, np.zeros((0, 0)), x, outputs, x)
+        return self._windowed(active, readings, np.zeros((0, 0)), x, outputs)
 
     def _windowed(
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
-        outputs: np.ndarray, curves: np.ndarray,
+        outputs: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         log, found = self.log, []
         for b, firsts in zip(self.balances, self._first, strict=True):
@@ -399,8 +401,7 @@ class DirectEvidence(PortEvidence):
                 if b.order == 1:
                     y = y - 0.5 * (start[a : e - 1] + end[a : e - 1])
                     if b.velocity:
-                        row = self.simulator.states.index(b.velocity)
-                        y = y - curvature(curves[row, a : e - 1], curves[row, log.n + a : log.n + e - 1], log.dt)
+                        y = y + bent(readings[b.velocity][a:e])
                 elif b.order == 2:
                     y = y - (start[a : e - 2] + 2.0 * end[a : e - 2]) / 6.0
                     y = y - (2.0 * start[a + 1 : e - 1] + end[a + 1 : e - 1]) / 6.0

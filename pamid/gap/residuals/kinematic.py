@@ -2,14 +2,16 @@ r"""Two sensors of one motion held against each other: a position, and the veloc
 
 No force enters, so that a fault of either sensor is not read as one. Over a step of h seconds
 
-.. math:: \frac{x_{k+1} - x_k}{h} = \frac{v_k + v_{k+1}}{2} + \frac{h}{12} (a_k - a_{k+1}) + O(h^4)
+.. math:: \frac{x_{k+1} - x_k}{h} = \frac{v_k + v_{k+1}}{2} - \frac{\kappa}{12} \delta^2 v, \qquad 0 \le \kappa \le 1.5
 
-with the accelerations at the ends of the step as the simulator has them (Hermite's rule). How two channels are sampled
-is known to half a step: a velocity may be a difference of positions, or both come from a simulation by Euler's method,
+with the second difference of the velocities about the step. Where commands are held over it, the velocity bends at
+samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5. How two
+channels are sampled is known to half a step: a velocity may be a difference of positions, or both come from a
+simulation by Euler's method,
 
 .. math:: v = \dot x(t \mp \tfrac{h}{2}) \approx \dot x \mp \tfrac{h}{2} \ddot x
 
-so that such a skew is fitted like a parameter with half a step of tolerance.
+so that such a skew and κ are fitted like parameters with a tolerance.
 """
 
 from __future__ import annotations
@@ -35,21 +37,34 @@ def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
     return {x: v for x, v in pairs.items() if x in log.channels and v in log.channels}
 
 
-def curvature(start: np.ndarray, end: np.ndarray, dt: float) -> np.ndarray:
-    """Return what a mean of two velocities lacks of the mean over the step.
+def bent(v: np.ndarray) -> np.ndarray:
+    """Return what steps lack that bend as much as is likely, κ being 0.75; as much again is the most.
 
     Parameters
     ----------
-    start, end : array, shape (n_steps,)
-        Accelerations at the ends of each step.
-    dt : float
-        Its length, s.
+    v : array, shape (n_rows,)
+        The velocity of one run.
+
+    Returns
+    -------
+    array, shape (n_rows - 1,)
+        A sixteenth of the second difference about each step.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.residuals.kinematic import bent
+    >>> 16.0 * bent(np.array([0.0, 1.0, 4.0, 9.0, 16.0]))  # the first and last steps as their neighbours
+    array([2., 2., 2., 2.])
     """
-    return dt / 12.0 * (start - end)
+    if len(v) < 4:
+        return np.zeros(max(len(v) - 1, 0))
+    inner = (v[3:] - v[2:-1] - v[1:-2] + v[:-3]) / 32.0
+    return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
-def half_a_step(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return what half a step between the clocks of a position and its velocity does to their windows.
+def nuisances(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    """Return what half a step between two clocks, and the bend of a velocity in a step, do to the windows.
 
     Parameters
     ----------
@@ -62,5 +77,8 @@ def half_a_step(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray
     firsts : sequence of array of int
         For each run where its windows begin.
     """
-    found = [average(0.5 * np.diff(v[a:e]), n, 2, first) for (a, e), first in zip(log.spans, firsts, strict=True)]
-    return np.concatenate(found)
+    runs = [(v[a:e], first) for (a, e), first in zip(log.spans, firsts, strict=True)]
+    return {
+        "skew": np.concatenate([average(0.5 * np.diff(x), n, 2, first) for x, first in runs]),
+        "bend": np.concatenate([average(bent(x), n, 2, first) for x, first in runs]),
+    }

@@ -90,7 +90,7 @@ class PortEvidence(Settled, ABC):
     placements : dict of str to Placement
         Every effect at every port.
     skews : dict of str to array, shape (n_windows,)
-        What half a step between the clocks of a position and its velocity adds to the residuals.
+        What half a step between the clocks of a position and its velocity, or a bend within a step, adds.
     """
 
     exact = False
