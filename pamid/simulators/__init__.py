@@ -1,8 +1,9 @@
-"""Simulators of any origin: functions, control systems, MuJoCo models and FMUs, with ports at which effects act."""
+"""Simulators of any origin, with ports: functions, equations, control systems, MuJoCo models, FMUs."""
 
 from .base import Simulator
 from .catalogue import port_effects
 from .control_model import ControlSimulator
+from .equation_model import EquationSimulator
 from .fmu_model import FmuSimulator
 from .function import FunctionSimulator
 from .mujoco_model import MujocoSimulator
@@ -11,6 +12,7 @@ from .ports import ModelParameter, Port
 
 __all__ = [
     "ControlSimulator",
+    "EquationSimulator",
     "FmuSimulator",
     "FunctionSimulator",
     "ModelParameter",

@@ -58,6 +58,10 @@ class Draft:
         Constants of the mapping, such as ``rest_length``.
     file_constants : dict of str to dict
         Constants of the files that a pattern names.
+    ports : tuple of Input
+        Signals of equations of one's own, instead of those of a kind.
+    page : str
+        Their page.
     """
 
     paths: list[Path]
@@ -68,6 +72,8 @@ class Draft:
     numbers: dict[str, Any] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
     file_constants: dict[str, dict[str, str]] = field(default_factory=dict)
+    ports: tuple[Input, ...] = ()
+    page: str = ""
 
     @property
     def table(self) -> RawTable:
@@ -83,9 +89,23 @@ class Draft:
             return pd.concat([f.iloc[:, name] for f in frames if f.shape[1] > name], ignore_index=True)
         return pd.concat([f[name] for f in frames if name in f.columns], ignore_index=True)
 
+    @property
+    def title(self) -> str:
+        """What the log is of, in words."""
+        return "a system of your own equations" if self.ports else f"a {self.kind}"
+
+    def clear(self) -> None:
+        """Forget what columns were guessed to be, clock and names of runs aside."""
+        self.guesses = [
+            g if g.signal in ("time", "trajectory") else replace(g, signal="", unit=None, question="")
+            for g in self.guesses
+        ]
+
     # --- signals --------------------------------------------------------------------------------------------
     def inputs(self) -> tuple[Input, ...]:
         """Return the signals of its kind, time first."""
+        if self.ports:
+            return (Input("time", "s", "time"), *self.ports)
         own = BENCH_INPUTS if self.kind == "bench" else all_systems()[self.kind].inputs if self.kind else ()
         return (Input("time", "s", "time"), *own)
 
@@ -104,7 +124,7 @@ class Draft:
         if self.settings.get("sampling_period"):
             known |= {"time"}
         lacking = [i for i in self.inputs() if i.needed and i.name not in known]
-        if self.kind and self.kind != "bench":
+        if not self.ports and self.kind and self.kind != "bench":
             by_name = {i.name: i for i in self.inputs()}
             system = all_systems()[self.kind]
             lacking += [by_name[group[0]] for group in system.one_of if not known & set(group)]
@@ -186,7 +206,7 @@ class Draft:
 
     def settle(self) -> None:
         """Leave out what its kind does not know, and note what only its kind can say."""
-        if not self.kind:
+        if not (self.kind or self.ports):
             return
         wanted = {i.name for i in self.inputs()} | {"trajectory"}
         self.guesses = [
@@ -279,6 +299,8 @@ class Draft:
 
     def assumed(self) -> tuple[str, ...]:
         """Return the numbers of the page that nobody has given and nobody else can know."""
+        if self.ports:
+            return ()
         if self.kind == "bench":
             return tuple(name for name in OWN if name not in self.numbers)
         known = {i.name for i in self.inputs() if self.of(i.name) is not None} | self.fixed()
@@ -286,6 +308,8 @@ class Draft:
 
     def page_text(self) -> str:
         """Return the simulator file; what nobody has given is marked in it."""
+        if self.ports:
+            return self.page
         if self.kind == "bench":
             from ..bench.parameters import BenchParameters
 

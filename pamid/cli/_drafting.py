@@ -1,0 +1,311 @@
+"""A draft of a mapping and a page: what is asked, what is shown, what is written."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import (
+    MappingError,
+    MissingColumnError,
+    OutputError,
+    PamidError,
+    ParameterError,
+    PressureReferenceError,
+    TimeOrderError,
+    UnitError,
+)
+from ..file_sets import check_folder, replacing_together
+from ..files import write_whole
+from ._ask import Asker
+from .common import note, print_json, table
+
+if TYPE_CHECKING:
+    from ..signals.guess import Guess
+    from ..systems.base import Input
+    from ..systems.draft import Draft
+
+FILES = ("columns.toml", "sim.toml")
+
+
+def hold(draft: Draft, constants: dict[str, str]) -> None:
+    """Take the signals that stand still, in all files or in those that a pattern names."""
+    for name, text in constants.items():
+        for entry in text.split("\0"):
+            value, at, pattern = entry.partition("@")
+            place = draft.file_constants.setdefault(pattern.strip(), {}) if at else draft.constants
+            place[name] = value.strip()
+
+
+# --- asking -------------------------------------------------------------------------------------------------
+def show(draft: Draft) -> None:
+    named = draft.table.named
+    rows = [
+        [
+            str(g.column)[:30] if named else str(g.column),
+            f"{g.low:.4g}" if g.low == g.low else "text",
+            f"{g.high:.4g}" if g.high == g.high else "",
+            g.signal or "-",
+            unit(g),
+            "given" if g.why == "given" else "?" if g.question else "" if g.sure or not g.signal else "assumed",
+        ]
+        for g in draft.guesses
+    ]
+    print(table(["column" if named else "position", "lowest", "highest", "signal", "unit", ""], rows) + "\n")
+
+
+def unit(guess: Any) -> str:
+    if not guess.signal:
+        return ""
+    reference = {True: " gauge", False: " absolute"}.get(guess.gauge, "")
+    return (guess.unit or "as it is") + reference
+
+
+def names(draft: Draft) -> str:
+    return ", ".join(str(g.column) for g in draft.guesses[:12])
+
+
+def ask_for_columns(draft: Draft, ask: Asker) -> None:
+    for wanted in draft.lacking():
+
+        def known(answer: str, wanted: Input = wanted) -> None:
+            if answer != "none":
+                assign(draft, f"{wanted.name}={answer}")
+
+        ask.text(f"Which column is {wanted.name}, the {wanted.meaning}? (column[:unit], or none)", "none", known)
+    if lacking := draft.lacking():
+        first = lacking[0]
+        against = [
+            f"{g.column!r} is none: {g.why}" for g in draft.guesses if not g.signal and g.why.startswith("its unit")
+        ]
+        raise MissingColumnError(
+            f"No column is known to be {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; the log has "
+            f"{names(draft)}.{' ' + '; '.join(against) + '.' if against else ''}",
+            f"the signals of a {draft.kind}: {', '.join(i.name for i in draft.inputs() if i.needed)}",
+            way_out(draft, first),
+        )
+
+
+def way_out(draft: Draft, wanted: Input) -> str:
+    """Return what to do about a signal that no column is known for."""
+    if draft.kind == "muscle" and wanted.name == "eps":
+        each = (
+            "'length=17.45 cm@*25*' for each file, with the pattern of its name"
+            if draft.paths[1:]
+            else "length='17.45 cm'"
+        )
+        return (
+            "Say which it is, for instance --signal length=COLUMN:mm; if the muscle is held still, say its length by "
+            f"--constant {each}, and --set rest_length='18.2 cm'."
+        )
+    if draft.kind == "joint" and wanted.name in ("drive", "gain"):
+        return (
+            "Say what drives it: --signal drive=COLUMN, or the wanted angle of a controller and its gain: "
+            "--signal q_ref=COLUMN --set gain=NUMBER."
+        )
+    return f"Say which it is, for instance --signal {wanted.name}=COLUMN:UNIT, or choose another --kind."
+
+
+def ask_for_units(draft: Draft, ask: Asker) -> None:
+    for guess in [g for g in draft.guesses if g.signal and (g.question or not g.sure)]:
+        shown = f"{guess.signal} (column {guess.column}) goes from {guess.low:.4g} to {guess.high:.4g}. Unit?"
+        if guess.question:
+            shown = (
+                f"{guess.question[:1].upper()}{guess.question[1:]}. Unit of column {guess.column} as {guess.signal}?"
+            )
+
+        def usable(answer: str, guess: Any = guess) -> None:
+            unit, _, reference = (
+                answer.rpartition(" ") if answer.endswith((" gauge", " absolute")) else (answer, "", "")
+            )
+            assign(draft, f"{guess.signal}={guess.column}:{unit}:{reference}".rstrip(":"))
+
+        if ask.interactive:
+            ask.text(shown, guess.unit or "", usable)
+    if left := [g for g in draft.guesses if g.signal and g.question]:
+        raise MappingError(
+            f"{'; '.join(sentence(g.question) for g in left)}.",
+            "one column with a known unit for each signal",
+            f"Say it, for instance {option(left[0])}.",
+        )
+
+
+def sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def option(guess: Guess, unit: str = "") -> str:
+    return f"--signal {shlex.quote(f'{guess.signal}={guess.column}')}:{unit or guess.unit or 'UNIT'}"
+
+
+def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
+    """Settle whether pressures are gauge or absolute: by what they say, by their force, or by asking."""
+    open_ = [g for g in draft.pressures() if not g.settled]
+    named = [g for g in draft.pressures() if g.gauge is not None and g.why == "its name" and g.signal == "P"]
+    found = tried(draft, draft.reference) if open_ or named else None
+    doubtful = [g for g in named if found is not None and g.gauge != found]
+    if found is not None and not doubtful:
+        draft.refer(found, f"{'gauge' if found else 'absolute'}, by the force that it makes")
+    open_ = doubtful or [g for g in draft.pressures() if not g.settled]
+    if not open_:
+        return
+    if assume is not None:
+        draft.refer(assume == "gauge", "given", doubtful)
+        return
+    first = open_[0]
+    unit = "Pa" if first.unit is None else first.unit
+    said = "'s name says one, and its force the other" if doubtful else " may be gauge or absolute: both are possible"
+    text = f"{first.signal} (column {first.column!r}, {first.low:.4g} to {first.high:.4g} {unit}){said}"
+    answer = ask.choice(f"{text}. Which?", ("gauge", "absolute"), "") if ask.interactive else ""
+    if not answer:
+        raise PressureReferenceError(
+            f"{text}.",
+            "gauge (0 at ambient pressure) or absolute (1.013 bar there)",
+            f"Add --assume gauge or --assume absolute, or say it of the column: {option(first, unit)}:gauge.",
+        )
+    draft.refer(answer == "gauge", "given", doubtful)
+
+
+def ask_for_numbers(draft: Draft, ask: Asker) -> None:
+    from ..systems import all_systems
+    from ..systems.bench_page import _MEANING
+    from ..systems.draft import given_numbers
+
+    if not ask.interactive:
+        return
+    quantities = {} if draft.kind == "bench" else {q.name: q for q in all_systems()[draft.kind].numbers}
+    for name in draft.assumed():
+        q = quantities.get(name)
+        what = f"{q.meaning}, {q.unit}" if q else _MEANING.get(name, "")
+
+        def usable(answer: str, name: str = name) -> None:
+            if answer:
+                draft.numbers |= given_numbers({name: answer}, draft.kind)
+
+        ask.text(f"{name} ({what}; SI or with a unit, empty: assume a typical one)", "", usable)
+
+
+def assign(draft: Draft, pair: str) -> None:
+    signal, equals, rest = pair.partition("=")
+    if not equals or not signal or not rest:
+        raise ParameterError(
+            f"--signal got {pair!r}.", "signal=column:unit", "Write for instance --signal P=pressure:bar:gauge."
+        )
+    column, reference = rest, ""
+    if rest.rpartition(":")[2] in ("gauge", "absolute"):
+        column, _, reference = rest.rpartition(":")
+    column, colon, unit = column.rpartition(":")
+    column, unit = (column, unit) if colon else (unit, "")
+    column, star, factor = column.rpartition("*")
+    try:
+        column, scale = (column, float(factor)) if star else (factor, 1.0)
+    except ValueError:
+        raise ParameterError(
+            f"--signal got the factor {factor!r}.", "a number", "Write for instance kp*0.005."
+        ) from None
+    draft.assign(signal.strip(), column, unit, reference, scale)
+
+
+def pairs(texts: list[str], option: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise ParameterError(f"{option} got {text!r}.", "name=value", f"Write for instance {option} bore='25 mm'.")
+        clean = value.strip().strip("\"'")
+        found[name.strip()] = f"{found[name.strip()]}\0{clean}" if "@" in value and name.strip() in found else clean
+    return found
+
+
+# --- writing ------------------------------------------------------------------------------------------------
+def checked_folder(args: argparse.Namespace) -> Path:
+    folder = check_folder(args.out, FILES, parents=True)
+    there = [name for name in FILES if (folder / name).exists()]
+    if there and not args.force:
+        raise OutputError(
+            f"{' and '.join(str(folder / name) for name in there)} exist already.",
+            "a folder without them",
+            "Choose another --out, or add --force to replace them.",
+        )
+    return folder
+
+
+def tried(draft: Draft, read: Callable[[], Any]) -> Any:
+    """Read the logs with the new mapping, before anything is written."""
+    try:
+        return read()
+    except PamidError as error:
+        runs = [f"--signal trajectory={shlex.quote(str(n))}" for n in draft.run_names()]
+        remedy = (
+            f"If a column numbers the runs: {' or '.join(runs)}." if isinstance(error, TimeOrderError) and runs else ""
+        )
+        raise type(error)(
+            f"With the proposed mapping: {error.found}",
+            error.expected,
+            remedy or f"{error.remedy} --signal names column and unit.",
+        ) from None
+
+
+def disagreement(draft: Draft, log: Any) -> str:
+    """Return what force, pressure and size say against each other; an error where a unit was only assumed."""
+    doubt = draft.doubt(log)
+    unsure = [g for g in draft.guesses if g.signal in ("P", "F") and not g.sure]
+    if doubt and unsure:
+        raise UnitError(
+            f"{doubt}; the unit of {' and '.join(g.signal for g in unsure)} is only assumed.",
+            "units under which force, pressure and size agree",
+            f"Say them: {' '.join(option(g, 'UNIT') for g in unsure)}.",
+        )
+    return doubt
+
+
+def write(draft: Draft, folder: Path) -> list[Path]:
+    texts = {"columns.toml": draft.columns_text(), "sim.toml": draft.page_text()}
+    with replacing_together(folder, FILES, parents=True) as stage:
+        for name, text in texts.items():
+            write_whole(stage / name, text)
+    return [folder / name for name in texts]
+
+
+def tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str) -> None:
+    unsure = [g.signal for g in draft.guesses if g.signal and not g.sure]
+    assumed = list(draft.assumed())
+    options = f"--columns {shlex.quote(str(files[0]))} --sim {shlex.quote(str(files[1]))}"
+    command, out = ("diagnose", " --out diagnosis") if draft.ports else ("check", "")
+    follow = f"pamid {command} {' '.join(shlex.quote(str(Path(p))) for p in args.log)} {options}{out}"
+    if args.json:
+        print_json(
+            {
+                "kind": draft.kind,
+                "files": {path.name: str(path) for path in files},
+                "signals": draft.mapping()["signals"],
+                "assumed": {"units": unsure, "numbers": assumed},
+                "rows": len(log),
+                "trajectories": [str(name) for name in log["trajectory"].unique()],
+                "doubts": [doubt] if doubt else [],
+                "next": follow,
+            }
+        )
+        return
+    rows = [
+        [name, f"{log[name].min():.5g}", f"{log[name].max():.5g}", shown_unit(draft, name)]
+        for name in log.columns
+        if name != "trajectory"
+    ]
+    print(f"{len(log):,} rows in {log['trajectory'].nunique()} run(s) of {draft.title}, read as:")
+    print(table(["signal", "lowest", "highest", "unit"], rows) + "\n")
+    for path in files:
+        print(f"wrote {path}")
+    if unsure or assumed:
+        what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed])
+        note(args, f"assumed: {what}. Look for ASSUMED in the files and correct it.")
+    if doubt:
+        note(args, f"{doubt}. Correct it before anything is made of this log.")
+    print(f"\nnext: {follow}")
+
+
+def shown_unit(draft: Draft, name: str) -> str:
+    return next((i.unit for i in draft.inputs() if i.name == name), "")

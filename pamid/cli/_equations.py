@@ -1,0 +1,115 @@
+"""A page for somebody's own equations, with the mapping of the log that they are held against."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ..errors import MissingColumnError, ParameterError
+
+if TYPE_CHECKING:
+    from ..simulators import ModelParameter
+    from ..systems.draft import Draft
+
+_TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
+
+_NUMBER = re.compile(r"\s*(?P<value>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*)$")
+_ONE = r"(?:m|s|kg|N|Pa|V|A|rad|K|J|W|Hz|ohm|1)(?:\^?-?\d(?:\.\d)?|[²³])?"
+_SI = re.compile(rf"{_ONE}(?:[ */·]{_ONE})*")
+
+
+def split_equations(texts: list[str]) -> dict[str, str]:
+    """Return right sides by left sides of what ``--equation`` was given."""
+    found: dict[str, str] = {}
+    for text in texts:
+        left, equals, right = text.partition("=")
+        if not equals or not left.strip() or not right.strip():
+            raise ParameterError(
+                f"--equation got {text[:60]!r}.", "LEFT = RIGHT", "Write for instance --equation 'dh/dt = v'."
+            )
+        found[" ".join(left.split())] = " ".join(right.split())
+    return found
+
+
+def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
+    """Give a draft the signals and the page of equations: states, outputs, and what right sides name beside numbers.
+
+    Raises
+    ------
+    MissingColumnError
+        A name is neither a number nor a column.
+    ParameterError
+        A number stands in no equation.
+    """
+    from ..simulators.equation_model import names_in, sides
+    from ..systems.base import Input
+
+    rates, outputs = sides(equations)
+    named = set().union(*(names_in(text) for text in equations.values())) - {"t"}
+    if surplus := sorted(set(numbers) - named):
+        raise ParameterError(
+            f"--set gives {', '.join(surplus)}, which no equation names.", f"some of {', '.join(sorted(named))}",
+            "Remove it, or name it in an equation.",
+        )  # fmt: skip
+    inputs = sorted(named - set(rates) - set(numbers))
+    draft.ports = (
+        *(Input(name, "", "state", needed=False) for name in rates),
+        *(Input(name, "", "output") for name in outputs),
+        *(Input(name, "", "input") for name in inputs),
+    )
+    columns = {str(g.column) for g in draft.guesses} if draft.table.named else set()
+    given = {g.signal for g in draft.guesses if g.why == "given"}
+    for port in draft.ports:
+        if port.name in columns - given:  # a column of that very name
+            draft.assign(port.name, port.name)
+    draft.settle()
+    if lacking := [p for p in draft.lacking() if p.name != "time"]:
+        first = lacking[0].name
+        raise MissingColumnError(
+            f"{', '.join(f'{p.name} ({p.meaning})' for p in lacking)} stands in the equations and is neither a column "
+            f"nor a number; the log has {', '.join(str(g.column) for g in draft.guesses[:12])}.",
+            "a column for each input and output, and a number for each parameter",
+            f"Add --signal {first}=COLUMN:UNIT, or --set {first}='VALUE UNIT'.",
+        )
+    if not any(draft.of(name) for name in (*rates, *outputs)):
+        raise MissingColumnError(
+            f"The log measures none of {', '.join((*rates, *outputs))}.", "one of them at least",
+            f"Add --signal {next(iter((*rates, *outputs)))}=COLUMN:UNIT.",
+        )  # fmt: skip
+    draft.ports = tuple(port._replace(unit=_unit_of(draft, port.name)) for port in draft.ports)
+    draft.page = _page(draft, equations, numbers)
+
+
+def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> str:
+    """Return the page of equations."""
+    from ..simulators import EquationSimulator, Port, page_text
+
+    ports = [Port(p.name, p.meaning, p.unit or "-") for p in draft.ports]
+    found = {name: _number(name, text) for name, text in numbers.items()}
+    text = page_text(EquationSimulator(equations, ports, found))
+    return text.replace("[parameters]", "[parameters]  # tolerance: how well each is known, 0.1 is 10 %; 0: fixed")
+
+
+def _unit_of(draft: Draft, name: str) -> str:
+    """Return the SI unit of a signal's column."""
+    from ..signals.units import SI_UNITS, find_unit
+
+    column = draft.of(name)
+    return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else ""
+
+
+def _number(name: str, text: str) -> ModelParameter:
+    """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
+    from ..signals.units import SI_UNITS, UNITS, parse_quantity
+    from ..simulators import ModelParameter
+
+    found = _TOLERANCE.match(text)
+    value, tolerance = (found["value"], float(found["percent"]) / 100.0) if found else (text, 0.0)
+    number = _NUMBER.match(value)
+    unit = number["unit"].strip() if number else ""
+    if number and unit not in UNITS and _SI.fullmatch(unit):  # made of SI units: nothing has to be converted
+        return ModelParameter(float(number["value"]), tolerance, unit)
+    return ModelParameter(
+        parse_quantity(value, name), tolerance, SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-"
+    )

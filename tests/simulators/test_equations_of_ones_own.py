@@ -1,0 +1,102 @@
+"""Equations as a simulator: written on the command line, held against a log, corrected; they are data and no code."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+from pamid.errors import MissingParameterError, ParameterError, SimulatorRunError
+from pamid.simulators import EquationSimulator, Port, page_text, read_simulator
+from pamid.simulators.equation_model import names_in
+
+FALL = ["--equation", "dh/dt = v", "--equation", "dv/dt = -g", "--set", "g=9.81 m/s2 ± 0.1 %"]
+
+
+@pytest.fixture
+def drops(tmp_path):
+    """A body that falls against linear drag, 0.3 of its speed a second, four times from other heights."""
+    rng, rows = np.random.default_rng(0), []
+    for k in range(4):
+        t = np.arange(0, 2.5, 0.02)
+        fade = 9.81 / 0.3
+        start = 0.5 * k
+        v = -fade + (fade - start) * np.exp(-0.3 * t)
+        h = 50 + 3 * k - fade * t + (fade - start) / 0.3 * (1 - np.exp(-0.3 * t))
+        h, v = h + 1e-3 * rng.standard_normal(len(t)), v + 1e-2 * rng.standard_normal(len(t))
+        rows.append(pd.DataFrame({"drop": k, "time": t, "height [mm]": 1e3 * h, "v": v}))
+    pd.concat(rows).to_csv(tmp_path / "drops.csv", index=False)
+    return tmp_path
+
+
+def setup(folder, *more: str) -> list[str]:
+    return ["init", str(folder / "drops.csv"), *FALL, "--out", str(folder / "setup"), *more]
+
+
+def test_from_raw_file_to_diagnosis_without_an_edit(drops, capsys):
+    signals = ["--signal", "h=height [mm]", "--signal", "v=v:m/s"]
+    assert main(setup(drops, *signals, "--json")) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["trajectories"]) == 4
+    assert found["signals"]["h"]["unit"] == "mm"
+    page = (drops / "setup" / "sim.toml").read_text()
+    assert 'h = { kind = "state", unit = "m" }' in page
+    assert "tolerance = 0.001" in page
+    command = found["next"].split()
+    assert command[:2] == ["pamid", "diagnose"]
+    out = str(drops / "diagnosis")
+    argv = [*command[1:-1], out, "--effects", "viscous_friction,quadratic_drag,sensor_bias", "--json", "--quiet"]
+    assert main(argv) == 0
+    answer = json.loads(capsys.readouterr().out)
+    (cause,) = answer["causes"]
+    assert cause["effects"] == ["viscous_friction at h"] or "viscous_friction" in json.dumps(cause)
+    assert main(["evaluate", *command[2:5], "--sim", f"{out}/corrected.toml", "--json"]) == 0
+    (corrected,) = json.loads(capsys.readouterr().out)["equations"]
+    assert corrected["rmse"] < 1.5 * corrected["noise_floor"]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--equation", "dw/dt = -k*w + u_in"], "k (input), u_in (input) stands in the equations"),
+        (["--set", "m=3"], "--set gives m, which no equation names"),
+        (["--equation", "y = __import__('os').system('x')"], "is no equation|holds"),
+        (["--equation", "y = h.real"], "holds 'h.real'"),
+        (["--equation", "2y = h"], "is none"),
+        (["--equation", "h"], "Expected LEFT = RIGHT"),
+        (["--kind", "cylinder"], "one of them"),
+    ],
+)
+def test_what_is_wrong_is_said(more, said, drops, capsys):
+    assert main(setup(drops, "--signal", "h=height [mm]", "--signal", "v=v:m/s", *more)) == 2
+    error = capsys.readouterr().err
+    assert any(words in error for words in said.split("|")), error
+    assert not (drops / "setup").exists()
+
+
+def test_an_algebraic_model_and_its_page(tmp_path):
+    ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
+    piston = EquationSimulator({"F": "A*max(P - 1e5, 0) + 2^0.5"}, ports, {"A": (5e-4, 0.02, "m2")})
+    assert piston.form == "algebraic"
+    (tmp_path / "sim.toml").write_text(page_text(piston))
+    again = read_simulator(tmp_path / "sim.toml")  # without trust
+    u = np.array([[1e5, 2e5, 5e4]])
+    found = again.output(np.zeros(3), np.zeros((0, 3)), u, np.full((1, 3), 5e-4))
+    assert found == pytest.approx(np.array([[0, 50, 0]]) + 2**0.5)
+
+
+def test_nothing_but_arithmetic_runs():
+    assert names_in("-k*sqrt(abs(h)) + pi*t") == {"k", "h", "t"}
+    for text in ("().__class__", "[1]", "lambda: 1", "h if h else 0", "'a'*9", "sqrt(h, h)", "open(h)", "h" * 3000):
+        with pytest.raises(ParameterError):
+            names_in(text)
+    with pytest.raises(MissingParameterError, match="dv/dt has no equation"):
+        EquationSimulator({"dh/dt": "v"}, [Port("h", "state", "m"), Port("v", "state", "m/s")])
+    with pytest.raises(ParameterError, match="names g"):
+        EquationSimulator({"dv/dt": "-g"}, [Port("v", "state", "m/s")])
+    huge = EquationSimulator({"dv/dt": "9**9**9"}, [Port("v", "state", "m/s")])
+    with pytest.raises(SimulatorRunError, match="OverflowError"):
+        huge.rate(np.zeros(1), np.zeros((1, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
