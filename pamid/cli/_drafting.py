@@ -77,7 +77,6 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
 
         ask.text(f"Which column is {wanted.name}, the {wanted.meaning}? (column[:unit], or none)", "none", known)
     if lacking := draft.lacking():
-        first = lacking[0]
         against = [
             f"{g.column!r} is none: {g.why}" for g in draft.guesses if not g.signal and g.why.startswith("its unit")
         ]
@@ -85,12 +84,13 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
             f"No column is known to be {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; the log has "
             f"{names(draft)}.{' ' + '; '.join(against) + '.' if against else ''}",
             f"the signals of a {draft.kind}: {', '.join(i.name for i in draft.inputs() if i.needed)}",
-            way_out(draft, first),
+            way_out(draft, lacking),
         )
 
 
-def way_out(draft: Draft, wanted: Input) -> str:
-    """Return what to do about a signal that no column is known for."""
+def way_out(draft: Draft, lacking: list[Input]) -> str:
+    """Return what to do about signals that no column is known for."""
+    wanted = lacking[0]
     if draft.kind == "muscle" and wanted.name == "eps":
         each = (
             "'length=17.45 cm@*25*' for each file, with the pattern of its name"
@@ -104,9 +104,19 @@ def way_out(draft: Draft, wanted: Input) -> str:
     if draft.kind == "joint" and wanted.name in ("drive", "gain"):
         return (
             "Say what drives it: --signal drive=COLUMN, or the wanted angle of a controller and its gain: "
-            "--signal q_ref=COLUMN --set gain=NUMBER."
+            f"--signal q_ref=COLUMN --set gain=NUMBER.{_beside(draft)}"
         )
-    return f"Say which it is, for instance --signal {wanted.name}=COLUMN:UNIT, or choose another --kind."
+    each = " ".join(f"--signal {i.name}=COLUMN:UNIT" for i in lacking)
+    return f"Say which it is: {each}{'' if draft.ports else ', or choose another --kind'}."
+
+
+def _beside(draft: Draft) -> str:
+    """Return what numbers a file holds beside its samples: the gain of a controller may be among them."""
+    held = {k: v for k, v in draft.table.head.items() if isinstance(v, int | float) and not isinstance(v, bool)}
+    if not held:
+        return ""
+    shown = ", ".join(f"{k} = {v:g}" for k, v in list(held.items())[:8])
+    return f" Beside the samples the file holds {shown}: a gain among them is --signal gain=NAME*FACTOR."
 
 
 def ask_for_units(draft: Draft, ask: Asker) -> None:

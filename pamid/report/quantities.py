@@ -69,7 +69,7 @@ def equation(name: str) -> str:
     return known[name].title() if name in known else name
 
 
-NAMES = ("coulomb", "stribeck", "bouc", "wen")
+NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii")
 """Words in names of effects that are names of people."""
 
 

@@ -170,7 +170,7 @@ def _run(args: argparse.Namespace) -> int:
             raise ParameterError(
                 f"The columns {names(draft)} do not tell what was recorded.",
                 f"--kind {', '.join(kinds())}",
-                "Add --kind, and --signal for columns whose names say nothing.",
+                "Add --kind, and --signal for columns whose names say nothing; another system goes by its --equation.",
             )
         draft = draft_for(args.log, ask.choice("What was recorded?", kinds(), "muscle"))
     for pair in args.signal:
