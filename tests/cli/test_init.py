@@ -420,7 +420,7 @@ def test_what_cannot_be_is_explained(argv, words, muscle, tmp_path, capsys):
 
 
 def test_a_disk_that_is_full_leaves_no_half(muscle, tmp_path, monkeypatch, capsys):
-    import pamid.cli.commands.init as command
+    import pamid.cli._drafting as command
 
     whole = command.write_whole
 
