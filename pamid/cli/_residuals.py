@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from ..systems import System
 
 
+_PLAIN = {"eps": "position", "deps": "speed"}
+"""Names of the signals that effects of a joint read, which is no muscle's."""
+
+
 class Left(NamedTuple):
     """What is left of one equation.
 
@@ -125,6 +129,7 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
         state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
         state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
+        state = {_PLAIN.get(k, k): v for k, v in state.items()}
         table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
         found[equation] = Left(table.assign(**state), evidence.units[equation])
     return found

@@ -150,7 +150,7 @@ def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
         raise UnknownOptionError(
             f"{path} is a simulator with ports, of the kind {kind}.",
             "the page of a bench, a muscle, a cylinder or a joint",
-            "'pamid diagnose' and 'pamid evaluate' take simulators with ports.",
+            "'pamid diagnose' and 'pamid evaluate' take simulators with ports, and so do 'check' and 'resid'.",
         )
     return load_simulator(path) if kind == "bench" else read_system(path)
 

@@ -171,7 +171,9 @@ def residual_test(
     if not runs:
         longest = max((b - a for a, b in _edges(e, groups)), default=0)
         raise ShortTrajectoryError(
-            f"The longest run has {longest} rows.", f"{_LEAST * lags} rows for {lags} lags", "Look at fewer lags."
+            f"The longest run has {longest} rows.",
+            f"{_LEAST * lags} rows for {lags} lags",
+            f"Look at {max(longest // _LEAST, 1)} lags at most (--lags).",
         )
     n = sum(r.stop - r.start for r in runs)
     reach = max(lags, min(10 * lags, max(r.stop - r.start for r in runs) // _LEAST))

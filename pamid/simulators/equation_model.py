@@ -166,9 +166,7 @@ def names_in(text: str) -> set[str]:
     >>> sorted(names_in("-k*sqrt(h) + u"))
     ['h', 'k', 'u']
     """
-    called = {id(n.func) for n in ast.walk(_parsed(text)) if isinstance(n, ast.Call)}
-    named = {n.id for n in ast.walk(_parsed(text)) if isinstance(n, ast.Name) and id(n) not in called}
-    return {n for n in named if n not in FUNCTIONS} - set(_CONSTANTS)
+    return {n.id for n in ast.walk(_parsed(text)) if isinstance(n, ast.Name)} - {*FUNCTIONS, *_CONSTANTS}
 
 
 def _parsed(text: str) -> ast.Expression:

@@ -47,15 +47,21 @@ def test_from_raw_file_to_diagnosis_without_an_edit(drops, capsys):
     assert "tolerance = 0.001" in page
     command = found["next"].split()
     assert command[:2] == ["pamid", "diagnose"]
+    assert main(["check", *command[2:7], "--json", "--quiet"]) == 0
+    looked = json.loads(capsys.readouterr().out)
+    assert looked["sampling"]["runs"] == 4
+    assert not any("lacks" in a["why"] for a in looked["answers"])
+    assert not any("mass flow" in text for text in looked["record"])
     out = str(drops / "diagnosis")
     argv = [*command[1:-1], out, "--effects", "viscous_friction,quadratic_drag,sensor_bias", "--json", "--quiet"]
     assert main(argv) == 0
     answer = json.loads(capsys.readouterr().out)
     (cause,) = answer["causes"]
-    assert cause["effects"] == ["viscous_friction at h"] or "viscous_friction" in json.dumps(cause)
+    assert "viscous_friction" in cause["effects"]
     assert main(["evaluate", *command[2:5], "--sim", f"{out}/corrected.toml", "--json"]) == 0
-    (corrected,) = json.loads(capsys.readouterr().out)["equations"]
-    assert corrected["rmse"] < 1.5 * corrected["noise_floor"]
+    corrected = json.loads(capsys.readouterr().out)["equations"]
+    assert corrected
+    assert all(e["rmse"] < 1.5 * e["noise_floor"] for e in corrected)
 
 
 @pytest.mark.parametrize(

@@ -68,10 +68,13 @@ def run(args: argparse.Namespace) -> int:
     from ...survey.survey import survey
 
     _check_targets(args)
-    simulator = system_of(args) or simulator_of(args)
+    ported = _has_ports(args)
+    simulator = None if ported else system_of(args) or simulator_of(args)
     log, doubts = _read(args)
     with progress(args, "Looking"):
         found = survey(log, simulator)
+    if ported:
+        _leave_out_muscles(found)
     found.warnings[:0] = doubts
     files = _write(args, found, log)
     if args.json:
@@ -85,6 +88,27 @@ def run(args: argparse.Namespace) -> int:
     if args.sim:
         print(f"\nnext: {_diagnose(args)}")
     return 0
+
+
+def _has_ports(args: argparse.Namespace) -> bool:
+    """Tell whether --sim names a simulator with ports, beside which a log is looked at by itself."""
+    from ...simulators import simulator_kinds
+    from ...systems import kind_of_file
+    from .._simulators import MODELS
+
+    if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
+        return False
+    note(args, f"{args.sim} is a simulator with ports: the log is looked at by itself")
+    return True
+
+
+def _leave_out_muscles(found: Survey) -> None:
+    """Leave out the questions about muscles and their gas, which a log of another system need not answer."""
+    asked = [a for a in found.answers if "the log lacks" not in a.why]
+    left_out = {a.record for a in found.answers if a not in asked} - {a.record for a in asked}
+    found.answers[:] = asked
+    found.record[:] = [text for text in found.record if text not in left_out]
+    found.notes[:] = [text for text in found.notes if not text.startswith("With --sim")]
 
 
 def _diagnose(args: argparse.Namespace) -> str:
