@@ -62,7 +62,6 @@ class CylinderForce(BalanceRegressor):
     See Also
     --------
     JointDrive : The same for a driven joint.
-    pamid.systems.cylinder.Cylinder : The nominal equation, without friction.
 
     References
     ----------

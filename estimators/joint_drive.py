@@ -59,7 +59,6 @@ class JointDrive(BalanceRegressor):
     See Also
     --------
     CylinderForce : The same for a pneumatic cylinder.
-    pamid.systems.joint.Joint : The nominal equation, without friction.
 
     References
     ----------
