@@ -261,8 +261,9 @@ def test_no_run_is_named_where_none_could_tell(dead: pd.DataFrame) -> None:
     one = Rival({"dead_volume": {"volume": 1e-5}}, {}, 0.0, 0.5)
     same = Rival({"dead_volume": {"volume": 1.0001e-5}}, {}, 0.0, 0.5)
     plan = plan_next([one, same], {"log": dead}, NOMINAL, Limits(seconds=1.0), designs=8)
-    assert not plan.tells and not plan.runs
+    assert not plan.tells and not plan.runs and len(plan.closest) == 1
     assert "No run of 1 s" in summary(plan)
+    assert plan.closest[0].words.rpartition(", ")[0] in summary(replace(plan, needed=12.0))
 
 
 def test_parameters_are_determined_where_one_explanation_is_left(leaking: pd.DataFrame) -> None:

@@ -10,7 +10,8 @@ with d the difference of their residuals in units of noise and model discrepancy
 tolerances and the inexactness of its form can do, and Λ the posterior precision of the earlier logs: the
 Kullback–Leibler divergence between refitted models, of which T-optimality takes the smallest (Atkinson & Fedorov).
 E is taken over what the earlier logs leave open of the true explanation's own parameters, as in the criterion of Box
-and Hill: two explanations that agree at their fits may differ elsewhere, and a run that shows it decides.
+and Hill: two explanations that agree at their fits may differ elsewhere, and a run that shows it decides. What the
+true one loses itself until it has found its parameters is taken off.
 Each equation has a scale of its own, so that what is far off counts by its logarithm. To the evidence also goes what
 parameters cost that the run determines (`price`): with it a simple explanation gains on one that holds it as a special
 case. Several rivals are judged together by the bound on the probability of a wrong choice,
@@ -223,8 +224,8 @@ class Discrimination:
         self.n = np.array([[s.stop - s.start for s in rows] for rows in slices], dtype=float)  # equation, run
         residuals, columns = zip(*each, strict=True)
         self.G: list[np.ndarray] = []
-        self.b: list[list[np.ndarray | None]] = []
-        self.dd: list[list[np.ndarray | None]] = []
+        self.b: list[list[np.ndarray]] = []
+        self.dd: list[list[np.ndarray]] = []
         self.prior: list[np.ndarray] = []
         self.wider: list[np.ndarray] = []
         self.open = [k.open for k in self.known]
@@ -241,14 +242,10 @@ class Discrimination:
             P[B.shape[1] - q :, B.shape[1] - q :] = np.eye(q) / FORM_SMOOTH**2
             self.prior.append(P)
             self.G.append(np.array([[B[s].T @ B[s] for s in rows] for rows in slices]))
-            d = [None if i == j else (residuals[j] - residuals[i]) / width for i in range(self.m)]
-            self.b.append(
-                [None if v is None else np.array([[B[s].T @ v[s] for s in rows] for rows in slices]) for v in d]
-            )
+            d = [(residuals[j] - residuals[i]) / width for i in range(self.m)]
+            self.b.append([np.array([[B[s].T @ v[s] for s in rows] for rows in slices]) for v in d])
             self.own.append([_own(B, columns[i] / width[:, None], slices) for i in range(self.m)])
-            self.dd.append(
-                [None if v is None else np.array([[v[s] @ v[s] for s in rows] for rows in slices]) for v in d]
-            )
+            self.dd.append([np.array([[v[s] @ v[s] for s in rows] for rows in slices]) for v in d])
 
     def between(self, chosen: Sequence[int]) -> np.ndarray:
         """Return the expected difference in log-likelihood between explanations after some of the runs together.
@@ -263,14 +260,19 @@ class Discrimination:
         array, shape (n_explanations, n_explanations)
             Row: the one that is true; column: the one that is refitted.
         """
+        lost = self._losses(chosen)
+        dearer = np.array([self._dearer(k, chosen) for k in range(self.m)])
+        # The true one has to find its own parameters, too.
+        return np.asarray(lost - np.diag(lost)[:, None] + dearer[None, :] - dearer[:, None])
+
+    def _losses(self, chosen: Sequence[int]) -> np.ndarray:
+        """Return the log-likelihood that each explanation, column, is expected to lose where one, row, is true."""
         out = np.zeros((self.m, self.m))
-        dearer = [self._dearer(k, chosen) for k in range(self.m)]
         for i in range(self.m):
             for j in range(self.m):
-                if i != j:
-                    cost, left, n = self._refitted(i, j, chosen)
-                    out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost) + dearer[j] - dearer[i]
-        return out if self.exact is None else np.minimum(out, self.exact.between(chosen))
+                cost, left, n = self._refitted(i, j, chosen)
+                out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost)
+        return out if self.exact is None else np.minimum(out, self.exact._losses(chosen))
 
     def _dearer(self, which: int, chosen: Sequence[int]) -> float:
         """Return by how much the parameters of an explanation cost more after some of the runs."""
@@ -291,7 +293,6 @@ class Discrimination:
             The sum of squares that it leaves in each equation, and the windows of each.
         """
         at, b, dd = list(chosen), self.b[j][i], self.dd[j][i]
-        assert b is not None and dd is not None
         G, bi, ddi = (v[:, at].sum(axis=1) for v in (self.G[j], b, dd))
         own, cross = (v[:, at].sum(axis=1) for v in self.own[j][i])
         Q, P = self.open[i], self.prior[j]
