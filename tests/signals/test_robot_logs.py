@@ -1,4 +1,4 @@
-"""Logs of robots: MCAP and ULog, written here and read as one table."""
+"""Logs of robots: MCAP, rosbag and ULog, written here and read as one table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pamid.errors import TruncatedLogError
+from pamid.errors import LogFormatError, TruncatedLogError
 from pamid.signals import read_log
 
 COLUMNS = {
@@ -59,6 +59,46 @@ def test_messages_of_ros_2_are_decoded(tmp_path: Path) -> None:
     columns = {"signals": {"time": "time", "angle": {"column": "/joint.angle"}, "F": {"column": "/joint.effort[1]"}}}
     log = read_log(tmp_path / "ros.mcap", columns)
     assert np.allclose(log["angle"], 0.1 * np.arange(20)) and np.allclose(log["F"], 3.0 * np.arange(20))
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_topics_of_a_rosbag_become_columns_of_one_table(ros: int, tmp_path: Path) -> None:
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros == 1 else typesys.Stores.ROS2_JAZZY)
+    joint, number = (store.types[f"{n}"] for n in ("sensor_msgs/msg/JointState", "std_msgs/msg/Float64"))
+    header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    if ros == 1:
+        from rosbags.rosbag1 import Writer
+
+        path, opened, pack = tmp_path / "run.bag", Writer(tmp_path / "run.bag"), store.serialize_ros1
+    else:
+        from rosbags.rosbag2 import Writer
+
+        path, opened, pack = tmp_path / "run" / "run.db3", Writer(tmp_path / "run", version=9), store.serialize_cdr
+    with opened as writer:
+        ways = [writer.add_connection(n, t, typestore=store) for n, t in (
+            ("/joint", joint.__msgtype__), ("/command", number.__msgtype__))]  # fmt: skip
+        for k in range(60):
+            at, none = 1_760_000_000_000_000_000 + 10_000_000 * k, np.zeros(0)
+            head = header(**({"seq": k} if ros == 1 else {}), stamp=stamp(sec=k, nanosec=0), frame_id="")
+            said = joint(head, ["elbow"], np.array([0.1 * k]), none, none)
+            writer.write(ways[0], at, pack(said, joint.__msgtype__))
+            if k % 5 == 0:
+                writer.write(ways[1], at, pack(number(2.0 * k), number.__msgtype__))
+    columns = {"signals": COLUMNS["signals"] | {"volts": {"column": "/command.data"}}}
+    log = read_log(path, columns)
+    assert np.allclose(log["time"], 0.01 * np.arange(56), atol=1e-9)
+    assert np.allclose(log["angle"], 0.1 * np.arange(56)) and np.allclose(log["volts"], 2.0 * np.arange(56))
+    half = path.with_name("half" + path.suffix)
+    half.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    if ros == 2:
+        half.replace(path)
+        half = path
+    with pytest.raises(TruncatedLogError):
+        read_log(half, columns)
+    (tmp_path / "alone.db3").write_bytes(b"SQLite format 3\0" + bytes(100))
+    with pytest.raises(LogFormatError, match="metadata"):
+        read_log(tmp_path / "alone.db3", columns)
 
 
 def ulog(path: Path) -> None:

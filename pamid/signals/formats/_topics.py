@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,44 @@ from . import RawTable
 if TYPE_CHECKING:
     from ..mapping import LogMapping
 
+_DEEPEST, _LONGEST = 6, 64
+"""Fields within fields, and numbers of one list, that become columns."""
 Topic = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times, s, shape (n,), and the fields at them, each of shape (n,)."""
+
+
+class Messages:
+    """Messages of topics, as they are read one after the other."""
+
+    def __init__(self) -> None:
+        self._first: int | None = None
+        self._times: dict[str, list[float]] = {}
+        self._rows: dict[str, list[dict[str, float]]] = {}
+
+    def add(self, topic: str, stamp: int, said: Any) -> None:
+        """Add a message.
+
+        Parameters
+        ----------
+        topic : str
+            Its topic.
+        stamp : int
+            When it was logged, ns.
+        said : object
+            What it says: fields by name or as attributes.
+        """
+        self._first = stamp if self._first is None else self._first
+        self._times.setdefault(topic, []).append((stamp - self._first) * 1e-9)
+        self._rows.setdefault(topic, []).append(dict(_numbers(said, "", 0)))
+
+    def topics(self) -> dict[str, Topic]:
+        """Return the numbers of each topic, missing where a message has none."""
+        out: dict[str, Topic] = {}
+        for name, rows in self._rows.items():
+            fields = dict.fromkeys(k for row in rows for k in row)
+            columns = {k: np.array([row.get(k, np.nan) for row in rows]) for k in fields}
+            out[name] = np.array(self._times[name]), columns
+        return out
 
 
 def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_bytes: int) -> RawTable:
@@ -80,3 +116,21 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
 
 def _column(topic: str, field: str) -> str:
     return f"{topic}.{field}" if field else topic
+
+
+def _numbers(said: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a message with their names: fields by dots, places in lists in brackets."""
+    if isinstance(said, (bool, int, float, np.number)):
+        yield name, float(said)
+    elif depth >= _DEEPEST:
+        return
+    elif isinstance(said, dict):
+        for key, value in said.items():
+            yield from _numbers(value, f"{name}.{key}" if name else str(key), depth + 1)
+    elif isinstance(said, (list, tuple, np.ndarray)):
+        for k, value in enumerate(said[:_LONGEST]):
+            yield from _numbers(value, f"{name}[{k}]", depth + 1)
+    elif (fields := getattr(said, "__dataclass_fields__", getattr(said, "__slots__", None))) is not None:
+        for key in fields:
+            if not key.startswith("_"):
+                yield from _numbers(getattr(said, key), f"{name}.{key}" if name else key, depth + 1)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pamid.errors import MissingDependencyError, TruncatedLogError
 
 from . import Format, RawTable
-from ._topics import joined
+from ._topics import Messages, joined
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,8 +17,6 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARK = b"\x89MCAP0\r\n"
-_DEEPEST, _LONGEST = 6, 64
-"""Fields within fields, and numbers of one list, that become columns."""
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -33,29 +28,19 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         raise MissingDependencyError(
             "mcap is not installed.", "the package mcap", "Install it: pip install 'pamid[robot]'."
         ) from None
-    times: dict[str, list[float]] = {}
-    rows: dict[str, list[dict[str, float]]] = {}
-    first: int | None = None
+    found = Messages()
     try:
         with path.open("rb") as stream:
             reader = make_reader(stream)
             for schema, channel, message in reader.iter_messages():
-                first = message.log_time if first is None else first
-                said = _decoded(channel.message_encoding, schema, message.data)
-                times.setdefault(channel.topic, []).append((message.log_time - first) * 1e-9)
-                rows.setdefault(channel.topic, []).append(dict(_numbers(said, "", 0)))
+                found.add(channel.topic, message.log_time, _decoded(channel.message_encoding, schema, message.data))
     except (McapError, ValueError, TypeError, KeyError, OSError, EOFError, RecursionError) as error:
         raise TruncatedLogError(
             f"{path.name} is damaged or cut off: {type(error).__name__}: {str(error)[:120]}.",
             "a whole MCAP file of JSON or ROS 2 messages",
             "Copy the log again.",
         ) from None
-    topics = {}
-    for name, found in rows.items():
-        fields = dict.fromkeys(k for row in found for k in row)
-        columns = {k: np.array([row.get(k, np.nan) for row in found]) for k in fields}
-        topics[name] = np.array(times[name]), columns
-    return [joined(topics, mapping, path, max_bytes)], None
+    return [joined(found.topics(), mapping, path, max_bytes)], None
 
 
 def _decoders() -> list[Any]:
@@ -78,24 +63,6 @@ def _decoded(encoding: str, schema: Any, data: bytes) -> Any:
         "JSON, or CDR with the package mcap-ros2-support",
         "Install it: pip install 'pamid[robot]'.",
     )
-
-
-def _numbers(said: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message with their names: fields by dots, places in lists in brackets."""
-    if isinstance(said, (bool, int, float, np.number)):
-        yield name, float(said)
-    elif depth >= _DEEPEST:
-        return
-    elif isinstance(said, dict):
-        for key, value in said.items():
-            yield from _numbers(value, f"{name}.{key}" if name else str(key), depth + 1)
-    elif isinstance(said, (list, tuple, np.ndarray)):
-        for k, value in enumerate(said[:_LONGEST]):
-            yield from _numbers(value, f"{name}[{k}]", depth + 1)
-    elif hasattr(said, "__slots__"):
-        for key in said.__slots__:
-            if not key.startswith("_"):
-                yield from _numbers(getattr(said, key), f"{name}.{key}" if name else key, depth + 1)
 
 
 FORMAT = Format("MCAP", (".mcap",), lambda head: head.startswith(_MARK), read)
