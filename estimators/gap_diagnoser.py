@@ -300,7 +300,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             usual = np.zeros((len(next(iter(made.values()))), self.n_features_in_)) + self._usual
             return self._nominal(usual)(made)
 
-        driven = [role for role in ("position", "pressure", "command") if role in self.signal_columns_]
+        moved = ("position",) if self.equation == "torque" else ("position", "pressure", "command")
+        driven = [role for role in moved if role in self.signal_columns_]  # the load of a joint follows from its motion
         evidence = evidence_maker(self.scaling_, nominal, dt, self.equation, self.plant)
         noise = self.noise_floor_ / abs(self.scaling_.target)
         seconds = float(np.median(np.bincount(codes))) * dt

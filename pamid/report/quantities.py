@@ -110,7 +110,7 @@ def target(equation: str, unit: str) -> DisplayedQuantity:
 
 def effect(name: str) -> str:
     """Return an effect's name as words: ``coulomb_friction`` is Coulomb friction."""
-    words = name.split("_")
+    words = re.split("[_ ]", name)  # several stand beside each other with "and"
     return " ".join(w.capitalize() if w in NAMES else w for w in words)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .doubts import question
@@ -337,11 +338,15 @@ def _noise(c: Closure) -> str:
 def experiment(e: NextExperiment) -> str:
     """Return what to record next."""
     kind = str(e.trajectory.get("kind", "a run")).replace("_", " ")
-    numbers = [
-        f"{str(name).replace('_', ' ')} {_plain(value)} {_EXPERIMENT_UNITS.get(str(name), '')}".rstrip()
-        for name, value in e.trajectory.items()
-        if name not in ("kind", "name")
-    ]
+    numbers = (
+        _motions(e.trajectory)
+        if kind == "run"
+        else [
+            f"{str(name).replace('_', ' ')} {_plain(value)} {_EXPERIMENT_UNITS.get(str(name), '')}".rstrip()
+            for name, value in e.trajectory.items()
+            if name not in ("kind", "name")
+        ]
+    )
     text = "Record a run" if kind == "run" else f"Record a run of the kind {kind}"
     if numbers:
         text += f" ({', '.join(numbers)})"
@@ -353,6 +358,22 @@ def experiment(e: NextExperiment) -> str:
         odds = "more than 1000" if ratio > 1000 else f"about {float(f'{ratio:.2g}'):g}"
         text += f"; the wrong one should then be {odds} times less likely"
     return text + "."
+
+
+def _motions(run: Mapping[str, Any]) -> list[str]:
+    """Return what each signal of a designed run does: held, or a sine about its middle."""
+    said = [f"{run['seconds']:.3g} s"] if "seconds" in run else []
+    for name in run:
+        if name in ("kind", "seconds") or name.endswith(("_amplitude", "_frequency")):
+            continue
+        q = signal(name)
+        middle = f"{run[name] * q.factor:.3g} {q.unit}".rstrip()
+        if (size := run.get(f"{name}_amplitude")) is None:
+            said.append(f"{q.words} held at {middle}")
+        else:
+            swing = f"{size * q.factor:.3g} {q.unit}".rstrip()
+            said.append(f"{q.words} {middle} ± {swing} at {run[f'{name}_frequency']:.3g} rad/s")
+    return said
 
 
 def experiment_reason(e: NextExperiment) -> str:

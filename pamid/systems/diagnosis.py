@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from .reference import doubts
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..gap.diagnosis.findings import NextExperiment
     from ..gap.diagnosis.result import Diagnosis
 
 
@@ -113,4 +114,17 @@ def diagnose_system(
     causes = list(diagnoser.effects_.items())
     corrected: Any = system.corrected(causes, sense, problem.unit) if causes else system
     told = [*notes, *found.notes]
+    if found.next_experiment is not None:
+        found = replace(found, next_experiment=_in_columns(found.next_experiment, problem.roles))
     return replace(found, nominal=nominal, corrected=corrected, windows=windows, regions=regions, notes=told)
+
+
+def _in_columns(run: NextExperiment, roles: Mapping[str, str]) -> NextExperiment:
+    """Return a designed run with the names of the log's signals in place of roles."""
+    roles_first = sorted(roles, key=len, reverse=True)
+
+    def column(key: str) -> str:
+        role = next((r for r in roles_first if key == r or key.startswith(f"{r}_")), "")
+        return roles[role] + key[len(role) :] if role else key
+
+    return replace(run, trajectory={column(key): value for key, value in run.trajectory.items()})

@@ -547,3 +547,13 @@ def test_the_old_name_of_what_distinguishes_serves_one_version() -> None:
     cause = Cause(("gas_temperature", "dead_volume"), "flow", 0.9, 1.0, (0.9, 1.0), {}, distinguished_by="isobaric")
     with pytest.warns(FutureWarning, match="distinguished_by"):
         assert cause.told_apart_by == "isobaric"
+
+
+def test_a_designed_run_of_a_system_is_said_in_units():
+    from pamid.gap import NextExperiment
+    from pamid.report.sentences import experiment
+
+    motion = {"kind": "run", "seconds": 80.0, "x": 0.03, "P": 3e5, "P_amplitude": 1e4, "P_frequency": 0.5}
+    text = experiment(NextExperiment(motion, ("creep", "directional_friction and maxwell"), 12.0))
+    assert "(80 s, stroke held at 30 mm, pressure, absolute 3 bar ± 0.1 bar at 0.5 rad/s)" in text
+    assert "tells creep from directional friction and Maxwell" in text
