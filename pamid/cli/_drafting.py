@@ -20,6 +20,7 @@ from ..errors import (
 )
 from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
+from ..signals.units import parse_quantity
 from ._ask import Asker
 from .common import note, print_json, table
 
@@ -33,6 +34,9 @@ FILES = ("columns.toml", "sim.toml")
 
 def hold(draft: Draft, constants: dict[str, str]) -> None:
     """Take the signals that stand still, in all files or in those that a pattern names."""
+    if period := constants.pop("sampling_period", ""):
+        parse_quantity(period, "time")
+        draft.settings["sampling_period"] = period
     for name, text in constants.items():
         for entry in text.split("\0"):
             value, at, pattern = entry.partition("@")
@@ -83,7 +87,7 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
         raise MissingColumnError(
             f"No column is known to be {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; the log has "
             f"{names(draft)}.{' ' + '; '.join(against) + '.' if against else ''}",
-            f"the signals of a {draft.kind}: {', '.join(i.name for i in draft.inputs() if i.needed)}",
+            f"the signals of {draft.title}: {', '.join(i.name for i in draft.inputs() if i.needed)}",
             way_out(draft, lacking),
         )
 
@@ -91,6 +95,11 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
 def way_out(draft: Draft, lacking: list[Input]) -> str:
     """Return what to do about signals that no column is known for."""
     wanted = lacking[0]
+    if wanted.name == "time":
+        return (
+            "Say which it is: --signal time=COLUMN:UNIT; if the log has no clock, say the time between its rows: "
+            "--constant sampling_period='10 ms'."
+        )
     if draft.kind == "muscle" and wanted.name == "eps":
         each = (
             "'length=17.45 cm@*25*' for each file, with the pattern of its name"

@@ -47,11 +47,13 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
 
     rates, outputs = sides(equations)
     named = set().union(*(names_in(text) for text in equations.values())) - {"t"}
-    if surplus := sorted(set(numbers) - named):
+    if surplus := sorted(set(numbers) - named - set(rates)):
         raise ParameterError(
             f"--set gives {', '.join(surplus)}, which no equation names.", f"some of {', '.join(sorted(named))}",
             "Remove it, or name it in an equation.",
         )  # fmt: skip
+    starts = {name: text for name, text in numbers.items() if name in rates}
+    numbers = {name: text for name, text in numbers.items() if name not in rates}
     inputs = sorted(named - set(rates) - set(numbers))
     draft.ports = (
         *(Input(name, "", "state", needed=False) for name in rates),
@@ -78,14 +80,19 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
             f"Add --signal {next(iter((*rates, *outputs)))}=COLUMN:UNIT.",
         )  # fmt: skip
     draft.ports = tuple(port._replace(unit=_unit_of(draft, port.name)) for port in draft.ports)
-    draft.page = _page(draft, equations, numbers)
+    draft.page = _page(draft, equations, numbers, starts)
 
 
-def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> str:
-    """Return the page of equations."""
+def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]) -> str:
+    """Return the page of equations; a number of a state is where it starts."""
     from ..simulators import EquationSimulator, Port, page_text
 
-    ports = [Port(p.name, p.meaning, p.unit or "-") for p in draft.ports]
+    given = {name: _number(name, text) for name, text in starts.items()}
+    ports = [
+        Port(p.name, p.meaning, p.unit or (given[p.name].unit if p.name in given else "-"),
+             start=given[p.name].value if p.name in given else 0.0)
+        for p in draft.ports
+    ]  # fmt: skip
     found = {name: _number(name, text) for name, text in numbers.items()}
     text = page_text(EquationSimulator(equations, ports, found))
     return text.replace("[parameters]", "[parameters]  # tolerance: how well each is known, 0.1 is 10 %; 0: fixed")

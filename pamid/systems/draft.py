@@ -255,7 +255,8 @@ class Draft:
 
     def read(self) -> pd.DataFrame:
         """Read the logs with the mapping."""
-        return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore")
+        checked = not self.ports  # what is usual of muscles is not of other systems
+        return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore", check_units=checked)
 
     def run_names(self) -> list[str]:
         """Return the columns whose values change in long stretches, as the names or numbers of runs do."""

@@ -106,3 +106,28 @@ def test_nothing_but_arithmetic_runs():
     huge = EquationSimulator({"dv/dt": "9**9**9"}, [Port("v", "state", "m/s")])
     with pytest.raises(SimulatorRunError, match="OverflowError"):
         huge.rate(np.zeros(1), np.zeros((1, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
+
+
+def test_a_log_without_a_clock_and_a_state_that_is_not_logged(tmp_path, capsys):
+    rng = np.random.default_rng(0)
+    pump = 2 + np.sin(np.arange(400) / 20)
+    level = np.zeros(400)
+    for k in range(399):
+        level[k + 1] = level[k] + 4 * (0.05 * pump[k] - 0.04 * level[k])
+    table = pd.DataFrame({"pump": pump, "y": level + 1e-3 * rng.standard_normal(400)})
+    table.to_csv(tmp_path / "tank.csv", index=False)
+    argv = ["init", str(tmp_path / "tank.csv"), "--equation", "dlevel/dt = k*pump - c*level", "--equation", "y = level"]
+    argv += ["--set", "k=0.05 ± 10 %", "--set", "c=0.04 1/s", "--set", "level=0.1 V", "--out", str(tmp_path / "s")]
+    assert main(argv) == 2
+    assert "--constant sampling_period=" in capsys.readouterr().err
+    assert main([*argv, "--constant", "sampling_period=4 s"]) == 0
+    simulator = read_simulator(tmp_path / "s" / "sim.toml")
+    assert simulator.port("level").start == 0.1
+    assert simulator.outputs == ("y",)
+    assert simulator.parameters["c"].unit == "1/s"
+    assert 'sampling_period = "4 s"' in (tmp_path / "s" / "columns.toml").read_text()
+    page = ["--columns", str(tmp_path / "s" / "columns.toml"), "--sim", str(tmp_path / "s" / "sim.toml")]
+    capsys.readouterr()
+    assert main(["evaluate", str(tmp_path / "tank.csv"), *page, "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["equations"]
+    assert found["nrmse"] < 0.05
