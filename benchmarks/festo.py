@@ -25,6 +25,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from pamid.signals import read_log, thinned_rows
+from pamid.signals.state import State
 
 MAPPING = Path(__file__).parent.parent / "docs" / "mappings" / "festo.toml"
 REST_LENGTH = {20: 0.182, 30: 0.281, 40: 0.382}
@@ -131,8 +132,8 @@ def main() -> int:
                 net.append(score(*chosen["plain network 64-64"], train, test)[0])
                 pihm.append(score(*chosen["StaticPIHM"], train, test)[0])
             hybrid = chosen["StaticPIHM"][0]
-            state = hybrid._state(test[STATE].to_numpy())
-            anchor = hybrid._laws()[0].predict(*hybrid.anchor_.jet(state), state) - test["F"].to_numpy()
+            state = State(*test[STATE].to_numpy().T)
+            anchor = hybrid.laws()[0].predict(*hybrid.anchor_.jet(state), state) - test["F"].to_numpy()
             pooled["network"].append(float(np.median(net)))
             pooled["pihm"].append(float(np.median(pihm)))
             eps = log.loc[out, "eps"].iloc[0]

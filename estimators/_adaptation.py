@@ -21,12 +21,24 @@ from pamid.errors import (
     ParameterError,
     ShapeError,
 )
+from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator, fitted_attributes
-from ._pihm import HybridModel, _checked_weight, _numpy, _range, _spread
+from ._hybrid_fit import (
+    arrays_of,
+    check_parameters,
+    checked_weight,
+    held_out_rows,
+    span_of,
+    spread_of,
+    training_problem,
+    warn_before,
+)
+from ._hybrid_use import jet_of, predicted, state_of
+from ._pihm import HybridModel
 from ._progress import ProgressMixin, fit_progress
 from ._source import hybrid_of
 from ._streaming import Streaming
@@ -106,23 +118,23 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         source = hybrid_of(self.source, type(self).__name__)
         self._check_law(source, y)
         table, Y = self._read_targets(X, y, reset=True)
-        weight, rng = _checked_weight(sample_weight, table), check_random_state(self.random_state)
+        weight, rng = checked_weight(sample_weight, table), check_random_state(self.random_state)
         going_on = bool(self.warm_start) and hasattr(self, "model_")
         model = self._target(self.model_ if going_on else source)
-        if Y.shape[1] != len(model._laws()):
+        if Y.shape[1] != len(model.laws()):
             raise IncompatibleError(
                 f"y has {Y.shape[1]} column{'s' * (Y.shape[1] > 1)}, the source predicts "
-                f"{' and '.join(law.target for law in model._laws())}.",
+                f"{' and '.join(law.target for law in model.laws())}.",
                 "measurements of all that the source predicts",
                 "Pass one column for each law (NaN where one was not measured), or adapt a source of one law.",
             )
-        state = model._state(table)
-        model._check_parameters()
-        model._warn_before(state, Y)
+        state = state_of(model, table)
+        check_parameters(model)
+        warn_before(model, state, Y)
         _warn_of_one_direction(state, weight)
         codes = trajectory_codes(X, groups)
-        model.input_range_ = _range(np.column_stack(state)[weight > 0])
-        model.target_scale_ = np.array([_spread(Y[:, k], weight) for k in range(Y.shape[1])])
+        model.input_range_ = span_of(np.column_stack(state)[weight > 0])
+        model.target_scale_ = np.array([spread_of(Y[:, k], weight) for k in range(Y.shape[1])])
         if not going_on:
             self._place(model, table, Y, weight, codes)
         self._train(model, source, table, Y, weight, codes, rng, (X, y, groups), going_on)
@@ -162,9 +174,9 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         table, target = self._read_targets(X, y, reset=False)
-        if target.shape[1] != len(self.model_._laws()):
+        if target.shape[1] != len(self.model_.laws()):
             raise ShapeError(
-                f"y has {target.shape[1]} columns.", f"{len(self.model_._laws())}, as in the fit", "Correct y."
+                f"y has {target.shape[1]} columns.", f"{len(self.model_.laws())}, as in the fit", "Correct y."
             )
         return table, target
 
@@ -212,7 +224,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
 
         from pamid.adapters.base import Bound, n_parameters
 
-        state, dtype = model._state(table), getattr(torch, model.dtype)
+        state, dtype = state_of(model, table), getattr(torch, model.dtype)
         self.start_ = source.weights_
         start = [torch.as_tensor(w, dtype=dtype, device=model.device) for w in self.start_]
         bound = Bound(self._bound_adapter(), start)
@@ -220,8 +232,8 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         psi = origin = bound.adapter.initial(start, generator)
         if going_on and [tuple(p.shape) for p in psi] == [p.shape for p in self.psi_]:
             psi = [torch.as_tensor(p, dtype=dtype, device=model.device) for p in self.psi_]
-        self.psi_ = _numpy(psi)
-        problem = model._problem(state, Y, weight)
+        self.psi_ = arrays_of(psi)
+        problem = training_problem(model, state, Y, weight)
         counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
         stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
         self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
@@ -230,12 +242,12 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         if not np.isfinite(self.weight_decay_):
             self.n_parameters_ = int(self._counts_scale)
             self.loss_curve_ = [_mean_square(bound.expand(psi), problem, model.activation)]
-            model.weights_ = _numpy(bound.expand(psi))
+            model.weights_ = arrays_of(bound.expand(psi))
             return
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
         split = (problem, None)
-        held_out = model._hold_out(original[0], original[2], len(table), rng, trainer)
+        held_out = held_out_rows(model, original[0], original[2], len(table), rng, trainer)
         if held_out.any():
             split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:
@@ -256,14 +268,14 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
     def _so_far(self, model: HybridModel, bound: Any, psi: Any) -> dict[str, Any]:
         """Return what predict needs of an adaptation under way."""
         now = self._target(model)
-        now.weights_ = _numpy(bound.expand(psi))
+        now.weights_ = arrays_of(bound.expand(psi))
         return {"model_": now}
 
     def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:
         from pamid.training import Status
 
-        self.psi_ = _numpy(result.parameters)
-        model.weights_ = _numpy(bound.expand(result.parameters))
+        self.psi_ = arrays_of(result.parameters)
+        model.weights_ = arrays_of(bound.expand(result.parameters))
         self.loss_curve_ = [*before, *result.loss_curve]
         self.validation_curve_ = held_out
         self.n_iter_ = max(len(self.loss_curve_), 1)
@@ -281,7 +293,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         if self.weight_decay != "auto":
             decay: Any = self.weight_decay
             return float(self._trainer_as_given().weight_decay if decay is None else decay)
-        if not hasattr(trainer, "damping"):
+        if not trainer.second_order:
             return float(self._trainer_as_given().weight_decay)
         if codes is None or len(np.unique(codes)) < FEW_TRAJECTORIES:
             return DEFAULT_PULL
@@ -316,7 +328,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
     def _check_law(self, source: HybridModel, y: Any) -> None:
         """Raise if the target's own name says that it is another quantity than the source predicts."""
         name = getattr(y, "name", None)
-        targets = [law.target for law in source._laws()]
+        targets = [law.target for law in source.laws()]
         if name in ("F", "mdot") and name not in targets:
             raise IncompatibleError(
                 f"The target is {name}, and the source predicts {' and '.join(targets)}.",
@@ -329,9 +341,15 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
                 raise ParameterError(f"weight_decay={value!r}.", "'auto', or a number from 0 on", "Correct it.")
 
     # --- using --------------------------------------------------------------------------------------------------
-    def _laws(self) -> Any:
-        """Return the laws that the adapted model obeys."""
-        return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__))._laws()
+    def laws(self) -> tuple[Law, ...]:
+        """Return the laws that the adapted model obeys.
+
+        Returns
+        -------
+        tuple of Law
+            A law of force (N), of flow (kg/s), or both.
+        """
+        return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__)).laws()
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict what the source predicts, for the target muscle.
@@ -348,7 +366,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         """
         check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
-        out = self.model_._predict(table)
+        out = predicted(self.model_, table)
         return out[:, 0] if out.shape[1] == 1 else out
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
@@ -402,7 +420,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         """
         check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
-        columns = np.column_stack(self.model_._jet(table))
+        columns = np.column_stack(jet_of(self.model_, table))
         asked = getattr(self, "_sklearn_output_config", {}).get("transform")
         if isinstance(X, pd.DataFrame) and asked != "default":
             if doubled := [c for c in VOLUME_COLUMNS if c in X.columns]:

@@ -40,6 +40,16 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         """Return the law."""
         raise NotImplementedError
 
+    def laws(self) -> tuple[Law, ...]:
+        """Return the law that reads the volume.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of force (N) or of flow (kg/s).
+        """
+        return (self._law(),)
+
     def _volume_model(self) -> ClassicalVolume:
         """Return the fitted volume model."""
         raise NotImplementedError

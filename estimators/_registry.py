@@ -10,11 +10,11 @@ import ast
 import importlib
 import importlib.util
 import inspect
-import pkgutil
 from functools import cache
 from types import ModuleType
 from typing import Any
 
+from pamid._discovery import module_names
 from pamid.errors import IncompatibleError
 
 _PACKAGE = __package__ or "pamid.estimators"
@@ -22,8 +22,8 @@ _PACKAGE = __package__ or "pamid.estimators"
 
 def public_modules() -> list[str]:
     """Return the names of the public modules of the package, sorted, without importing them."""
-    package = importlib.import_module(_PACKAGE)
-    return sorted(name for _, name, _ in pkgutil.iter_modules(package.__path__) if not name.startswith("_"))
+    names = (full.rpartition(".")[2] for full in module_names(_PACKAGE))
+    return [name for name in names if not name.startswith("_")]
 
 
 @cache

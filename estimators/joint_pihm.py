@@ -14,6 +14,7 @@ from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.laws.thermodynamic import ThermodynamicFlow
 
 from ._base import Signals
+from ._hybrid_use import predicted
 from ._pihm import HybridModel
 
 
@@ -141,7 +142,8 @@ class JointPIHM(HybridModel):
         self.device = device
         self.random_state = random_state
 
-    def _laws(self) -> tuple[Law, ...]:
+    def laws(self) -> tuple[Law, ...]:
+        """Return the laws of force and flow, of which a fit on one column keeps the force's."""
         force = QuasiStaticForce(self.rest_length, self.atmospheric_pressure)
         flow = ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature)
         return (force, flow)[: getattr(self, "n_targets_", 2)]
@@ -184,7 +186,7 @@ class JointPIHM(HybridModel):
         """
         self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
-        out = self._predict(table)
+        out = predicted(self, table)
         return out if self.n_targets_ == 2 else out[:, 0]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:

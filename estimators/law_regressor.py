@@ -92,7 +92,14 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         tags.regressor_tags.poor_score = True
         return tags
 
-    def _laws(self) -> tuple[Law]:
+    def laws(self) -> tuple[Law]:
+        """Return the law that is applied.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of force (N) or of flow (kg/s).
+        """
         if self.law == "quasi_static":
             return (QuasiStaticForce(self.rest_length, self.atmospheric_pressure),)
         if self.law == "thermodynamic":
@@ -118,7 +125,7 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         LawRegressor
             The estimator itself.
         """
-        self._laws()
+        self.laws()
         self._read_targets(X, y, reset=True)
         return self
 
@@ -159,7 +166,7 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         table, _ = self._read(X, reset=False)
         state = State(*(self._signal(table, name) for name in STATE_SIGNALS))
         V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
-        return np.asarray(self._laws()[0].predict(V, V_eps, V_P, state))
+        return np.asarray(self.laws()[0].predict(V, V_eps, V_P, state))
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
@@ -174,7 +181,7 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         dict of str to (str, array or symbol)
             Unit and value of each output.
         """
-        law, state = self._laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
+        law, state = self.laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
         return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
 
     @classmethod

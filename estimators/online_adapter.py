@@ -23,6 +23,7 @@ from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_squares
+from ._hybrid_use import predicted
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
 from ._trajectories import trajectory_codes
@@ -336,7 +337,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         inner = np.empty((len(table), source.n_features_in_))
         for name, column in source.signal_columns_.items():
             inner[:, column] = getattr(state, name)
-        f = source._predict(inner)[:, 0]
+        f = predicted(source, inner)[:, 0]
         if not streamed:
             return f[:, None], values[0] * f
         ends = [0, len(f)] if codes is None else [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(f)]
@@ -354,12 +355,19 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
                 column += n
         return H, total
 
-    def _laws(self) -> tuple[Law, ...]:
-        return hybrid_of(self.source, type(self).__name__)._laws()
+    def laws(self) -> tuple[Law, ...]:
+        """Return the law that the source obeys.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of force (N) or of flow (kg/s).
+        """
+        return hybrid_of(self.source, type(self).__name__).laws()
 
     def _streamed(self) -> list[StreamedEffect]:
         source = hybrid_of(self.source, type(self).__name__)
-        laws = source._laws()
+        laws = source.laws()
         if len(laws) != 1:
             raise IncompatibleError(
                 f"The source predicts {' and '.join(law.equation for law in laws)} together.",

@@ -11,6 +11,7 @@ from pamid.errors import AdaptationWarning, IncompatibleError, ParameterError
 
 from ._adaptation import AdaptedModel
 from ._base import Signals
+from ._hybrid_use import predicted
 from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
@@ -155,7 +156,7 @@ class QAdapter(AdaptedModel):
 
     def _trains_q(self) -> bool:
         """Whether Q is one of the trained parameters, as published, instead of part of the volume's scale."""
-        return not hasattr(self._trainer_as_given(), "damping")
+        return not self._trainer_as_given().second_order
 
     def _check_law(self, source: HybridModel, y: Any) -> None:
         super()._check_law(source, y)
@@ -201,7 +202,7 @@ class QAdapter(AdaptedModel):
 
     def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
         guess, relative = self._first_guess()
-        f = model._predict(table) / model.target_scale_
+        f = predicted(model, table) / model.target_scale_
         y = Y / model.target_scale_
         w = np.where(np.isfinite(Y), weight[:, None], 0.0)
         y = np.where(w > 0, y, 0.0)

@@ -11,6 +11,7 @@ from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
 from ._base import Signals
+from ._hybrid_use import predicted, state_of
 from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
@@ -164,14 +165,14 @@ class ScaleAdapter(AdaptedModel):
         # What the source says at its own length: the law's lever is then part of the scales.
         own = model.rest_length
         model.rest_length = source.rest_length
-        f = model._predict(table)
+        f = predicted(model, table)
         dead = np.column_stack(
-            [np.asarray(law.coefficients(model._state(table)).V) + 0.0 * f[:, 0] for law in model._laws()]
+            [np.asarray(law.coefficients(state_of(model, table)).V) + 0.0 * f[:, 0] for law in model.laws()]
         )
         model.rest_length = own
         wanted = self._wanted(model)
         parts = [
-            (law.equation, f[:, k], dead[:, k], Y[:, k], model.target_scale_[k]) for k, law in enumerate(model._laws())
+            (law.equation, f[:, k], dead[:, k], Y[:, k], model.target_scale_[k]) for k, law in enumerate(model.laws())
         ]
         self.refused_: dict[str, str] = {}
         if self.scales != "auto":
@@ -188,7 +189,7 @@ class ScaleAdapter(AdaptedModel):
 
     def _wanted(self, model: HybridModel) -> tuple[str, ...]:
         """Return the scales asked for; raise for those that no data of these laws could tell."""
-        equations = {law.equation for law in model._laws()}
+        equations = {law.equation for law in model.laws()}
         if isinstance(self.scales, str):
             if self.scales != "auto":
                 raise UnknownOptionError(

@@ -12,6 +12,7 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.laws.quasi_static import QuasiStaticForce
 
 from ._base import Signals
+from ._hybrid_use import predicted
 from ._pihm import HybridModel
 
 
@@ -137,7 +138,8 @@ class StaticPIHM(HybridModel):
         self.device = device
         self.random_state = random_state
 
-    def _laws(self) -> tuple[QuasiStaticForce]:
+    def laws(self) -> tuple[QuasiStaticForce]:
+        """Return the quasi-static law of the force."""
         return (QuasiStaticForce(self.rest_length, self.atmospheric_pressure),)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> StaticPIHM:
@@ -178,7 +180,7 @@ class StaticPIHM(HybridModel):
         """
         self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
-        return self._predict(table)[:, 0]
+        return predicted(self, table)[:, 0]
 
     @classmethod
     def _checked_instances(cls) -> list[StaticPIHM]:

@@ -12,6 +12,7 @@ from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.laws.thermodynamic import ThermodynamicFlow
 
 from ._base import Signals
+from ._hybrid_use import predicted
 from ._pihm import HybridModel
 
 
@@ -148,7 +149,8 @@ class ThermodynamicPIHM(HybridModel):
         self.device = device
         self.random_state = random_state
 
-    def _laws(self) -> tuple[ThermodynamicFlow]:
+    def laws(self) -> tuple[ThermodynamicFlow]:
+        """Return the law of the flow."""
         return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
@@ -189,7 +191,7 @@ class ThermodynamicPIHM(HybridModel):
         """
         self._check_fitted("weights_")
         table, _ = self._read(X, reset=False)
-        return self._predict(table)[:, 0]
+        return predicted(self, table)[:, 0]
 
     @classmethod
     def _checked_instances(cls) -> list[ThermodynamicPIHM]:

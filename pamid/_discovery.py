@@ -5,11 +5,38 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
 Kind = TypeVar("Kind")
+
+
+def module_names(package: str, nested: bool = False) -> list[str]:
+    """Return the full names of the modules of a package in alphabetical order; only the package itself is imported.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package.
+    nested : bool, default=False
+        Whether those of packages within it count as well.
+
+    Examples
+    --------
+    >>> from pamid._discovery import module_names
+    >>> module_names("pamid.adapters")[:2]
+    ['pamid.adapters.base', 'pamid.adapters.fine_tuning']
+    """
+    return sorted(_names_below(package, importlib.import_module(package).__path__, nested))
+
+
+def _names_below(package: str, path: Iterable[str], nested: bool) -> Iterator[str]:
+    for found in pkgutil.iter_modules(path):
+        yield f"{package}.{found.name}"
+        if nested and found.ispkg:
+            yield from _names_below(f"{package}.{found.name}", [str(Path(p) / found.name) for p in path], nested)
 
 
 def modules(package: str, leave_out: Collection[str] = ()) -> list[ModuleType]:
@@ -28,10 +55,10 @@ def modules(package: str, leave_out: Collection[str] = ()) -> list[ModuleType]:
     >>> [module.__name__ for module in modules("pamid.adapters", leave_out=("base", "registry"))][:2]
     ['pamid.adapters.fine_tuning', 'pamid.adapters.frozen']
     """
-    found = sorted(m.name for m in pkgutil.iter_modules(importlib.import_module(package).__path__))
+    last = {full: full.rpartition(".")[2] for full in module_names(package)}
     return [
-        importlib.import_module(f"{package}.{name}")
-        for name in found
+        importlib.import_module(full)
+        for full, name in last.items()
         if not name.startswith("_") and name not in leave_out
     ]
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import inspect
-import pkgutil
-from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import numpy as np
+
+from ._discovery import module_names
 
 MAX_DEPTH = 400
 MAX_DEPTH = 400
@@ -95,19 +94,7 @@ def numpy_scalars() -> frozenset[str]:
 @cache
 def _own_modules() -> frozenset[str]:
     """Return the modules of pamid that may define dataclasses which models hold; found, not imported."""
-    found = set()
-    for name in _DATACLASS_PACKAGES:
-        package = importlib.import_module(name)
-        found |= {m for path in package.__path__ for m in _below(name, path)}
-    return frozenset(found)
-
-
-def _below(name: str, path: str) -> Iterator[str]:
-    for module in pkgutil.iter_modules([path]):
-        full = f"{name}.{module.name}"
-        yield full
-        if module.ispkg:
-            yield from _below(full, str(Path(path) / module.name))
+    return frozenset(name for package in _DATACLASS_PACKAGES for name in module_names(package, nested=True))
 
 
 @cache

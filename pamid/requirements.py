@@ -31,6 +31,14 @@ class WithLift(Protocol):
 
 
 @runtime_checkable
+class WithLaws(Protocol):
+    """An estimator of laws that read a gas volume."""
+
+    def laws(self) -> tuple[Any, ...]:
+        """Return the laws, one an output."""
+
+
+@runtime_checkable
 class WithVolume(Protocol):
     """An estimator that identifies the gas volume."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,6 +11,7 @@ Arrays = list[Any]
 """Weights and biases in turn, ``[W1, c1, W2, c2, ...]``, numpy arrays or torch tensors; never altered in place."""
 
 
+@runtime_checkable
 class Adapter(Protocol):
     r"""A reparametrisation ``theta = expand(source, psi)`` of a source network's parameters.
 

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ParameterError
-from .base import Arrays
+from .base import Adapter, Arrays
 
 
 @dataclass(frozen=True)
-class FineTuning:
+class FineTuning(Adapter):
     """Train the named layers, counted from 0 at the input; ``None`` trains all of them.
 
     Examples

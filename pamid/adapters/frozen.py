@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .base import Arrays
+from .base import Adapter, Arrays
 
 
 @dataclass(frozen=True)
-class Frozen:
+class Frozen(Adapter):
     """Leave the network as it is.
 
     Examples

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ParameterError
-from .base import Arrays
+from .base import Adapter, Arrays
 
 
 def _like(values: np.ndarray, array: Any) -> Any:
@@ -17,7 +17,7 @@ def _like(values: np.ndarray, array: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class LowRank:
+class LowRank(Adapter):
     """Add ``B A`` of the given rank to each layer's weights, from the input on; 0 leaves a layer as it is.
 
     A is drawn at random and B starts at zero, so the adaptation starts at the source. The default ranks count the

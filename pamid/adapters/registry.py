@@ -6,20 +6,15 @@ import inspect
 from functools import cache
 from typing import Any
 
-from .._discovery import modules
+from .._discovery import subclasses
 from ..errors import UnknownOptionError
-from .base import Adapter, Bound
+from .base import Adapter
 
 
 @cache
 def adapters() -> dict[str, Any]:
     """Return the adapters of the package by their names."""
-    found: dict[str, Any] = {}
-    for module in modules("pamid.adapters"):
-        for _, c in inspect.getmembers(module, inspect.isclass):
-            if c.__module__ == module.__name__ and hasattr(c, "expand") and c not in (Adapter, Bound):
-                found[getattr(c, "name", c.__name__)] = c
-    return found
+    return {c.name: c for c in subclasses("pamid.adapters", Adapter, leave_out=("base", "registry"))}
 
 
 def adapter_named(adapter: Any) -> Any:
@@ -43,7 +38,7 @@ def adapter_named(adapter: Any) -> Any:
     """
     if isinstance(adapter, str) and adapter in adapters():
         return adapters()[adapter]()
-    if isinstance(adapter, str) or inspect.isclass(adapter) or not hasattr(adapter, "expand"):
+    if isinstance(adapter, str) or inspect.isclass(adapter) or not isinstance(adapter, Adapter):
         raise UnknownOptionError(
             f"adapter={adapter!r} is not known.",
             f"one of {', '.join(adapters())}, or an adapter such as LowRank(ranks=(1, 2))",

@@ -13,7 +13,7 @@ from .fine_tuning import FineTuning
 
 
 @dataclass(frozen=True)
-class Scalar:
+class Scalar(Adapter):
     """Multiply the last layer's weights and bias, hence the volume, by Q; Q learns at `rate` of the learning rate.
 
     Examples

@@ -15,7 +15,7 @@ from ..errors import (
     ParameterError,
     UnknownOptionError,
 )
-from ..requirements import last_step, reads_of
+from ..requirements import WithLaws, last_step, reads_of
 from ..signals.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -81,10 +81,8 @@ def equation_of(estimator: Any, wanted: str | None) -> Target:
 
 
 def _own_equations(estimator: Any) -> list[str]:
-    for method in ("_laws", "_law"):
-        if callable(found := getattr(estimator, method, None)):
-            laws = found()
-            return [law.equation for law in (laws if isinstance(laws, tuple) else (laws,))]
+    if isinstance(estimator, WithLaws):
+        return [law.equation for law in estimator.laws()]
     said = [name for name in getattr(estimator, "equations", ()) if name in TARGETS]
     return said if len(said) == 1 else []
 

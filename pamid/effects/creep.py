@@ -65,7 +65,7 @@ class Creep(Effect):
         return np.stack([x, x])
 
     def _began(self, first: Array, plant: Plant) -> Array:
-        neutral = getattr(plant, "initial_contraction", None)  # an actuator of another kind need not have one
+        neutral: float | None = plant.initial_contraction  # an actuator of another kind need not have one
         return first if neutral is None else first + (1.0 - self.settled) * (neutral - first)
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ..signals.state import Array
 
@@ -83,3 +84,27 @@ class Plant:
         """Return ∂V/∂ε (m³) at contraction ``eps``."""
         L = self.rest_length * (1.0 - eps)
         return self.shape * self.rest_length * (3.0 * L * L - self.thread_length**2)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What effects may know of a system without the numbers of a bench: the pressure around it.
+
+    A leak's conductance then counts in what the orifice of a valve would pass.
+
+    Parameters
+    ----------
+    atmospheric_pressure : float, default=0
+        Pa; 0 where pressures are gauge pressures, or what is stored is no gas.
+
+    Examples
+    --------
+    >>> from pamid.effects.plant import Surroundings
+    >>> Surroundings(101_325.0).atmospheric_pressure
+    101325.0
+    """
+
+    atmospheric_pressure: float = 0.0
+    critical_pressure_ratio: ClassVar[float] = 0.5
+    reference_density: ClassVar[float] = 1.185
+    initial_contraction: ClassVar[None] = None

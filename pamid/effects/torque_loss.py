@@ -62,7 +62,7 @@ class TorqueLoss(Effect):
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the loss, N."""
         load = s.force
-        if hasattr(plant, "volume_slope"):  # a muscle transmits its own tension
+        if isinstance(plant, Plant):  # a muscle transmits its own tension
             load = (s.pressure - plant.atmospheric_pressure) * plant.volume_slope(s.position) / plant.rest_length
         share = np.where(load * x[0] > 0.0, self.driving, self.driven)
         return -share * np.abs(load) * x[0]

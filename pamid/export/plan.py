@@ -14,10 +14,12 @@ from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
 from ..laws.base import Law
+from ..requirements import WithLaws
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.anchored import AnchoredVolume
 from ..volume.contact import ContactVolume
 from ..volume.neural import NeuralVolume
+from ..volume.scaled import ScaledVolume
 from .expression import Symbol, as_symbol, symbol
 
 UNITS = {"eps": "-", "deps": "1/s", "P": "Pa, absolute", "dP": "Pa/s"}
@@ -120,7 +122,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     if hasattr(last, "effects_") and hasattr(last, "plant"):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
-    laws, volume = getattr(last, "_laws", None), _fitted_volume(last)
+    laws, volume = last.laws if isinstance(last, WithLaws) else None, _fitted_volume(last)
     if (laws is None or volume is None) and effects:
         raise ExportError(
             f"{type(last).__name__} has no gas volume, and {', '.join(e.name for e in effects)} shall be added to it.",
@@ -216,9 +218,9 @@ def _parts(volume: Any) -> tuple[ContactVolume | None, NeuralVolume | None, floa
         return volume, None, 1.0, 0.0
     if isinstance(volume, NeuralVolume):
         return None, volume, 1.0, 0.0
-    if hasattr(volume, "source") and hasattr(volume, "factor"):  # a similar muscle's volume, scaled
+    if isinstance(volume, ScaledVolume):  # a similar muscle's volume, scaled
         anchor, network, factor, offset = _parts(volume.source)
-        return anchor, network, volume.factor * factor, volume.factor * offset + getattr(volume, "dead_volume", 0.0)
+        return anchor, network, volume.factor * factor, volume.factor * offset + volume.dead_volume
     raise ExportError(
         f"The volume is a {type(volume).__name__}, which has no form outside Python.",
         "a network, a ContactVolume, or one of them as an anchored volume",

@@ -6,21 +6,17 @@ import itertools
 import re
 from collections.abc import Mapping
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..effects import Effect, Parameter, Signals
+from ..effects.plant import Surroundings
 from ..errors import PamidError
 
 _SHRUNK = 0.6
 _STARTS = np.array([0])
-
-
-def surroundings(pressure: float = 0.0) -> Any:
-    """Return what an effect may know of a system without a bench's numbers: the pressure around it, Pa."""
-    return SimpleNamespace(atmospheric_pressure=pressure, critical_pressure_ratio=0.5, reference_density=1.185)
+_NOTHING: Any = Surroundings()
 
 
 @cache
@@ -104,27 +100,22 @@ def _force(made: Effect, scale: float) -> Any:
         command=np.sin(4.0 * t),
         force=20.0 + 10.0 * np.cos(5.0 * t),
     )
-    x = made.trace(s, surroundings(), t[1], _STARTS)
+    x = made.trace(s, _NOTHING, t[1], _STARTS)
     hooks = made.hooks()
-    return sum(
-        (getattr(made, hook)(s, x, surroundings()) for hook in ("force", "torque") if hook in hooks), np.zeros(80)
-    )
+    return sum((getattr(made, hook)(s, x, _NOTHING) for hook in ("force", "torque") if hook in hooks), np.zeros(80))
 
 
 def _command(made: Effect, scale: float) -> Any:
     t = np.linspace(0.0, 3.0, 80)
     s = Signals(time=t, command=scale * np.sin(4.0 * t))
-    return (
-        made.command(s.command, s, made.trace(s, surroundings(), t[1], _STARTS), surroundings()) / scale
-        - s.command / scale
-    )
+    return made.command(s.command, s, made.trace(s, _NOTHING, t[1], _STARTS), _NOTHING) / scale - s.command / scale
 
 
 def _reading(made: Effect, scale: float) -> Any:
     t = np.linspace(0.0, 3.0, 80)
     y = 1000.0 * scale * np.sin(4.0 * t)  # larger than any typical limit
     s = Signals(time=t, position=y, force=y, flow=y, pressure=y)
-    x = made.trace(s, surroundings(), t[1], _STARTS) if made.n_states else np.zeros((0,))
+    x = made.trace(s, _NOTHING, t[1], _STARTS) if made.n_states else np.zeros((0,))
     return made.measure(y, x) / scale - y / scale
 
 

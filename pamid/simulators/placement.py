@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..effects import Effect, Signals
-from .dimensions import surroundings, unit_powers
+from ..effects.plant import Surroundings
+from .dimensions import unit_powers
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Placement:
     @property
     def plant(self) -> Any:
         """What the effect may know of the system."""
-        return surroundings(self.scales.ambient)
+        return Surroundings(self.scales.ambient)
 
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
         """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -60,6 +60,8 @@ class LevenbergMarquardt(Trainer):
     >>> from pamid.training import LevenbergMarquardt
     >>> model = StaticPIHM(trainer=LevenbergMarquardt(max_iter=10))
     """
+
+    second_order: ClassVar[bool] = True
 
     def __init__(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -45,6 +45,10 @@ class Trainer(BaseEstimator):
 
     max_iter: int
     patience: int
+    keep: str = "best"
+    checkpoint: Any = None
+    second_order: ClassVar[bool] = False
+    """Whether it solves for its steps, so that the strength of a prior means the same for every network."""
 
     @abstractmethod
     def steps(
@@ -72,7 +76,7 @@ class Trainer(BaseEstimator):
         *others: Any,
     ) -> tuple[Resumption | None, dict[str, Any]]:
         """Return where the state of this training is kept, if it is, and a place for it."""
-        folder = getattr(self, "checkpoint", None)
+        folder = self.checkpoint
         if folder is None:
             return None, {}
         settings = {k: v for k, v in self.get_params(deep=False).items() if k != "checkpoint"}
@@ -83,7 +87,7 @@ class Trainer(BaseEstimator):
     @property
     def keeps_last(self) -> bool:
         """Whether the parameters of the last iteration are kept, and none are held out to judge them."""
-        return getattr(self, "keep", "best") == "last"
+        return self.keep == "last"
 
     def loss_covers(self, n_samples: int) -> bool:
         """Say whether the losses that `steps` yields are means over all samples, not over a draw of them."""

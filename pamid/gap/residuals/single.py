@@ -11,6 +11,7 @@ import numpy as np
 
 from ...constants import ATMOSPHERIC_PRESSURE
 from ...effects import Effect, Plant, Signals, all_effects, make_effect
+from ...effects.plant import Surroundings
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
@@ -34,18 +35,9 @@ UNTURNED = -12.0
 """Logarithm of the odds of an effect that remembers a path which was never seen to turn back."""
 
 
-class _Ambient:
-    """What is known of a bench without its numbers: the ambient pressure, 0 if the pressures are gauge pressures.
-
-    A leak's conductance then counts in what the orifice of a valve would pass.
-    """
-
-    critical_pressure_ratio = 0.5
-    reference_density = 1.185
-
-    def __init__(self, pressure: np.ndarray | None) -> None:
-        gauge = pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
-        self.atmospheric_pressure = 0.0 if gauge else ATMOSPHERIC_PRESSURE
+def _is_gauge(pressure: np.ndarray | None) -> bool:
+    """Tell whether pressures are gauge pressures: absolute ones do not lie far below the ambient pressure."""
+    return pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
 
 
 def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], np.ndarray]:
@@ -109,13 +101,13 @@ class SignalEvidence:
         without: np.ndarray | None = None,
     ) -> None:
         self.table, self.y, self.dt = dict(table), y, dt
-        if plant is None and equation == "flow" and "pressure" in self.table:
-            ambient = _Ambient(self.table["pressure"])
-            if ambient.atmospheric_pressure == 0.0:  # what leaks depends on the absolute pressure
-                self.table["pressure"] = self.table["pressure"] + ATMOSPHERIC_PRESSURE
-                nominal = _less_ambient(nominal)
+        if plant is None and equation == "flow" and _is_gauge(self.table.get("pressure")):
+            # What leaks depends on the absolute pressure.
+            self.table["pressure"] = self.table["pressure"] + ATMOSPHERIC_PRESSURE
+            nominal = _less_ambient(nominal)
         self.nominal = nominal
-        self.plant: Any = plant or _Ambient(self.table.get("pressure"))
+        around = 0.0 if _is_gauge(self.table.get("pressure")) else ATMOSPHERIC_PRESSURE
+        self.plant: Any = plant or Surroundings(around)
         self.scale, self.kind = position_scale, equation
         edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
         self.borders = np.array(edges[:-1])
