@@ -80,7 +80,7 @@ def subclasses(package: str, base: type[Kind], leave_out: Collection[str] = ()) 
         for module in modules(package, leave_out)
         for thing in vars(module).values()
         if inspect.isclass(thing)
-        and issubclass(thing, base)
+        and base in thing.__mro__
         and thing is not base
         and thing.__module__ == module.__name__
         and not inspect.isabstract(thing)
