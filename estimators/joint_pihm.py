@@ -143,7 +143,13 @@ class JointPIHM(HybridModel):
         self.random_state = random_state
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the laws of force and flow, of which a fit on one column keeps the force's."""
+        """Return the laws of force and flow, of which a fit on one column keeps the force's.
+
+        Returns
+        -------
+        tuple of Law
+            Laws of force (N) and flow (kg/s).
+        """
         force = QuasiStaticForce(self.rest_length, self.atmospheric_pressure)
         flow = ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature)
         return (force, flow)[: getattr(self, "n_targets_", 2)]

@@ -139,7 +139,13 @@ class StaticPIHM(HybridModel):
         self.random_state = random_state
 
     def laws(self) -> tuple[QuasiStaticForce]:
-        """Return the quasi-static law of the force."""
+        """Return the quasi-static law of the force.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of force (N).
+        """
         return (QuasiStaticForce(self.rest_length, self.atmospheric_pressure),)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> StaticPIHM:

@@ -150,7 +150,13 @@ class ThermodynamicPIHM(HybridModel):
         self.random_state = random_state
 
     def laws(self) -> tuple[ThermodynamicFlow]:
-        """Return the law of the flow."""
+        """Return the law of the flow.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of flow (kg/s).
+        """
         return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:

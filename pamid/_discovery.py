@@ -8,7 +8,7 @@ import pkgutil
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 Kind = TypeVar("Kind")
 
@@ -79,9 +79,10 @@ def subclasses(package: str, base: type[Kind], leave_out: Collection[str] = ()) 
         thing
         for module in modules(package, leave_out)
         for thing in vars(module).values()
-        if inspect.isclass(thing)
-        and base in thing.__mro__
-        and thing is not base
-        and thing.__module__ == module.__name__
-        and not inspect.isabstract(thing)
+        if _is_below(thing, base) and thing.__module__ == module.__name__
     ]
+
+
+def _is_below(thing: Any, base: type[Kind]) -> TypeGuard[type[Kind]]:
+    """Tell whether a thing is a whole class that names a base, which may be a protocol."""
+    return inspect.isclass(thing) and base in thing.__mro__[1:] and not inspect.isabstract(thing)
