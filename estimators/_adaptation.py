@@ -26,18 +26,18 @@ from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
-from ._base import SignalEstimator, fitted_attributes
+from ._base import SignalEstimator, fitted_attributes, state_of
 from ._hybrid_fit import (
     arrays_of,
     check_parameters,
     checked_weight,
-    held_out_rows,
+    early_stopping_rows,
     span_of,
     spread_of,
     training_problem,
     warn_before,
 )
-from ._hybrid_use import jet_of, predicted, state_of
+from ._hybrid_use import jet_of, predicted
 from ._pihm import HybridModel
 from ._progress import ProgressMixin, fit_progress
 from ._source import hybrid_of
@@ -247,7 +247,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
         split = (problem, None)
-        held_out = held_out_rows(model, original[0], original[2], len(table), rng, trainer)
+        held_out = early_stopping_rows(model, original[0], original[2], len(table), rng, trainer)
         if held_out.any():
             split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:

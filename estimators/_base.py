@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
@@ -12,8 +12,9 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d, validate_data
 
 from pamid.errors import MissingColumnError, ParameterError, ShapeError
+from pamid.signals.state import STATE_SIGNALS, State
 
-from ._checks import check_squares
+from ._checks import check_squares, row_weights
 from ._trajectories import TRAJECTORY, encode_text_columns
 
 Signals = Mapping[str, "str | int"]
@@ -101,6 +102,13 @@ class SignalEstimator(BaseEstimator):
             )
         return table, target
 
+    def _read_weighted(
+        self, X: Any, y: Any, sample_weight: Any, *, reset: bool, **checks: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Validate X, a target of one column and the weights of the rows."""
+        table, y = self._read(X, y, reset=reset, **checks)
+        return table, np.asarray(column_or_1d(y, warn=True), dtype=np.float64), row_weights(sample_weight, table)
+
     def _locate(self, n_columns: int) -> dict[str, int]:
         """Find the column of each needed signal."""
         names = [str(n) for n in getattr(self, "feature_names_in_", ())]
@@ -150,6 +158,16 @@ class SignalEstimator(BaseEstimator):
         """Return one signal of the validated table, shape (n_samples,)."""
         return X[:, self.signal_columns_[name]]
 
+    def _signals(self, X: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Return some signals of the validated table, shape (n_samples, n_names)."""
+        return np.column_stack([self._signal(X, name) for name in names])
+
+
+def state_of(estimator: Any, X: np.ndarray) -> State:
+    """Return the signals of a muscle's state in a validated table; what an estimator does not read is zero."""
+    columns, zero = estimator.signal_columns_, np.zeros(X.shape[0])
+    return State(*(X[:, columns[s]] if s in columns else zero for s in STATE_SIGNALS))
+
 
 def fitted_attributes(estimator: Any) -> dict[str, Any]:
     """Return what a fit has set, by name."""
@@ -183,4 +201,4 @@ def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
     return table
 
 
-__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "fitted_attributes", "plain_table"]
+__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "fitted_attributes", "plain_table", "state_of"]

@@ -34,6 +34,22 @@ def check_option(estimator: Any, name: str, offered: tuple[str, ...]) -> None:
         raise UnknownOptionError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Choose one of them.")
 
 
+def row_weights(sample_weight: Any, table: np.ndarray) -> np.ndarray:
+    """Return the weight of each row of a table, one where none is given; a negative one is an error."""
+    from sklearn.utils.validation import _check_sample_weight
+
+    weight: np.ndarray = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+    return weight
+
+
+def fit_arguments(model: Any, weight: np.ndarray | None, groups: np.ndarray | None) -> dict[str, Any]:
+    """Return those of weights and trajectories that are given and that the fit of a model takes."""
+    from sklearn.utils.validation import has_fit_parameter
+
+    given = {"sample_weight": weight, "groups": groups}
+    return {name: x for name, x in given.items() if x is not None and has_fit_parameter(model, name)}
+
+
 def check_squares(y: Any) -> None:
     """Raise unless the squares of a target can be summed; NaN is passed over."""
     size = float(np.nanmax(np.abs(y), initial=0.0))

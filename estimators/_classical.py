@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.utils import Tags
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExcitationWarning
 from pamid.laws.base import Law
@@ -17,7 +17,7 @@ from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, VolumeJet, check_volume
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, state_of
 from ._trajectories import trajectory_codes
 
 
@@ -60,19 +60,12 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
     ) -> tuple[State, np.ndarray, np.ndarray, np.ndarray | None]:
         """Validate what a fit is given: signals, target, weights, clusters. Warn of wrong units."""
         clusters = None if groups is None else trajectory_codes(X, groups)
-        X, y = self._read(X, y, reset=reset, ensure_min_samples=least)
-        y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
-        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        state = self._state(X)
+        X, y, weight = self._read_weighted(X, y, sample_weight, reset=reset, ensure_min_samples=least)
+        state = state_of(self, X)
         law = self._law()
         signals = {name: self._signal(X, name) for name in self.reads}
         check_units(signals | {law.target: y})
         return state, y, weight, clusters
-
-    def _state(self, X: np.ndarray) -> State:
-        """Return the signals that this estimator reads; what it does not read is zero."""
-        zero = np.zeros(X.shape[0])
-        return State(*(self._signal(X, s) if s in self.reads else zero for s in State._fields))
 
     # --- the way out ------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
@@ -90,7 +83,7 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
-        return self._predict_state(self._state(X))
+        return self._predict_state(state_of(self, X))
 
     def _predict_state(self, state: State) -> np.ndarray:
         return self._law().predict(*self._volume_model().jet(state), state)
@@ -134,7 +127,7 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
-        state = self._state(X)
+        state = state_of(self, X)
         jet = self._volume_model().jet(state)
         check_volume(jet, state, level_known=self._level_known)
         return jet

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from sklearn.base import RegressorMixin
 from sklearn.utils import Tags
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, UnknownOptionError
 from pamid.fitting.least_squares import cluster_covariance, fit_nonlinear
@@ -17,7 +17,7 @@ from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, state_of
 from ._classical import warn_of_still_signals
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -89,10 +89,8 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
             The fitted estimator.
         """
         clusters = None if groups is None else trajectory_codes(X, groups)
-        table, y = self._read(X, y, reset=True, ensure_min_samples=2)
-        y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
-        state = self._state(table)
+        table, y, weight = self._read_weighted(X, y, sample_weight, reset=True, ensure_min_samples=2)
+        state = state_of(self, table)
         if np.abs(state.deps).max(initial=0.0) < _AT_REST:  # rounding of a filter, which a damping must not answer to
             state = state._replace(deps=np.zeros(len(table)))
         check_units({name: self._signal(table, name) for name in self.reads} | {"F": y})
@@ -199,12 +197,8 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self, "parameters_")
         table, _ = self._read(X, reset=False)
-        force = np.asarray(self._force(self.parameters_, self._state(table)), dtype=float)
+        force = np.asarray(self._force(self.parameters_, state_of(self, table)), dtype=float)
         return np.broadcast_to(force, (len(table),)).copy()
-
-    def _state(self, table: np.ndarray) -> State:
-        zero = np.zeros(len(table))
-        return State(*(self._signal(table, s) if s in self.reads else zero for s in State._fields))
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes.

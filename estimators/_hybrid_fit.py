@@ -15,9 +15,11 @@ from pamid.errors import (
     TooFewTrajectoriesError,
     UnknownOptionError,
 )
+from pamid.fitting.epochs import drawn_rows
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 
+from ._checks import row_weights
 from ._trajectories import trajectory_codes
 
 if TYPE_CHECKING:
@@ -69,7 +71,7 @@ def warn_before(model: HybridModel, state: State, Y: np.ndarray) -> None:
             )
 
 
-def held_out_rows(model: HybridModel, X: Any, groups: Any, n: int, rng: Any, trainer: Any) -> np.ndarray:
+def early_stopping_rows(model: HybridModel, X: Any, groups: Any, n: int, rng: Any, trainer: Any) -> np.ndarray:
     """Draw the whole trajectories that early stopping watches."""
     fraction = AUTO_FRACTION if model.validation_fraction == "auto" else float(model.validation_fraction)
     if model.validation_fraction == "auto" and trainer.keeps_last:
@@ -92,8 +94,7 @@ def held_out_rows(model: HybridModel, X: Any, groups: Any, n: int, rng: Any, tra
             "at least three trajectories to hold one out",
             "Give more trajectories, or set validation_fraction=0.",
         )
-    count = min(max(1, round(fraction * len(names))), len(names) - 2)
-    return np.isin(codes, rng.choice(names, count, replace=False))
+    return drawn_rows(codes, fraction, rng, left=2)
 
 
 def training_problem(model: HybridModel, state: State, Y: np.ndarray, weight: np.ndarray) -> Any:
@@ -134,9 +135,7 @@ def volume_scale(model: HybridModel, state: State, weight: np.ndarray) -> float:
 
 def checked_weight(sample_weight: Any, X: np.ndarray) -> np.ndarray:
     """Return the weights of the samples as scikit-learn checks them; raise where none counts."""
-    from sklearn.utils.validation import _check_sample_weight
-
-    weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+    weight = row_weights(sample_weight, X)
     if not np.any(weight > 0):
         raise ValueError("sample_weight is zero for every sample. Expected at least one positive weight.")
     return weight

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pamid.errors import ExtrapolationWarning
-from pamid.signals.state import STATE_SIGNALS, State
+from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.base import VolumeJet, slope_of
+
+from ._base import state_of
 
 if TYPE_CHECKING:
     from ._pihm import HybridModel
@@ -22,11 +24,6 @@ MARGIN = 0.1
 
 OUTSIDE = 0.01
 """Share of samples outside the range that is worth a warning."""
-
-
-def state_of(model: HybridModel, X: np.ndarray) -> State:
-    """Return the signals of a validated table."""
-    return State(*(X[:, model.signal_columns_[name]] for name in STATE_SIGNALS))
 
 
 def jet_of(model: HybridModel, X: np.ndarray) -> VolumeJet:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
 from pamid.fitting.epochs import local_generator, standardisation
@@ -21,7 +21,7 @@ from pamid.fitting.one_layer import (
 from pamid.fitting.stream_memory import Rows
 
 from ._base import SignalEstimator
-from ._checks import check_counts, check_sizes, warn_of_still_columns
+from ._checks import check_counts, check_sizes, row_weights, warn_of_still_columns
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin, last_direction
 from ._streaming import Streaming
@@ -279,7 +279,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         if reset:
             self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
         target = self._output_columns(target)
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        weight = row_weights(sample_weight, table)
         return self._columns(X, table, groups), target, weight
 
     def _output_columns(self, target: np.ndarray) -> np.ndarray:

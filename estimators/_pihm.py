@@ -26,19 +26,19 @@ from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
 from pamid.volume.neural import InputScale, NeuralVolume
 
-from ._base import SignalEstimator
+from ._base import SignalEstimator, state_of
 from ._hybrid_fit import (
     arrays_of,
     check_parameters,
     checked_weight,
-    held_out_rows,
+    early_stopping_rows,
     span_of,
     spread_of,
     training_problem,
     volume_scale,
     warn_before,
 )
-from ._hybrid_use import jet_of, state_of
+from ._hybrid_use import jet_of
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming
 
@@ -95,7 +95,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         state, laws = state_of(self, X), self.laws()
         weight = checked_weight(sample_weight, X)
         warn_before(self, state, Y)
-        held_out = held_out_rows(self, original[0], groups, len(X), rng, self._trainer())
+        held_out = early_stopping_rows(self, original[0], groups, len(X), rng, self._trainer())
         train = weight * ~held_out
         inputs = np.column_stack(state)
         anchored = self.volume_model == "anchored"

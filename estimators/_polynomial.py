@@ -11,6 +11,7 @@ from pamid.errors import ParameterError
 from pamid.signals.state import State
 from pamid.volume import VolumeJet, check_volume
 
+from ._base import state_of
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._linear import LinearTerms
 
@@ -50,7 +51,7 @@ class PolynomialRegressor(LinearTerms, ClassicalRegressor):
         """
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
-        state = self._state(X)
+        state = state_of(self, X)
         basis = self._basis(state)
         jet = VolumeJet(*(sum(c * b[i] for c, b in zip(self.coef_, basis, strict=True)) for i in range(3)))
         jet = jet._replace(V=jet.V + self._level())

@@ -11,6 +11,7 @@ import numpy as np
 from pamid.errors import ExcitationWarning, StreamChangeWarning
 from pamid.fitting.stream_memory import CHANGED, Rows, bounded, mean_square, merged, overlap, surprise, unforeseen
 
+from ._checks import row_weights
 from ._trajectories import TRAJECTORY, trajectory_codes
 
 MEMORY_ROWS = 5_000
@@ -159,10 +160,8 @@ class StreamMemory:
     # --- what an estimator may say of itself --------------------------------------------------------------------
     def _stream_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> tuple[Rows, bool]:
         """Validate a batch; say also whether its rows are told apart by trajectories."""
-        from sklearn.utils.validation import _check_sample_weight
-
         table, target = self._stream_table(X, y)
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        weight = row_weights(sample_weight, table)
         codes = self._stream_codes(X, table, groups)
         unit = np.zeros(len(table), dtype=int) if codes is None else np.unique(codes, return_inverse=True)[1]
         rows = Rows(table.copy(), target.copy(), weight.copy(), unit, np.zeros(len(table), dtype=int))

@@ -8,14 +8,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin, clone
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExtrapolationWarning
 from pamid.requirements import check_reads, formulas_of, reads_of
 from pamid.signals.state import State
 
 from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_option
+from ._checks import check_counts, check_option, fit_arguments
 from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
@@ -218,16 +218,10 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
             instead="Choose for instance GeometricForce, PolynomialForce, StaticForceMap or StaticPIHM.",
         )
         clusters = None if groups is None else trajectory_codes(X, groups)
-        table, y = self._read(X, y, reset=True)
-        pressure = np.asarray(column_or_1d(y, warn=True), dtype=float)
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        table, pressure, weight = self._read_weighted(X, y, sample_weight, reset=True)
         eps, deps = self._motion(table)
         self.model_ = clone(model)
-        given: dict[str, Any] = {}
-        if sample_weight is not None and has_fit_parameter(self.model_, "sample_weight"):
-            given["sample_weight"] = weight
-        if clusters is not None and has_fit_parameter(self.model_, "groups"):
-            given["groups"] = clusters
+        given = fit_arguments(self.model_, None if sample_weight is None else weight, clusters)
         self.model_.fit(self._inputs(eps, deps, pressure), self._signal(table, "F"), **given)
         forget(self.model_)
         self._remember(X, y, sample_weight, groups)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
@@ -239,7 +239,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
     def _continue(self, rows: Rows, share: float) -> None:
         """Train on from where the network stands; the error on the memory never rises."""
-        training = self._scaled(self._columns(rows.X), rows.y[:, 0], rows.weight)
+        training = self._scaled(self._signals(rows.X, self.inputs), rows.y[:, 0], rows.weight)
         start = self.weights_
         best = Best(int(self.patience), float(self.tol))
         best.offer(self._error(to_tensors(start, self.device), training), lambda: start)
@@ -266,7 +266,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self, "weights_")
         X, _ = self._read(X, reset=False)
-        columns = self._columns(X)
+        columns = self._signals(X, self.inputs)
         result = np.empty(len(columns))
         for start in range(0, len(columns), _CHUNK):
             chunk = slice(start, start + _CHUNK)
@@ -283,13 +283,8 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             raise ParameterError(f"hidden is {self.hidden!r}.", "at least one unit in each layer", "Correct hidden.")
 
     def _table(self, X: Any, y: Any, sample_weight: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        X, y = self._read(X, y, reset=reset)
-        target = column_or_1d(y, warn=True).astype(float)
-        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        return self._columns(X), target, weights
-
-    def _columns(self, X: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(X, name) for name in self.inputs])
+        table, target, weights = self._read_weighted(X, y, sample_weight, reset=reset)
+        return self._signals(table, self.inputs), target, weights
 
     def _set_scales(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> None:
         self.input_mean_, self.input_scale_ = standardisation(columns, weights)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin, clone
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d, has_fit_parameter
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
@@ -16,7 +16,7 @@ from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights
 from pamid.requirements import formulas_of, reads_of
 
 from ._base import SignalEstimator, Signals
-from ._checks import check_counts, check_sizes
+from ._checks import check_counts, check_sizes, fit_arguments
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
@@ -184,15 +184,9 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
                 f"{type(model).__name__} learns sequences.", "a force model of single rows", "Choose another model."
             )
         clusters = None if groups is None else trajectory_codes(X, groups)
-        table, y = self._read(X, y, reset=True)
-        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
-        weight = _check_sample_weight(sample_weight, table, dtype=np.float64, ensure_non_negative=True)
+        table, target, weight = self._read_weighted(X, y, sample_weight, reset=True)
         self.model_ = clone(model)
-        given: dict[str, Any] = {}
-        if sample_weight is not None and has_fit_parameter(self.model_, "sample_weight"):
-            given["sample_weight"] = weight
-        if clusters is not None and has_fit_parameter(self.model_, "groups"):
-            given["groups"] = clusters
+        given = fit_arguments(self.model_, None if sample_weight is None else weight, clusters)
         self.model_.fit(self._model_table(table), target, **given)
         self.parameters_, self.standard_errors_, self.units_ = (
             dict(getattr(self.model_, name, {})) for name in ("parameters_", "standard_errors_", "units_")
@@ -200,7 +194,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         used = weight > 0
         residual = target - self.model_.predict(self._model_table(table))
         share = weight[used]
-        inputs = self._inputs(table)[used]
+        inputs = self._signals(table, self.inputs)[used]
         self.input_mean_, self.input_scale_ = standardisation(inputs, share)
         p = self._signal(table, "P")[used] - self.atmospheric_pressure if self.vanishing else np.ones(used.sum())
         self.gauge_scale_ = float(np.sqrt(np.average(p * p, weights=share))) or 1.0
@@ -256,7 +250,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self, "weights_")
         table, _ = self._read(X, reset=False)
-        x = (self._inputs(table) - self.input_mean_) / self.input_scale_
+        x = (self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_
         share = self.residual_scale_ * forward(self.weights_, x)[:, 0]
         if self.vanishing:
             share *= (self._signal(table, "P") - self.atmospheric_pressure) / self.gauge_scale_
@@ -284,9 +278,6 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         if self.vanishing:
             share = share * ((signals["P"] - self.atmospheric_pressure) / self.gauge_scale_)
         return {"force": (unit, known + share)}
-
-    def _inputs(self, table: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(table, name) for name in self.inputs])
 
     def _model_table(self, table: np.ndarray) -> Any:
         """Return what the model reads: an array where its order is known, which takes less time than a DataFrame."""

@@ -10,8 +10,8 @@ import numpy as np
 from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
-from ._base import Signals
-from ._hybrid_use import predicted, state_of
+from ._base import Signals, state_of
+from ._hybrid_use import predicted
 from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 from sklearn.base import RegressorMixin
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from ._base import SignalEstimator, Signals
 from ._checks import warn_of_still_columns
@@ -201,10 +201,9 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         return self._named()
 
     def _rows(self, X: Any, y: Any, sample_weight: Any, **how: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        X, y = self._read(X, y, **how)
+        table, target, weights = self._read_weighted(X, y, sample_weight, **how)
         self._check_library(self.inputs)
-        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        return self._columns(X), column_or_1d(y, warn=True).astype(float)[:, None], weights
+        return self._signals(table, self.inputs), target[:, None], weights
 
     def _named(self) -> Self:
         """Set what the coefficients are called."""
@@ -228,7 +227,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
-        return self._evaluate(self._columns(X))[:, 0]
+        return self._evaluate(self._signals(X, self.inputs))[:, 0]
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
@@ -251,9 +250,6 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             if c != 0.0:
                 total = total + math.prod((f**p for f, p in zip(factors, powers, strict=True) if p), start=c)
         return {str(self.target): ("unit of the fit", total)}
-
-    def _columns(self, X: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(X, name) for name in self.inputs])
 
     @staticmethod
     def _checked_instances() -> list[SINDyRegressor]:

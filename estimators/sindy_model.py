@@ -203,9 +203,9 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         """
         columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
         self._check_library(self.reads)
-        warn_of_still_columns(self._columns(columns), self.reads, type(self).__name__)
+        warn_of_still_columns(self._signals(columns, self.reads), self.reads, type(self).__name__)
         rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._fit_library(self._columns(columns), self.reads, rates, np.ones(len(columns)))
+        self._fit_library(self._signals(columns, self.reads), self.reads, rates, np.ones(len(columns)))
         return self._named()
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
@@ -232,7 +232,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             return self.fit(X, y, groups)
         columns, y = self._read(X, y, reset=False)
         rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._take_in(self._columns(columns), rates, np.ones(len(columns)))
+        self._take_in(self._signals(columns, self.reads), rates, np.ones(len(columns)))
         return self._named()
 
     def _named(self) -> Self:
@@ -260,7 +260,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self)
         columns, _ = self._read(X, reset=False)
-        rates = self._evaluate(self._columns(columns))
+        rates = self._evaluate(self._signals(columns, self.reads))
         return rates[:, 0] if rates.shape[1] == 1 else rates
 
     def score(self, X: Any, y: Any = None, sample_weight: Any = None, groups: Any = None) -> float:
@@ -372,9 +372,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
                 "Pass u with one row a time.",
             )
         return lambda time: np.array([np.interp(time, t, column) for column in table.T])
-
-    def _columns(self, X: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(X, name) for name in self.reads])
 
     def _as_rates(self, y: np.ndarray) -> np.ndarray:
         if len(self.states) == 1 and y.ndim == 2 and y.shape[1] == 1:

@@ -59,7 +59,15 @@ def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Gene
         raise ParameterError(
             f"validation_fraction is {fraction!r}.", "a number between 0 and 1", "Correct validation_fraction."
         )
-    count = min(max(1, round(fraction * len(names))), len(names) - 1)
+    return drawn_rows(codes, fraction, rng)
+
+
+def drawn_rows(
+    codes: np.ndarray, fraction: float, rng: np.random.Generator | np.random.RandomState, left: int = 1
+) -> np.ndarray:
+    """Draw about a fraction of the trajectories, at least one, and leave at least so many; mark their rows."""
+    names = np.unique(codes)
+    count = min(max(1, round(fraction * len(names))), len(names) - left)
     return np.isin(codes, rng.choice(names, size=count, replace=False))
 
 
