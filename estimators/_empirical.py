@@ -216,6 +216,12 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         state = State(*(signals.get(s, 0.0) for s in State._fields))
         return {"force": ("N", self._force(self.parameters_, state))}
 
+    @property
+    def n_parameters_(self) -> int:
+        """Number of fitted parameters."""
+        check_is_fitted(self, "fitted_names_")
+        return len(self.fitted_names_)
+
     def _gauge(self, state: State) -> Any:
         return state.P - self.atmospheric_pressure
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from sklearn.utils.validation import check_is_fitted
 
+from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
 from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
@@ -34,6 +36,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
     rest_length: float
     rest_diameter: float
     braid_angle: float
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
     start: Mapping[str, float] | None
     free: str | Iterable[str]
     bounds: Mapping[str, tuple[float, float]] | None
@@ -54,7 +57,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
                 raise ParameterError(f"{name} is {value!r}.", "a positive number (m, m, rad)", "Correct it.")
         cls = offered[self.model]
         nominal = cls.from_geometry(self.rest_length, self.rest_diameter, self.braid_angle)
-        if hasattr(self, "atmospheric_pressure") and hasattr(nominal, "atmospheric_pressure"):
+        if "atmospheric_pressure" in {f.name for f in fields(nominal)}:
             nominal = replace(nominal, atmospheric_pressure=self.atmospheric_pressure)  # type: ignore[call-arg]
         given = dict(self.start or {})
         return replace(nominal, **{n: float(given[n]) for n in cls.parameter_names() if n in given})
@@ -214,6 +217,12 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
             if cost < least:
                 best, least = x, cost
         return best
+
+    @property
+    def n_parameters_(self) -> int:
+        """Number of fitted parameters."""
+        check_is_fitted(self, "fitted_names_")
+        return len(self.fitted_names_)
 
     def _volume_model(self) -> ClassicalVolume:
         """Return the fitted volume model."""

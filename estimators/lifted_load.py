@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_para
 
 from pamid.constants import GRAVITY
 from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError, UnstableRunWarning
-from pamid.requirements import check_reads
+from pamid.requirements import check_reads, parameter_count
 from pamid.signals.state import State
 
 from ._base import SignalEstimator, Signals
@@ -221,10 +221,8 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         self.model_.fit(_state(reads, eps, deps, P, dP)[lifted], force[lifted], **given)
         forget(self.model_)
         self._remember(X, y, groups=groups)
-        if (count := getattr(self.model_, "n_parameters_", None)) is not None:
+        if (count := parameter_count(self.model_)) is not None:
             self.n_parameters_ = count
-        elif hasattr(self.model_, "fitted_names_"):
-            self.n_parameters_ = len(self.model_.fitted_names_)
         return self
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:

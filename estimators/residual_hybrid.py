@@ -13,7 +13,7 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
 from pamid.fitting.epochs import local_generator, standardisation
 from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
-from pamid.requirements import formulas_of, reads_of
+from pamid.requirements import formulas_of, parameter_count, reads_of
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes, fit_arguments
@@ -232,7 +232,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.n_iter_ = max(progress.n_epochs, 1)
         forget(self.model_)
         self._remember(X, y, sample_weight, groups)
-        self.n_parameters_ = int(steps.x.size) + len(getattr(self.model_, "fitted_names_", ()))
+        self.n_parameters_ = int(steps.x.size) + (parameter_count(self.model_) or 0)
         return self
 
     def predict(self, X: Any) -> np.ndarray:

@@ -251,6 +251,12 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
                 total = total + math.prod((f**p for f, p in zip(factors, powers, strict=True) if p), start=c)
         return {str(self.target): ("unit of the fit", total)}
 
+    @property
+    def n_parameters_(self) -> int:
+        """Number of terms that are kept."""
+        check_is_fitted(self, "coefficients_")
+        return len(self.coefficients_)
+
     @staticmethod
     def _checked_instances() -> list[SINDyRegressor]:
         return [

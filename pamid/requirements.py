@@ -39,6 +39,31 @@ class WithLaws(Protocol):
 
 
 @runtime_checkable
+class WithEffects(Protocol):
+    """A fitted estimator that adds effects to its predictions."""
+
+    effects_: Any
+    plant: Any
+
+
+@runtime_checkable
+class WithBounds(Protocol):
+    """An estimator whose parameters have bounds."""
+
+    def parameter_bounds(self) -> dict[str, tuple[float, float]]:
+        """Return the bounds of each parameter by name, SI units."""
+
+
+@runtime_checkable
+class WithScaledInputs(Protocol):
+    """A fitted estimator that has standardised its inputs."""
+
+    inputs: Any
+    input_mean_: Any
+    input_scale_: Any
+
+
+@runtime_checkable
 class WithVolume(Protocol):
     """An estimator that identifies the gas volume."""
 
@@ -104,6 +129,36 @@ def reads_of(model: Any, otherwise: Sequence[str] = ()) -> tuple[str, ...]:
 def is_sequential(model: Any) -> bool:
     """Tell whether an estimator reads the sequence of samples, as it says itself or by its parameters."""
     return bool(getattr(model, "sequential", "one_trajectory" in model.get_params()))
+
+
+def parameter_count(model: Any) -> int | None:
+    """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell.
+
+    Parameters
+    ----------
+    model : estimator
+        Any fitted estimator.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import LinearRegression
+    >>> from pamid.requirements import parameter_count
+    >>> parameter_count(LinearRegression().fit([[0.0], [1.0], [2.0]], [0.0, 1.0, 2.0]))
+    1
+    """
+    import numpy as np
+
+    if (own := getattr(model, "n_parameters_", None)) is not None:
+        return int(own)
+    if (last := last_step(model)) is not model:
+        return parameter_count(last)
+    weights = getattr(model, "weights_", getattr(model, "coefs_", getattr(model, "coef_", None)))
+    if weights is None:
+        return None
+    parts = weights.values() if isinstance(weights, Mapping) else weights
+    if isinstance(parts, np.ndarray):
+        return int(parts.size)
+    return int(sum(np.size(p) for p in parts)) + sum(np.size(p) for p in getattr(model, "intercepts_", ()))
 
 
 def check_reads(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..requirements import WithBounds
 from .common import number, table
 
 
@@ -18,8 +19,8 @@ def fitted_parameters(model: Any) -> dict[str, dict[str, Any]]:
     if any(isinstance(value, dict) for value in values.values()):
         return {}
     errors, units = getattr(model, "standard_errors_", {}), getattr(model, "units_", {})
-    inner = getattr(model, "model_", model) if not hasattr(model, "parameter_bounds") else model
-    bounds = inner.parameter_bounds() if hasattr(inner, "parameter_bounds") else {}
+    inner = model if isinstance(model, WithBounds) else getattr(model, "model_", model)
+    bounds = inner.parameter_bounds() if isinstance(inner, WithBounds) else {}
     names = getattr(inner, "fitted_names_", list(values))
     held = set(getattr(inner, "at_bound_", ()))
     return {

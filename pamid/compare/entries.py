@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..errors import IncompatibleError, ParameterError, UnknownOptionError
 from ..requirements import is_sequential, reads_of
 
@@ -214,22 +212,3 @@ def _not_offered(name: str, equation: str, found: Mapping[str, list[CandidateMod
         f"one of {', '.join(found)}",
         f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
     )
-
-
-def parameter_count(model: Any) -> int | None:
-    """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell."""
-    if (own := getattr(model, "n_parameters_", None)) is not None:
-        return int(own)
-    if hasattr(model, "steps"):
-        return parameter_count(model.steps[-1][1])
-    if hasattr(model, "fitted_names_"):
-        return len(model.fitted_names_)
-    if hasattr(model, "coefficients_"):
-        return len(model.coefficients_)
-    weights = getattr(model, "weights_", getattr(model, "coefs_", getattr(model, "coef_", None)))
-    if weights is None:
-        return None
-    parts = weights.values() if isinstance(weights, Mapping) else weights
-    if isinstance(parts, np.ndarray):
-        return int(parts.size)
-    return int(sum(np.size(p) for p in parts)) + sum(np.size(p) for p in getattr(model, "intercepts_", ()))

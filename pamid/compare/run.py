@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import FitError, IncompatibleError, PamidError, ParameterError
-from ..requirements import is_sequential, reads_of
+from ..requirements import is_sequential, parameter_count, reads_of
+from ..signals.thinning import spaced
 from .bootstrap import ClusterBootstrap
 from .comparison import BASELINE, Comparison, Score, ranked
-from .entries import EQUATIONS, SIGNALS, CandidateModel, candidates, parameter_count, target_of
+from .entries import EQUATIONS, SIGNALS, CandidateModel, candidates, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
 
@@ -417,7 +418,7 @@ def _floor(
     """Take the noise floor with the sensitivities of the best model that reads single rows."""
     import pandas as pd
 
-    rows = scored[:: max(1, len(scored) // FLOOR_ROWS)]
+    rows = scored[spaced(len(scored), FLOOR_ROWS)]
     target = table[ready.target].to_numpy(dtype=float)
     for score in ranking:
         model = fitted.get(score.estimator)

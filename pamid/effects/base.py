@@ -37,7 +37,8 @@ import numpy as np
 
 from ..errors import ImplausibleParameterError, ParameterError, SimulatorTypeError, UnknownParameterError
 from ..signals.paths import Path
-from ..signals.state import Array
+from ..signals.roles import STATE_ROLES
+from ..signals.state import Array, State
 from .plant import Plant
 
 EQUATIONS = ("force", "flow", "valve", "joint")
@@ -145,6 +146,11 @@ class Signals:
     command: Array = None
     flow: Array = None
     force: Array = None
+
+    @classmethod
+    def of_state(cls, state: State) -> Signals:
+        """Return the signals of a muscle's state by their roles."""
+        return cls(**{role: getattr(state, name) for name, role in STATE_ROLES.items()})
 
     def at(self, index: Any) -> Signals:
         """Return the signals at an index along the first axis."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import ExportError
-from ..requirements import WithFormulas, WithLift
+from ..requirements import WithFormulas, WithLift, WithScaledInputs
 from .c_source import Writer, fill, number_rows, statements
 from .expression import Symbol, as_symbol, symbol
 from .plan import UNITS, Output
@@ -158,7 +158,7 @@ def _place(model: Any, name: str) -> tuple[float, float]:
     """Return where a signal lay in the fit, or usually lies."""
     if name == "direction":
         return 0.0, 0.0
-    if hasattr(model, "input_mean_") and name in model.inputs:
+    if isinstance(model, WithScaledInputs) and name in model.inputs:
         k = list(model.inputs).index(name)
         return float(model.input_mean_[k]), float(model.input_scale_[k])
     return TYPICAL.get(name, (0.5, 0.2))

@@ -14,7 +14,7 @@ from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
 from ..laws.base import Law
-from ..requirements import WithLaws
+from ..requirements import WithEffects, WithLaws
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.anchored import AnchoredVolume
 from ..volume.contact import ContactVolume
@@ -119,7 +119,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     """
     check_name(name)
     last, notes = last_step(model)
-    if hasattr(last, "effects_") and hasattr(last, "plant"):  # a model that follows its muscle
+    if isinstance(last, WithEffects):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
     laws, volume = last.laws if isinstance(last, WithLaws) else None, _fitted_volume(last)
@@ -197,14 +197,17 @@ def last_step(model: Any) -> tuple[Any, list[str]]:
 def _fitted_volume(model: Any) -> Any:
     from sklearn.exceptions import NotFittedError
 
-    if not hasattr(type(model), "volume_") and "volume_" not in vars(model):
+    if not isinstance(model, WithLaws):
         return None
+    fitted: Any = model
     try:
-        return model.volume_
+        return fitted.volume_
     except NotFittedError:
         raise ExportError(
             f"The {type(model).__name__} is not fitted.", "a fitted model", "Fit it before exporting it."
         ) from None
+    except AttributeError:  # its volume has no form of its own
+        return None
 
 
 def _parts(volume: Any) -> tuple[ContactVolume | None, NeuralVolume | None, float, float]:
@@ -267,7 +270,7 @@ def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: Stat
 
 
 def _share(effect: Effect, law: Law, plant: Any, state: State) -> Any:
-    s = Signals(position=state.eps, velocity=state.deps, pressure=state.P, pressure_rate=state.dP, time=0.0 * state.P)
+    s = Signals.of_state(state).with_(time=0.0 * state.P)
     if law.equation == "force" and "force" in effect.hooks():
         return effect.force(s, np.zeros(0), plant)
     if law.equation == "flow" and "flow" in effect.hooks():

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..fitting.grouped_ridge import grouped_ridge
 from ..signals.recursion import past
+from ..signals.thinning import spaced
 from .inference.discrepancy import AGES
 
 _COSINES = 120
@@ -68,7 +69,7 @@ def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray
     reads = np.argsort(rng.random_sample(omega.shape), axis=0) < min(3, S.shape[1])
     model: Model = {"middle": middle, "size": size, "omega": omega * reads}
     model["phase"] = rng.uniform(0.0, 2.0 * np.pi, _COSINES)
-    rows = np.arange(len(left))[:: max(1, len(left) // _ROWS)]
+    rows = np.arange(len(left))[spaced(len(left), _ROWS)]
     B, r = _basis(model, S[rows]), left[rows]
     names, fold = np.unique(codes[rows], return_inverse=True)
     # One trajectory tells nothing of others: its parts stand for them.

@@ -104,7 +104,7 @@ class StreamedEffect:
         derivatives : array, shape (n_samples, n_parameters)
             By the parameters.
         """
-        s = Signals(position=state.eps, velocity=state.deps, pressure=state.P, pressure_rate=state.dP)
+        s = Signals.of_state(state)
         memory = self._along(s)
         n = len(state.eps)
         if self.linear:

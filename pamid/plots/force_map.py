@@ -8,6 +8,7 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
+from ..signals.thinning import spaced
 from ._signals import resting
 from .style import drawn_on, style
 
@@ -91,8 +92,7 @@ class ForceMapDisplay:
         grid = resting(estimator, np.tile(eps, n_points), np.repeat(P, n_points))
         force = np.asarray(estimator.predict(grid), dtype=float)
         force = (force[:, 0] if force.ndim == 2 else force).reshape(n_points, n_points)
-        every = max(1, len(X) // 800)
-        samples = np.column_stack([eps_all, P_all - atmospheric_pressure])[::every]
+        samples = np.column_stack([eps_all, P_all - atmospheric_pressure])[spaced(len(X), 800)]
         return cls(eps, P - atmospheric_pressure, force, samples)
 
     @classmethod

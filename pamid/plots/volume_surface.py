@@ -10,6 +10,7 @@ import numpy as np
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
 from ..requirements import WithVolume
+from ..signals.thinning import spaced
 from ._signals import column, resting, runs_of
 from .style import INK, drawn_on, style
 
@@ -187,7 +188,7 @@ class VolumeSurfaceDisplay:
             jet = estimator.volume(resting(estimator, *grid.T))
             volumes.append(np.broadcast_to(np.asarray(jet.V, dtype=float), len(grid)).reshape(n_points, n_points))
         stack, span = np.stack(volumes), np.where(high > low, high - low, 1.0)
-        near, _ = cKDTree(at[:: max(1, len(at) // 4000)] / span).query(grid / span)
+        near, _ = cKDTree(at[spaced(len(at), 4000)] / span).query(grid / span)
         known = (near < _FAR).reshape(n_points, n_points)
         spread = stack.std(axis=0, ddof=1) if len(stack) > 1 else np.zeros_like(stack[0])
         return cls(eps, P - atmospheric_pressure, stack.mean(axis=0), spread, known)

@@ -146,3 +146,41 @@ def _end_fits(y: np.ndarray, window: int) -> tuple[list[np.ndarray], list[np.nda
             fits.append(powers[rows, : len(k)] @ (factor[:, None] * coefficients[order:]) / half**order)
         sides.append(fits)
     return sides[0], sides[1]
+
+
+def rate_over(x: np.ndarray, dt: float, half: int, order: int = 1) -> np.ndarray:
+    """Return a derivative of one run by a cubic over a window of fixed length, not tuned to the noise.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_samples,)
+        A signal at equal steps.
+    dt : float
+        Sampling interval, s.
+    half : int
+        Samples to either side; fewer in a run that is shorter.
+    order : int, default=1
+        Order of the derivative.
+
+    Returns
+    -------
+    ndarray, shape (n_samples,)
+        The derivative, in the signal's unit per s to that order. Of fewer than five samples differences, of one 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.savgol import rate_over
+    >>> t = np.arange(0, 1, 0.01)
+    >>> bool(np.allclose(rate_over(t**3, 0.01, 5), 3 * t**2))
+    True
+    """
+    from scipy.signal import savgol_filter
+
+    width = min(2 * half + 1, len(x) - (len(x) + 1) % 2)
+    if width >= 5:
+        return np.asarray(savgol_filter(x, width, DEGREE, deriv=order, delta=dt))
+    out = np.asarray(x, dtype=float)
+    for _ in range(order):
+        out = np.gradient(out, dt) if len(out) > 1 else np.zeros(len(out))
+    return out

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .thinning import spaced
+
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
@@ -46,7 +48,7 @@ def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
         return _seconds(stamps)
     text = column.astype("string").str.strip().str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
     known = text.notna() & (text != "")
-    sample = text[known].iloc[:: max(1, int(known.sum()) // 50)]
+    sample = text[known].iloc[spaced(int(known.sum()), 50)]
     best: np.ndarray | None = None
     for form in _FORMATS:
         if not len(sample) or pd.to_datetime(sample, format=form, errors="coerce").isna().any():

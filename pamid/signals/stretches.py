@@ -39,19 +39,28 @@ def equal_stretches(x: np.ndarray, codes: np.ndarray | None = None) -> list[tupl
     return list(pairwise(edges.tolist()))
 
 
-def stuck_rows(x: np.ndarray, moves: Callable[[int, int], bool], codes: np.ndarray | None = None) -> np.ndarray:
+def stuck_rows(
+    x: np.ndarray,
+    moves: Callable[[int, int], bool],
+    codes: np.ndarray | None = None,
+    *,
+    longer_than: int | None = None,
+) -> np.ndarray:
     """Return the rows in which a reading repeats one value for long while something else moves.
 
-    A stretch is long that lasts more than 20 rows and more than ten times the median stretch.
+    By default a stretch is long that lasts more than 20 rows and more than ten times the median stretch, and a signal
+    that never changes, or has fewer than 50 rows, counts as constant rather than stuck.
 
     Parameters
     ----------
     x : ndarray, shape (n_samples,)
-        A signal, in any unit; one that never changes at all counts as constant rather than stuck.
+        A signal, in any unit.
     moves : callable
         Says of two rows whether something moves from the first to before the second.
     codes : ndarray, shape (n_samples,), optional
         Trajectory of each sample.
+    longer_than : int, optional
+        Rows that a stretch must have more of, of any signal, in place of the default.
 
     Returns
     -------
@@ -67,10 +76,10 @@ def stuck_rows(x: np.ndarray, moves: Callable[[int, int], bool], codes: np.ndarr
     100
     """
     out = np.zeros(len(x), dtype=bool)
-    if len(x) < 50 or np.nanmax(x) == np.nanmin(x):
+    if longer_than is None and (len(x) < 50 or np.nanmax(x) == np.nanmin(x)):
         return out
     stretches = equal_stretches(x, codes)
-    long = max(20.0, 10.0 * float(np.median([b - a for a, b in stretches])))
+    long = max(20.0, 10.0 * float(np.median([b - a for a, b in stretches]))) if longer_than is None else longer_than
     for a, b in stretches:
         if b - a > long and moves(a, b):
             out[a:b] = True

@@ -110,6 +110,32 @@ def thin(
     return log.iloc[thinned_rows(groups, every, n_rows=n_rows, across=across)].reset_index(drop=True)
 
 
+def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
+    """Return every k-th of n things, the first one included.
+
+    Parameters
+    ----------
+    n : int
+        How many there are.
+    count : int
+        How many are wanted: no fewer are kept, and fewer than twice as many.
+    at_most : bool, default=False
+        Whether no more are kept instead, and more than half as many.
+
+    Returns
+    -------
+    slice
+        What to take.
+
+    Examples
+    --------
+    >>> from pamid.signals.thinning import spaced
+    >>> list(range(7))[spaced(7, 4)], list(range(7))[spaced(7, 4, at_most=True)]
+    ([0, 1, 2, 3, 4, 5, 6], [0, 2, 4, 6])
+    """
+    return slice(None, None, max(1, -(-n // count) if at_most else n // count))
+
+
 def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
     """Keep trajectories spread evenly over a log, each whole, up to so many rows in all.
 

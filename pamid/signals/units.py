@@ -6,7 +6,7 @@ import difflib
 import re
 from typing import NamedTuple
 
-from pamid.constants import GRAVITY, REFERENCE_DENSITY
+from pamid.constants import ATMOSPHERIC_PRESSURE, GRAVITY, REFERENCE_DENSITY
 from pamid.errors import MappingError, UnitError
 
 _NORMAL_DENSITY = 1.2929
@@ -77,7 +77,7 @@ _TABLE: dict[str, dict[str, float]] = {
         "bar": 1e5,
         "mbar": 1e2,
         "psi": 6894.757293168,
-        "atm": 101_325,
+        "atm": ATMOSPHERIC_PRESSURE,
         "kgf/cm2": GRAVITY * 1e4,
         "N/cm2": 1e4,
         "mmHg": 133.322387415,

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..signals import noise_level, quantisation_step
 from ..signals.stretches import stuck_rows
+from ..signals.thinning import spaced
 from ..signals.units import SI_UNITS, base_name, dimension_of
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     low, high = float(y[good].min()), float(y[good].max())
     noises, steps = [], []
     longest = 0.0 if good.all() else max(_longest(run, name) for run in runs)
-    for run in runs[:: -(-len(runs) // _MOST_RUNS) or 1]:
+    for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]:
         values = run[name].to_numpy(dtype=float)
         bad = ~np.isfinite(values)
         values = values[~bad]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..signals import differentiate, noise_level, tune_cutoff
+from ..signals.thinning import spaced
 from .sampling import Sampling, between_pauses
 
 if TYPE_CHECKING:
@@ -177,10 +178,10 @@ class Smoothed(NamedTuple):
 def smoothed(log: pd.DataFrame, name: str) -> list[Smoothed]:
     """Return a signal with its rate, run by run; of many runs some, evenly spread, at the cut-off of a few."""
     runs = [part for _, run in log.groupby("trajectory", sort=False) if len(part := forward(run, name)) > 20]
-    runs = runs[:: -(-len(runs) // _MOST_RUNS) or 1]
+    runs = runs[spaced(len(runs), _MOST_RUNS, at_most=True)]
     arrays = [(run["time"].to_numpy(dtype=float), run[name].to_numpy(dtype=float)) for run in runs]
     moving = [(t[:_TUNED], x[:_TUNED]) for t, x in arrays if np.ptp(x) > 0]
-    moving = moving[:: -(-len(moving) // _MOST_TUNED) or 1]
+    moving = moving[spaced(len(moving), _MOST_TUNED, at_most=True)]
     if not moving:
         return [Smoothed(run, t, x, x, np.zeros(len(x))) for run, (t, x) in zip(runs, arrays, strict=True)]
     cutoff = tune_cutoff([x for _, x in moving], [t for t, _ in moving])
@@ -252,7 +253,7 @@ def _turns(y: np.ndarray, least: float) -> list[float]:
     """Return the sizes of the movements between turns of at least some size."""
     sizes: list[float] = []
     extreme, last, way = y[0], y[0], 0
-    for value in y[:: max(1, len(y) // 20_000)]:
+    for value in y[spaced(len(y), 20_000)]:
         if way == 0:
             if abs(value - last) > least:
                 way, extreme = int(np.sign(value - last)), value

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
 from ..report.quantities import signal
+from ..signals.thinning import spaced
 from .coverage import Coverage, smoothed
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def coverage_picture(log: pd.DataFrame, c: Coverage) -> Figure:
     """Draw pressure (or the target) against position, one colour a direction of time's order."""
     across = c.position or "time"
     up = c.pressure or c.target or next(str(n) for n in log.columns if n not in ("trajectory", "time"))
-    part = log[[across, up]].dropna().iloc[:: max(1, len(log) // _MOST_POINTS)]
+    part = log[[across, up]].dropna().iloc[spaced(len(log), _MOST_POINTS)]
     x, y = signal(across), signal(up)
     with style():
         figure, axes = new_figure(4.6, 3.2)
@@ -35,7 +36,7 @@ def run_picture(log: pd.DataFrame, c: Coverage) -> Figure:
     """Draw the longest run over time: what moves, and what is measured."""
     sizes = log.groupby("trajectory", sort=False).size()
     run = log[log["trajectory"] == sizes.idxmax()]
-    run = run.iloc[:: max(1, len(run) // _MOST_POINTS)]
+    run = run.iloc[spaced(len(run), _MOST_POINTS)]
     names = [n for n in dict.fromkeys((c.position, c.pressure, c.target)) if n] or [str(log.columns[-1])]
     time = run["time"] - run["time"].iloc[0]
     with style():

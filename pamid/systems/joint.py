@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
+from ..signals.savgol import rate_over
 from .base import FIT, Choice, EffectSpec, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
@@ -139,17 +140,12 @@ class Joint(System):
         return wanted, on, self.unit_of(log.columns), []
 
     def _rate(self, log: pd.DataFrame, order: int, longer: float = 1.0) -> np.ndarray:
-        from scipy.signal import savgol_filter
-
         parts = []
         for _, run in log.groupby("trajectory", sort=False):
             time = run["time"].to_numpy(dtype=float)
             dt = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-            width = max(5, 2 * round(0.5 * longer * self.number("smoothing") / dt) + 1)
-            if len(run) < width:
-                parts.append(np.zeros(len(run)))
-            else:
-                parts.append(savgol_filter(run["q"].to_numpy(dtype=float), width, 3, deriv=order, delta=dt))
+            half = max(2, round(0.5 * longer * self.number("smoothing") / dt))
+            parts.append(rate_over(run["q"].to_numpy(dtype=float), dt, half, order))
         return np.concatenate(parts)
 
     def _nominal(

@@ -10,6 +10,7 @@ import numpy as np
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..effects.plant import Plant
 from ..errors import MissingColumnError
+from ..signals.roles import STATE_ROLES
 from .base import Input, Problem, Quantity, System, with_rates
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class Muscle(System):
             stored = dP * np.asarray(plant.volume(eps)) / (plant.heat_capacity_ratio * plant.RT)
             return stored + P * np.asarray(plant.volume_slope(eps)) * deps / plant.RT
 
-        roles = {"time": "time", "position": "eps", "velocity": "deps", "pressure": "P", "pressure_rate": "dP"}
+        roles = {"time": "time", **{role: name for name, role in STATE_ROLES.items()}}
         equation, unit = ("force", "N") if target == "F" else ("flow", "kg/s")
         y, groups = log[target].to_numpy(dtype=float), log["trajectory"].to_numpy()
         return Problem(X, y, force if target == "F" else flow, groups, roles, equation, unit, plant, [], {})

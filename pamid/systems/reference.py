@@ -9,6 +9,7 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import PamidError
+from ..signals.thinning import spaced
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +60,7 @@ def zero_of_force(log: pd.DataFrame, zeros: Sequence[float] = (0.0, ATMOSPHERIC_
     if position is None or not {"P", "F"} <= set(log.columns):
         return None
     known = log.dropna(subset=["time", "P", "F", position])
-    known = known.iloc[:: max(1, len(known) // _MOST)]
+    known = known.iloc[spaced(len(known), _MOST)]
     F = known["F"].to_numpy(dtype=float)
     if len(known) < _LEAST or np.std(F) == 0:
         return None

@@ -19,7 +19,6 @@ from pamid.cli import main
 from pamid.compare import candidates, compare, prepare
 from pamid.compare.bootstrap import ClusterBootstrap
 from pamid.compare.comparison import BASELINE, Score, ranked
-from pamid.compare.entries import parameter_count
 from pamid.compare.protocol import folds
 from pamid.errors import (
     FitError,
@@ -31,6 +30,7 @@ from pamid.errors import (
     TooFewTrajectoriesError,
     UnknownOptionError,
 )
+from pamid.requirements import parameter_count
 from pamid.signals import write_log
 
 BENCH = BenchParameters.for_muscle("B")

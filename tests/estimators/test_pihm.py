@@ -145,7 +145,7 @@ def test_models_are_cloned_pickled_and_saved(table, tmp_path):
 def test_prediction_in_pieces_is_that_of_the_whole(table, monkeypatch):
     model = StaticPIHM(**MUSCLE, **QUICK).fit(signals(table), table["F"])
     whole = model.predict(signals(table))
-    monkeypatch.setattr("pamid.estimators._pihm.CHUNK", 97)
+    monkeypatch.setattr("pamid.estimators._hybrid_use.CHUNK", 97)
     assert np.allclose(model.predict(signals(table)), whole, rtol=1e-12)
 
 

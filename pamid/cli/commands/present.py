@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _count(model: Any) -> int | None:
-    from ...compare.entries import parameter_count
+    from ...requirements import parameter_count
 
     return parameter_count(model)
 

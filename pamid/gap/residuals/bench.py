@@ -15,6 +15,7 @@ from ...equations.joined import joined
 from ...equations.log import columns_of, runs
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
+from ...signals.roles import ROLES
 from ..settings import LEAST_GAIN, ONE_MORE
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
@@ -300,8 +301,7 @@ class Evidence:
     @cached_property
     def _spans(self) -> dict[str, float]:
         """Ranges of the signals of the state, by role."""
-        roles = {"position": "eps", "pressure": "P"}
-        found = {role: self.state[name] for role, name in roles.items()}
+        found = {ROLES[name]: self.state[name] for name in ("eps", "P")}
         return {role: float(np.nanmax(x) - np.nanmin(x)) for role, x in found.items() if np.any(np.isfinite(x))}
 
     @cached_property

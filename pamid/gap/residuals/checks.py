@@ -9,7 +9,7 @@ import numpy as np
 from ...equations.log import columns_of, trajectory_rows
 from ...equations.unit_doubts import unit_doubts
 from ...errors import ExcitationError
-from ...signals.stretches import equal_stretches
+from ...signals.stretches import stuck_rows
 from .bench import Evidence
 
 if TYPE_CHECKING:
@@ -121,13 +121,10 @@ def without_stuck(log: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 
 def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
-    out = np.zeros(len(x), dtype=bool)
-    if len(x) < 3:
-        return out
-    for a, b in equal_stretches(x):
-        if b - a > 10 and time[b - 1] - time[a] > _STUCK_SECONDS and np.ptp(q[a:b]) > _MOVED:
-            out[a:b] = True
-    return out
+    def moves(a: int, b: int) -> bool:
+        return bool(time[b - 1] - time[a] > _STUCK_SECONDS and np.ptp(q[a:b]) > _MOVED)
+
+    return stuck_rows(x, moves, longer_than=10)
 
 
 def notes_on(evidence: Evidence) -> list[str]:

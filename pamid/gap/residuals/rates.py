@@ -6,6 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...signals.savgol import rate_over
+
+RATE_WINDOW = 0.04
+"""Seconds over which the rate of a signal of unknown noise is taken: fast beside an arm, slow beside its samples."""
+
 
 def with_rates(signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     """Return signals by role, with the rates of position and pressure taken within each run where they are missing."""
@@ -17,7 +22,7 @@ def with_rates(signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> 
 
 
 def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
-    """Return the rate of a signal within each run, over 40 ms.
+    """Return the rate of a signal within each run, over `RATE_WINDOW`.
 
     Parameters
     ----------
@@ -28,16 +33,9 @@ def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
     dt : float
         Sampling interval, s.
     """
-    from scipy.signal import savgol_filter
-
     out = np.zeros(len(x))
     borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     for a, b in pairwise(borders):
         # Never so long that it would smear a run of few samples.
-        half = max(2, min(round(0.02 / dt), (b - a) // 200))
-        width = min(2 * half + 1, (b - a) - (b - a + 1) % 2)
-        if width >= 5:
-            out[a:b] = savgol_filter(x[a:b], width, 3, deriv=1, delta=dt)
-        elif b - a > 1:
-            out[a:b] = np.gradient(x[a:b], dt)
+        out[a:b] = rate_over(x[a:b], dt, max(2, min(round(0.5 * RATE_WINDOW / dt), (b - a) // 200)))
     return out

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import ShortTrajectoryError
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
+from ...signals.thinning import spaced
 from ..quantities import residual
 from .windows import chosen_equation, states, unit_of
 
@@ -95,7 +96,7 @@ def spectra(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
 
     runs = part["trajectory"].unique()
     if len(runs) > _RUNS:
-        part = part[part["trajectory"].isin(runs[:: 1 + len(runs) // _RUNS])]
+        part = part[part["trajectory"].isin(runs[spaced(len(runs), _RUNS, at_most=True)])]
     stretches = list(_stretches(part))
     if not stretches:
         raise ShortTrajectoryError(
