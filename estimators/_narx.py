@@ -125,7 +125,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         table, y = self._read(X, y, reset=True)
         target = np.asarray(column_or_1d(y, warn=True), dtype=float)
         codes = self._codes(X, table, groups)
-        columns = self._columns(table)
+        columns = self._signals(table, self.inputs)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         ones = np.ones(len(target))
         self.input_mean_, self.input_scale_ = standardisation(columns, ones)
@@ -218,7 +218,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         check_is_fitted(self, "start_mean_")
         table, _ = self._read(X, reset=False)
         slices = trajectory_slices(self._codes(X, table, groups))
-        columns = self._columns(table)
+        columns = self._signals(table, self.inputs)
         span = 1e-9 * (self.input_high_ - self.input_low_)
         beyond = ((columns < self.input_low_ - span) | (columns > self.input_high_ + span)).any(axis=1)
         first = np.array([s.start for s in slices])
@@ -251,7 +251,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         table, y = self._read(X, y, reset=False)
         slices = trajectory_slices(self._codes(X, table, groups))
         z = (np.asarray(column_or_1d(y), dtype=float) - self.output_mean_) / self.output_scale_
-        _, past, phi = self._lags((self._columns(table) - self.input_mean_) / self.input_scale_, z, slices)
+        _, past, phi = self._lags((self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_, z, slices)
         ahead = past[:, 0] + self.step_scale_ * self._function(self._theta(), phi)
         return np.asarray(ahead * self.output_scale_ + self.output_mean_)
 
@@ -259,9 +259,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
     def _check_parameters(self) -> None:
         check_counts(self, "output_lags", "input_lags", "horizon", "max_iter")
         check_sizes(self, alpha=0.0, margin=0.0, tol=0.0)
-
-    def _columns(self, table: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(table, name) for name in self.inputs])
 
     def _lags(self, u: np.ndarray, z: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the lags of the inputs, those of the output, and both together for each row."""

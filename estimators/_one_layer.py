@@ -163,6 +163,8 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
+    _continues: ClassVar[bool] = True
+
     def _continue(self, rows: Rows, share: float) -> None:
         """Train on from where the network stands; scales stay."""
         columns = self._columns(rows.X, rows.X, rows.unit)

@@ -185,6 +185,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
+    _continues: ClassVar[bool] = True
+
     def _continue(self, rows: Rows, share: float) -> None:
         """Train on from where the network stands."""
         import torch

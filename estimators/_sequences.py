@@ -46,6 +46,8 @@ class SequenceMixin(SequenceScore):
 
     one_trajectory: bool
     trajectory_column: int | None
+    _codes_of_fit: np.ndarray | None = None
+    """Trajectories of the rows of a fit under way."""
 
     def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         """Trajectory number of each row, for rows in time order."""
@@ -59,7 +61,7 @@ class SequenceMixin(SequenceScore):
                     )
                 column = table[:, self.trajectory_column]
                 return np.cumsum(np.diff(column, prepend=column[:1]) != 0)
-            known = getattr(self, "_codes_of_fit", None)
+            known = self._codes_of_fit
             if known is not None and len(known) == len(table):
                 return np.asarray(known)
         codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)

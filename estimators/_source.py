@@ -9,6 +9,7 @@ from sklearn.pipeline import Pipeline
 
 from pamid.errors import IncompatibleError
 
+from ._base import SignalEstimator, fitted_attributes
 from ._pihm import HybridModel
 
 
@@ -33,17 +34,18 @@ def hybrid_of(source: Any, who: str) -> HybridModel:
             found = found.estimator
         elif isinstance(found, Pipeline):
             found = found.steps[-1][1]
-        elif hasattr(found, "model_") and isinstance(found.model_, HybridModel):
-            found = found.model_
+        elif isinstance(inner := getattr(found, "model_", None), HybridModel):
+            found = inner
         else:
             break
-    if not isinstance(found, HybridModel) and not hasattr(found, "source"):
+    adapts = isinstance(found, SignalEstimator) and "source" in found.get_params(deep=False)
+    if not isinstance(found, HybridModel) and not adapts:
         raise IncompatibleError(
             f"The source of {who} is {type(source).__name__ if source is not None else None}.",
             "a fitted StaticPIHM, ThermodynamicPIHM or JointPIHM, or an adaptation of one",
             "Fit one on the muscle whose data are plenty, and pass it as source.",
         )
-    if not hasattr(found, "weights_"):
+    if "weights_" not in fitted_attributes(found):
         raise IncompatibleError(
             f"The source of {who}, {type(found).__name__}, is not fitted.",
             "a fitted model",

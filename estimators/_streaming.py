@@ -12,6 +12,7 @@ from pamid.errors import ExcitationWarning, StreamChangeWarning
 from pamid.fitting.stream_memory import CHANGED, Rows, bounded, mean_square, merged, overlap, surprise, unforeseen
 
 from ._checks import row_weights
+from ._sequences import SequenceMixin
 from ._trajectories import TRAJECTORY, trajectory_codes
 
 MEMORY_ROWS = 5_000
@@ -42,6 +43,8 @@ class StreamMemory:
     """Rows remembered, where neither of the bounds above is meant."""
     _changes: ClassVar[bool] = True
     """Whether a change of the stream is looked for."""
+    _continues: ClassVar[bool] = False
+    """Whether ``_continue`` trains on from where a network stands."""
 
     @property
     def _own(self) -> Any:
@@ -85,7 +88,7 @@ class StreamMemory:
         rows = bounded(rows, self._most(), whole=whole, random=np.random.default_rng(count))
         if nothing_new:
             pass
-        elif len(rows) < GROWN * fitted and rows.regime.max() == held.regime.max() and hasattr(self, "_continue"):
+        elif len(rows) < GROWN * fitted and rows.regime.max() == held.regime.max() and self._continues:
             self._continue(rows, float(batch.weight.sum() / rows.weight.sum()))
         else:
             self._refit(rows, grouped)
@@ -140,6 +143,10 @@ class StreamMemory:
             warnings.simplefilter("ignore", ExcitationWarning)  # told of the batch that it is true of, when it came
             self._own.fit(X, y, **given)
 
+    def _continue(self, rows: Rows, share: float) -> None:
+        """Train on from where the network stands."""
+        raise NotImplementedError
+
     def _arguments(self, rows: Rows, grouped: bool) -> tuple[Any, Any, dict[str, Any]]:
         """Return remembered rows as ``fit`` takes them."""
         given: dict[str, Any] = {}
@@ -174,7 +181,7 @@ class StreamMemory:
         return table, column_or_1d(y).astype(float)[:, None]
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
-        if hasattr(self, "_codes"):
+        if isinstance(self, SequenceMixin):
             return np.asarray(self._codes(X, table, groups))
         return trajectory_codes(X, groups)
 
@@ -192,7 +199,7 @@ class StreamMemory:
 
     def _in_order(self) -> bool:
         """Whether the estimator needs the order of time."""
-        return hasattr(self, "one_trajectory")
+        return "one_trajectory" in self._own.get_params(deep=False)
 
     def _whole(self, grouped: bool) -> bool:
         """Whether the memory keeps or drops whole trajectories instead of rows."""
@@ -276,6 +283,6 @@ class SequenceStreaming(StreamMemory):
 
 def forget(model: Any) -> Any:
     """Drop the memory of a model inside another one, which has its own."""
-    if isinstance(model, StreamMemory) and hasattr(model, "_memory"):
+    if isinstance(model, StreamMemory) and "_memory" in vars(model):
         del model._memory
     return model

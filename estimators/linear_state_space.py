@@ -172,7 +172,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         table, y = self._read(X, y, reset=True)
         target = np.asarray(column_or_1d(y, warn=True), dtype=float)
         slices = trajectory_slices(self._codes(X, table, groups))
-        columns = self._columns(table)
+        columns = self._signals(table, self.inputs)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         ones = np.ones(len(target))
         self.input_mean_, self.input_scale_ = standardisation(columns, ones)
@@ -228,7 +228,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         """
         check_is_fitted(self)
         table, _ = self._read(X, reset=False)
-        u = (self._columns(table) - self.input_mean_) / self.input_scale_
+        u = (self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_
         out = np.empty(len(u))
         for rows in trajectory_slices(self._codes(X, table, groups)):
             x = steady(self.A_, self.B_, u[rows.start])
@@ -240,9 +240,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
                     x = x + gain / power * (before - float(self.C_ @ x + self.D_ @ u[rows.start]))
             out[rows] = simulated(self.A_, self.B_, self.C_, self.D_, x, u[rows])
         return out * self.output_scale_ + self.offset_
-
-    def _columns(self, table: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(table, name) for name in self.inputs])
 
     def to_control(self, sampling_interval: float) -> Any:
         """Return the model for python-control, in the units of inputs and output, about mean inputs and `offset_`.

@@ -237,6 +237,8 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self._remember(X, y, sample_weight, groups)
         return self
 
+    _continues: ClassVar[bool] = True
+
     def _continue(self, rows: Rows, share: float) -> None:
         """Train on from where the network stands; the error on the memory never rises."""
         training = self._scaled(self._signals(rows.X, self.inputs), rows.y[:, 0], rows.weight)

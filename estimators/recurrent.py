@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import MissingColumnError, ParameterError
+from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
     AdamSteps,
     Best,
@@ -27,14 +27,14 @@ from pamid.fitting.stream_memory import Rows
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._progress import FitProgress, ProgressMixin, fit_progress
-from ._sequences import SequenceScore
+from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
-from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
+from ._trajectories import trajectory_slices
 
 _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which bounds the memory of a prediction
 
 
-class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin, SignalEstimator):
+class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
     r"""Recurrent network from the muscle's signals and their history to a force or a mass flow.
 
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
@@ -292,9 +292,11 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin,
         self._remember(X, y, groups=groups)
         return self
 
+    _continues: ClassVar[bool] = True
+
     def _continue(self, rows: Rows, share: float) -> None:
         """Train on from where the network stands; the error on the memory never rises."""
-        inputs, wanted = self._scaled(self._columns(rows.X), rows.y[:, 0])
+        inputs, wanted = self._scaled(self._signals(rows.X, self.inputs), rows.y[:, 0])
         slices = trajectory_slices(rows.unit)
         network = self._network(self.weights_)
         adam = AdamSteps(network.parameters(), float(self.learning_rate), self.optimizer_state_)
@@ -346,7 +348,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin,
         check_is_fitted(self, "weights_")
         table, _ = self._read(X, reset=False)
         pieces = pieces_of(trajectory_slices(self._codes(X, table, groups)), None)
-        inputs, _ = self._scaled(self._columns(table), None)
+        inputs, _ = self._scaled(self._signals(table, self.inputs), None)
         outputs = self._run(self._network(self.weights_), inputs, pieces)
         return outputs * self.target_scale_ + self.target_mean_
 
@@ -362,30 +364,11 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceScore, RegressorMixin,
 
     def _table(self, X: Any, y: Any, groups: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         table, y = self._read(X, y, reset=reset)
-        return self._columns(table), column_or_1d(y, warn=True).astype(float), self._codes(X, table, groups)
-
-    def _columns(self, X: np.ndarray) -> np.ndarray:
-        return np.column_stack([self._signal(X, name) for name in self.inputs])
-
-    def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
-        """Trajectory number of each row."""
-        if groups is None and not has_trajectory_column(X):
-            if self.trajectory_column is not None:
-                if not 0 <= self.trajectory_column < table.shape[1]:
-                    raise MissingColumnError(
-                        f"trajectory_column is {self.trajectory_column}, but X has {table.shape[1]} columns.",
-                        f"a position from 0 to {table.shape[1] - 1}",
-                        "Correct trajectory_column.",
-                    )
-                return np.cumsum(
-                    np.diff(table[:, self.trajectory_column], prepend=table[:1, self.trajectory_column]) != 0
-                )
-            known = getattr(self, "_codes_of_fit", None)
-            if known is not None and len(known) == len(table):
-                return known
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None  # needed_by raises instead
-        return codes
+        return (
+            self._signals(table, self.inputs),
+            column_or_1d(y, warn=True).astype(float),
+            self._codes(X, table, groups),
+        )
 
     def _set_scales(self, columns: np.ndarray, target: np.ndarray) -> None:
         self.input_mean_, self.input_scale_ = standardisation(columns, np.ones(len(columns)))

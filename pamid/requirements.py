@@ -39,7 +39,7 @@ class WithLaws(Protocol):
 
 
 @runtime_checkable
-class WithEffects(Protocol):
+class AddsEffects(Protocol):
     """A fitted estimator that adds effects to its predictions."""
 
     effects_: Any

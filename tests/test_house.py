@@ -151,6 +151,59 @@ def test_the_checkout_is_whole_without_an_installation() -> None:
     assert Path(done.stdout.strip()).samefile(ROOT / "estimators" / "__init__.py")
 
 
+# --- what is private, and what is declared --------------------------------------------------------------------
+NAMED_TUPLE = {"_fields", "_replace", "_asdict"}
+OTHERS_PRIVATE = {
+    "estimators/_progress.py: _init_callback_context",  # scikit-learn's callbacks have no public way yet
+    "estimators/_streaming.py: _read",  # of the estimator itself, which a mixin does not know
+    "pamid/cli/commands/completion.py: _SubParsersAction",  # argparse does not show its options
+    "pamid/cli/commands/completion.py: _actions",
+    "pamid/cli/commands/completion.py: _choices_actions",
+    "pamid/cli/commands/adapt.py: _pipeline",
+    "pamid/cli/commands/adapt.py: _with_rates",
+    "pamid/cli/commands/init.py: _MEANING",
+}
+PROBED = {
+    "shape", "columns", "to_numpy", "iloc",  # tables of numpy and pandas
+    "detach", "new_tensor",  # torch's tensors
+    "get_params", "fit", "predict", "feature_names_in_",  # estimators of somebody else's
+    "_asdict", "_fields", "__dataclass_fields__", "__dict__", "__slots__",  # Python's own records
+    "input_labels", "get_source",  # python-control, importlib
+    "rest_diameter",  # a muscle's diameter, in `pamid compare`
+}  # fmt: skip
+"""What objects of other packages are asked whether they have it; those of pamid say what they can do."""
+
+
+def _private_from_outside(path: Path) -> Iterator[str]:
+    """Private names that a file reads of others: not of self, and neither defined nor set in it."""
+    tree = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    own = {n.name for n in tree if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+    own |= {n.attr for n in tree if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
+    own |= {n.id for n in tree if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    for node in tree:
+        if isinstance(node, ast.Attribute) and node.attr not in own:
+            if ast.unparse(node.value) not in ("self", "cls", "super()"):
+                yield node.attr
+        elif isinstance(node, ast.ImportFrom) and node.module and (node.level or node.module.startswith("pamid")):
+            yield from (alias.name for alias in node.names)
+
+
+@pytest.mark.parametrize("path", LIBRARY, ids=name)
+def test_private_names_stay_in_their_file(path: Path) -> None:
+    found = {n for n in _private_from_outside(path) if n.startswith("_") and not n.startswith("__")} - NAMED_TUPLE
+    assert {f"{name(path)}: {n}" for n in found} <= OTHERS_PRIVATE
+
+
+@pytest.mark.parametrize("path", LIBRARY, ids=name)
+def test_abilities_are_declared_and_not_tried(path: Path) -> None:
+    calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+    for call in calls:
+        if ast.unparse(call.func) == "hasattr" and ast.unparse(call.args[0]) != "self":
+            assert ast.literal_eval(call.args[1]) in PROBED, f"line {call.lineno}: {ast.unparse(call)}"
+        written = isinstance(call.func, ast.Attribute) and call.func.attr in ("update", "pop", "setdefault")
+        assert not (written and ".__dict__" in ast.unparse(call.func)), f"line {call.lineno}: {ast.unparse(call)}"
+
+
 # --- sizes and words ----------------------------------------------------------------------------------------
 def lines(path: Path) -> list[str]:
     return path.read_text(encoding="utf-8").splitlines()

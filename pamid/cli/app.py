@@ -67,7 +67,7 @@ def build_parser() -> argparse.ArgumentParser:
         before = set(subparsers.choices)
         module.add_parser(subparsers)
         for name in set(subparsers.choices) - before:
-            subparsers.choices[name].set_defaults(_run=module.run)
+            subparsers.choices[name].set_defaults(run_command=module.run)
     return parser
 
 
@@ -83,7 +83,7 @@ def run(argv: Sequence[str] | None = None) -> int:
             if args.command is None:
                 parser.print_help()
                 return WRONG_USE
-            code = int(args._run(args))
+            code = int(args.run_command(args))
             sys.stdout.flush()
             return code
     except SystemExit as stop:  # argparse has said what it had to

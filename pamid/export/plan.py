@@ -14,7 +14,7 @@ from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
 from ..laws.base import Law
-from ..requirements import WithEffects, WithLaws
+from ..requirements import AddsEffects, WithLaws
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.anchored import AnchoredVolume
 from ..volume.contact import ContactVolume
@@ -119,7 +119,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     """
     check_name(name)
     last, notes = last_step(model)
-    if isinstance(last, WithEffects):  # a model that follows its muscle
+    if isinstance(last, AddsEffects):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
     laws, volume = last.laws if isinstance(last, WithLaws) else None, _fitted_volume(last)

@@ -53,10 +53,10 @@ def run(args: argparse.Namespace) -> int:
     from ...export import export
     from ...export.write import any_plan_of
     from ...persistence import load
-    from .simulate import _effect
+    from .simulate import effect_of
 
     check_folder(args.out, parents=True)
-    chosen = [_effect(text) for text in args.effect]
+    chosen = [effect_of(text) for text in args.effect]
     effects = [make_effect(name, **values) for name, values in chosen]
     plant = load_simulator(args.sim).plant() if args.sim else None
     model = load(args.model)

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         raise UnknownOptionError(
             f"There is no data set {args.dataset!r}.", f"one of {', '.join(DATASETS)}", "Correct the name."
         )
-    effects = [_effect(text) for text in args.effect]
+    effects = [effect_of(text) for text in args.effect]
     if args.sim:
         params = load_simulator(args.sim)
     else:
@@ -142,7 +142,8 @@ def _numbers(text: str, option: str, example: str) -> dict[str, float]:
     return settings
 
 
-def _effect(text: str) -> tuple[str, dict[str, float]]:
+def effect_of(text: str) -> tuple[str, dict[str, float]]:
+    """Return name and values of an effect that a user writes."""
     from ...effects import make_effect
 
     name, _, rest = text.partition(":")
