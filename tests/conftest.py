@@ -6,8 +6,12 @@ import os
 import resource
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # scipy reads it when it is first imported; without it scikit-learn skips its check of array API inputs.
 os.environ.setdefault("SCIPY_ARRAY_API", "1")
@@ -16,6 +20,16 @@ SLOW = Path(__file__).with_name("slow.txt")
 """Tests that take more than `SECONDS`, by name; `pytest --renew-slow` lists those that it runs anew."""
 SECONDS = 1.0
 """CPU seconds of a test, without its fixtures, above which it is slow."""
+
+
+@pytest.fixture(scope="session")
+def log() -> pd.DataFrame:
+    """The log of the usual runs of the bench, which no test may change; a module with a log of its own overrides it."""
+    from support.bench_logs import NOMINAL, RUNS
+
+    from pamid.bench import simulate
+
+    return simulate(NOMINAL, RUNS, seed=3)
 
 
 def slow_tests() -> set[str]:

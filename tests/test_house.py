@@ -209,7 +209,7 @@ def lines(path: Path) -> list[str]:
     return path.read_text(encoding="utf-8").splitlines()
 
 
-@pytest.mark.parametrize("path", LIBRARY, ids=name)
+@pytest.mark.parametrize("path", CODE, ids=name)
 def test_a_file_says_one_thing(path: Path) -> None:
     assert len(lines(path)) <= 500
 

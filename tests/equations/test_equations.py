@@ -7,8 +7,9 @@ import tracemalloc
 import numpy as np
 import pandas as pd
 import pytest
+from support.bench_logs import NOMINAL, RUNS
 
-from pamid.bench import BenchParameters, hold, simulate, sine, step, triangle
+from pamid.bench import hold, simulate, sine, triangle
 from pamid.bench.sensors import IDEAL
 from pamid.effects import make_effect
 from pamid.equations import all_equations, channel_noise, evaluate_log, refit_within_tolerance, residuals
@@ -24,14 +25,6 @@ from pamid.errors import (
     TimeOrderError,
     UnknownOptionError,
 )
-
-NOMINAL = BenchParameters.for_muscle("B")
-RUNS = [sine(4, 20, 2000), sine(10, 10, 2000), step(0, 15, 2000), triangle(2, 15, 2000)]
-
-
-@pytest.fixture(scope="module")
-def log() -> pd.DataFrame:
-    return simulate(NOMINAL, RUNS, seed=3)
 
 
 @pytest.fixture(scope="module")

@@ -5,19 +5,19 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import itertools
-import json
 import os
 import resource
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pamid.estimators import StaticPIHM
+from support.killing import TOUCHES, forked, killed_at, killed_in_write, remembered, run, without_room
 
 import pamid.bench
 import pamid.compare
@@ -51,100 +51,6 @@ WRITES = {
 }
 """Options that name an output; checkpoints are killed in test_checkpoint.py, the demo in a test of its own."""
 INIT = ["--kind", "muscle", "--yes", "--force"]
-
-
-# --- running and killing ------------------------------------------------------------------------------------------
-TOUCHES = ("open", "os.rename", "os.remove", "os.mkdir", "os.link", "os.rmdir", "os.chmod", "os.listdir", "os.scandir")
-"""Events of the interpreter that come before something happens to a file (PEP 578)."""
-
-
-def forked(body: Callable[[], int]) -> int:
-    """Run a function in a fork, silent; return its exit code, or minus the signal that ended it."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    child = os.fork()
-    if child == 0:
-        code = 70
-        try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.dup2(nowhere, 2)
-            signal.alarm(200)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            code = body()
-        except KeyboardInterrupt:
-            code = 130
-        finally:
-            os._exit(code)
-    _, status = os.waitpid(child, 0)
-    return os.waitstatus_to_exitcode(status)
-
-
-def run(argv: Sequence[str], before: Callable[[], None] = lambda: None) -> int:
-    """Run a command in a fork, after something was prepared there."""
-
-    def body() -> int:
-        from pamid.cli import main
-
-        before()
-        return main([str(a) for a in argv])
-
-    return forked(body)
-
-
-def killed_at(argv: Sequence[str], folder: Path, step: int, number: int, count: Path | None = None) -> int:
-    """Run a command and send it a signal before its n-th touch of a folder, counted from one; or count them."""
-
-    def prepare() -> None:
-        came = 0
-        inside = os.path.realpath(folder)
-
-        def hook(event: str, args: tuple) -> None:
-            nonlocal came
-            if event not in TOUCHES:
-                return
-            paths = [os.fsdecode(a) for a in args[:2] if isinstance(a, (str, bytes, os.PathLike))]
-            if not any(str(Path(p).absolute()).startswith(inside) for p in paths):
-                return
-            came += 1
-            if came == step:
-                os.kill(os.getpid(), number)
-            if count is not None:
-                count.write_text(str(came))
-
-        sys.addaudithook(hook)
-
-    return run(argv, prepare)
-
-
-def killed_in_write(argv: Sequence[str], size: int) -> int:
-    """Run a command that the system kills as soon as it writes past a size of any file."""
-
-    def prepare() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-    return run(argv, prepare)
-
-
-def without_room(argv: Sequence[str], size: int) -> int:
-    """Run a command that cannot write past a size of any file, as on a full disk."""
-    return run(argv, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
-
-
-def remembered(compute: Callable[..., Any], whole: bool = False) -> Callable[..., Any]:
-    """Return a function that computes once for the same first argument, before the forks."""
-    kept: dict[str, Any] = {}
-
-    def once(first: Any, *rest: Any, **options: Any) -> Any:
-        text = first.to_csv() if whole else repr(first)
-        key = hashlib.sha256(text.encode()).hexdigest()
-        if key not in kept:
-            kept[key] = compute(first, *rest, **options)
-        return kept[key]
-
-    return once
 
 
 # --- what each command writes -------------------------------------------------------------------------------------
@@ -523,82 +429,3 @@ def test_an_output_that_is_missing_protected_or_no_file_is_refused(bench, tmp_pa
     assert "is what this command reads" in capsys.readouterr().err
     assert main(["check", log, "--html", "/dev/null"]) == 2
     assert Path("/dev/null").is_char_device()
-
-
-# --- sets of files --------------------------------------------------------------------------------------------------
-def test_two_writers_at_once_leave_the_whole_of_one(tmp_path):
-    for others in (False, True):  # exchanged as a whole, and file by file
-        out = tmp_path / f"out-{others}"
-        (out / "photos" if others else out).mkdir(parents=True)
-
-        def write(which: str, out: Path = out) -> int:
-            for _ in range(40):
-                with replacing_together(out, "abcdef") as stage:
-                    for name in "abcdef":
-                        write_whole(stage / name, which * 1000)
-            return 0
-
-        def both() -> int:
-            other = os.fork()
-            code = write("1" if other == 0 else "2")
-            if other == 0:
-                os._exit(code)
-            return code or os.waitstatus_to_exitcode(os.waitpid(other, 0)[1])
-
-        assert forked(both) == 0
-        assert len({(out / name).read_text() for name in "abcdef"}) == 1
-        assert len(list(out.iterdir())) == 6 + others
-
-
-def test_what_others_put_into_a_folder_meanwhile_stays(tmp_path):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "theirs").write_text("before")
-    with replacing_together(tmp_path / "out", ["a", "b"]) as stage:
-        (stage / "a").write_text("new")
-        (tmp_path / "out" / "late").write_text("late")
-    assert {f.name: f.read_text() for f in (tmp_path / "out").iterdir()} == {
-        "a": "new",
-        "theirs": "before",
-        "late": "late",
-    }
-
-
-def test_the_working_folder_stays_the_same_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a").write_text("old")
-    number = tmp_path.stat().st_ino
-    with replacing_together(".", ["a", "b"]) as stage:
-        (stage / "b").write_text("new")
-    assert tmp_path.stat().st_ino == number
-    assert [f.name for f in tmp_path.iterdir()] == ["b"]
-
-
-def test_a_record_of_other_files_is_no_order_to_move_or_remove_them(tmp_path):
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "thesis").write_text("mine")
-    for record in ({"from": ".pamid-000000000000.tmp", "move": [], "remove": ["thesis"]}, {"from": "photos"}, []):
-        (tmp_path / UNFINISHED).write_text(json.dumps(record))
-        with pytest.raises(OutputError, match="other files"), replacing_together(tmp_path, ["a"]) as stage:
-            (stage / "a").write_text("new")
-    assert (tmp_path / "thesis").read_text() == "mine"
-    assert not (tmp_path / "a").exists()
-
-
-def test_a_body_that_fails_changes_nothing(tmp_path):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "a").write_text("old")
-    with pytest.raises(ZeroDivisionError), replacing_together(tmp_path / "out", ["a"]) as stage:
-        (stage / "a").write_text("new")
-        _ = 1 / 0
-    assert (tmp_path / "out" / "a").read_text() == "old"
-    assert [f.name for f in tmp_path.iterdir()] == ["out"]
-
-
-def test_a_file_keeps_its_mode_and_a_link_its_place(tmp_path):
-    (tmp_path / "real").write_text("old")
-    (tmp_path / "real").chmod(0o640)
-    (tmp_path / "link").symlink_to("real")
-    write_whole(tmp_path / "link", "new")
-    assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "real").read_text() == "new"
-    assert (tmp_path / "real").stat().st_mode & 0o777 == 0o640

@@ -7,8 +7,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from support.bench_logs import NOMINAL, RUNS
 
-from pamid.bench import BenchParameters, isobaric, simulate, sine, step, triangle
+from pamid.bench import isobaric, simulate, sine
 from pamid.bench.sensors import IDEAL, SENSORS
 from pamid.cli import main
 from pamid.equations import channel_noise, evaluate_log
@@ -20,14 +21,7 @@ from pamid.gap.residuals.bench import Evidence
 from pamid.report import answers
 from pamid.signals.noise import third_differences
 
-NOMINAL = BenchParameters.for_muscle("B")
-RUNS = [sine(4, 20, 2000), sine(10, 10, 2000), step(0, 15, 2000), triangle(2, 15, 2000)]
 EQUATIONS = ["force", "flow", "valve", "joint"]
-
-
-@pytest.fixture(scope="module")
-def log() -> pd.DataFrame:
-    return simulate(NOMINAL, RUNS, seed=3)
 
 
 # --- ways to damage a log -----------------------------------------------------------------------------------

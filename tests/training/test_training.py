@@ -1,206 +1,25 @@
-"""The volume network's derivatives by hand and its trainers: against autograd, torch's Adam and dense algebra."""
+"""Trainers of the volume network, against torch's Adam and dense algebra."""
 
 from __future__ import annotations
-
-import copy
 
 import numpy as np
 import pytest
 import torch
 from pamid.estimators import StaticPIHM
-from threadpoolctl import threadpool_info
+from support.networks import ACTIVATION, flat, plain_jacobian, plain_law, problem, start
 
 from pamid.errors import FitError, InterruptedFitWarning, ParameterError, UnknownOptionError
 from pamid.training import Adam, LevenbergMarquardt, Status, TrainingProblem, trainer_named
-from pamid.training.adam import device_gradient, views
-from pamid.training.host import HostGradient
+from pamid.training.adam import views
 from pamid.training.network import (
-    ACTIVATIONS,
-    TILE,
     activation_named,
-    adjoints,
     forward,
-    gradient,
-    gram,
-    initial_parameters,
-    jacobian_product,
-    transposed_product,
 )
 from pamid.training.reparametrisation import IDENTITY
 from pamid.training.trainer import mean_squared_residual
 
-PLAIN = {
-    "softplus": lambda z: torch.nn.functional.softplus(z, threshold=50),  # torch's own rounds at 20 already
-    "tanh": torch.tanh,
-    "silu": torch.nn.functional.silu,
-}
-ACTIVATION = sorted(ACTIVATIONS)
-WIDTHS = [(4, 1), (4, 7, 1), (4, 6, 5, 3, 1)]
-
-
-def start(widths=(4, 8, 8, 1), seed=0, dtype=torch.float64):
-    return initial_parameters(widths, np.random.RandomState(seed), dtype)
-
-
-def problem(n=60, seed=1, *, weighted=True, dtype=torch.float64, reads_value=True):
-    """A target that a network can follow: value and slope of a smooth function, mixed by random factors."""
-    rng = np.random.default_rng(seed)
-    x, d, a = rng.normal(size=(n, 4)), rng.normal(size=(n, 4)), rng.normal(size=n) * reads_value
-    f = np.sin(x[:, 0]) + 0.3 * x[:, 1] * x[:, 2]
-    df = np.cos(x[:, 0]) * d[:, 0] + 0.3 * (d[:, 1] * x[:, 2] + x[:, 1] * d[:, 2])
-    weight = rng.uniform(0.2, 3.0, n) if weighted else None
-    return TrainingProblem.from_arrays(x, d, a, a * f + df, weight, dtype=dtype)
-
-
-def plain_network(parameters, x, activation):
-    """The network as anybody would write it, for autograd."""
-    h = x
-    for k in range(0, len(parameters) - 2, 2):
-        h = PLAIN[activation](h @ parameters[k].T + parameters[k + 1])
-    return (h @ parameters[-2].T + parameters[-1])[:, 0]
-
-
-def plain_law(parameters, p, activation):
-    """a N + ∂_d N by a first backward pass that can be differentiated again."""
-    x = p.x.clone().requires_grad_()
-    value = plain_network(parameters, x, activation)
-    (slope,) = torch.autograd.grad(value.sum(), x, create_graph=True)
-    a = 0.0 if p.a is None else p.a
-    return a * value + (slope * p.direction).sum(1), value, (slope * p.direction).sum(1)
-
-
-def plain_jacobian(parameters, p, activation):
-    """J row by row, shape (n_samples, n_parameters)."""
-    theta = [v.clone().requires_grad_() for v in parameters]
-    y, _, _ = plain_law(theta, p, activation)
-    rows = []
-    for value in y:
-        g = torch.autograd.grad(value, theta, retain_graph=True, allow_unused=True)
-        filled = [torch.zeros_like(t) if v is None else v for v, t in zip(g, theta, strict=True)]
-        rows.append(torch.cat([v.reshape(-1) for v in filled]))
-    return torch.stack(rows)
-
-
-def flat(parameters):
-    return torch.cat([p.reshape(-1) for p in parameters])
-
 
 # --- derivatives by hand --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("activation", ACTIVATION)
-def test_activations_and_their_two_derivatives(activation):
-    z = torch.linspace(-30, 30, 241, dtype=torch.float64, requires_grad=True)
-    (slope,) = torch.autograd.grad(PLAIN[activation](z).sum(), z, create_graph=True)
-    (bend,) = torch.autograd.grad(slope.sum(), z)
-    value = z.detach().clone()
-    ours_too = ACTIVATIONS[activation](value, True)  # leaves the value in place of z
-    for ours, theirs in zip((value, *ours_too), (PLAIN[activation](z), slope, bend), strict=True):
-        torch.testing.assert_close(ours, theirs.detach(), rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("widths", WIDTHS)
-@pytest.mark.parametrize("reads_value", [True, False])
-@pytest.mark.parametrize("activation", ACTIVATION)
-def test_value_derivative_and_gradient_are_those_of_autograd(activation, widths, reads_value):
-    p, parameters = problem(20, reads_value=reads_value), start(widths)
-    theta = [v.clone().requires_grad_() for v in parameters]
-    y, value, slope = plain_law(theta, p, activation)
-    for a, d, theirs in ((torch.ones(20), 0.0 * p.direction, value), (None, p.direction, slope)):
-        ours = forward(parameters, p.x, d, a, activation).y
-        torch.testing.assert_close(ours, theirs.detach(), rtol=1e-12, atol=1e-12)
-
-    upstream = torch.linspace(-1, 2, 20, dtype=torch.float64)
-    theirs = torch.autograd.grad((upstream * y).sum(), theta, materialize_grads=True)
-    tape = forward(parameters, p.x, p.direction, p.a, activation)
-    torch.testing.assert_close(tape.y, y.detach(), rtol=1e-12, atol=1e-12)
-    for mine, other in zip(gradient(parameters, tape, upstream), theirs, strict=True):
-        torch.testing.assert_close(mine, other, rtol=1e-10, atol=1e-11)
-
-
-@pytest.mark.parametrize("widths", WIDTHS)
-@pytest.mark.parametrize("reads_value", [True, False])
-@pytest.mark.parametrize("activation", ACTIVATION)
-def test_jacobian_products_without_the_jacobian(activation, widths, reads_value):
-    p, parameters = problem(12, reads_value=reads_value), start(widths, seed=3)
-    J = plain_jacobian(parameters, p, activation)
-    tape = forward(parameters, p.x, p.direction, p.a, activation)
-    adjoint = adjoints(parameters, tape)
-    torch.testing.assert_close(gram(adjoint, tape), J @ J.T, rtol=1e-9, atol=1e-9)
-    v = start(widths, seed=9)
-    torch.testing.assert_close(jacobian_product(adjoint, tape, v), J @ flat(v), rtol=1e-9, atol=1e-9)
-    upstream = torch.linspace(-1, 1, 12, dtype=torch.float64)
-    torch.testing.assert_close(flat(gradient(parameters, tape, upstream)), J.T @ upstream, rtol=1e-9, atol=1e-9)
-    product = flat(transposed_product(adjoint, tape, upstream))
-    torch.testing.assert_close(product, J.T @ upstream, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("reads_value", [True, False])
-def test_a_gram_matrix_of_many_tiles(reads_value):
-    p, parameters = problem(2 * TILE + 15, reads_value=reads_value), start((4, 6, 5, 1))
-    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
-    adjoint = adjoints(parameters, tape)
-    K, u = gram(adjoint, tape), torch.sin(torch.arange(len(p), dtype=torch.float64))
-    torch.testing.assert_close(K, K.T, rtol=1e-13, atol=1e-13)
-    there_and_back = jacobian_product(adjoint, tape, transposed_product(adjoint, tape, u))
-    torch.testing.assert_close(K @ u, there_and_back, rtol=1e-10, atol=1e-10)
-
-
-def test_gram_of_some_layers_only():
-    p, parameters = problem(10), start((4, 6, 5, 1))
-    J = plain_jacobian(parameters, p, "softplus")
-    first = parameters[0].numel() + parameters[1].numel()
-    second = parameters[2].numel() + parameters[3].numel()
-    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
-    part = J[:, first : first + second]
-    ours = gram(adjoints(parameters, tape), tape, trainable=[False, True, False])
-    torch.testing.assert_close(ours, part @ part.T, rtol=1e-9, atol=1e-9)
-
-
-def test_a_forward_pass_leaves_its_inputs_alone():
-    p, parameters = problem(8), start()
-    before = copy.deepcopy((p, parameters))
-    tape = forward(parameters, p.x, p.direction, p.a, "softplus")
-    first = flat(gradient(parameters, tape, torch.ones(8, dtype=torch.float64)))
-    second = flat(gradient(parameters, tape, torch.ones(8, dtype=torch.float64)))
-    assert torch.equal(first, second)
-    assert all(torch.equal(u, v) for u, v in zip(before[1], parameters, strict=True))
-    assert torch.equal(before[0].x, p.x) and torch.equal(before[0].direction, p.direction)
-
-
-@pytest.mark.parametrize("reads_value", [True, False])
-@pytest.mark.parametrize("widths", WIDTHS)
-@pytest.mark.parametrize("activation", ACTIVATION)
-@pytest.mark.parametrize("threads", [1, 3])
-def test_the_gradient_in_numpy_is_that_in_torch(threads, activation, widths, reads_value, monkeypatch):
-    """In whole batches and in blocks of which the last is shorter."""
-    monkeypatch.setattr("pamid.training.host.BLOCK", 9)
-    parameters = start(widths)
-    values, out = flat(parameters).numpy(), torch.full_like(flat(parameters), torch.nan)
-    in_numpy = HostGradient(values, out.numpy(), [v.shape for v in parameters], activation, threads)
-    slots = [torch.empty_like(v) for v in parameters]
-    for n in (9, 5, 21, 50):
-        p = problem(n, reads_value=reads_value)
-        total = device_gradient(parameters, p, activation, slots)
-        assert in_numpy(p) == pytest.approx(float(total), rel=1e-12)
-        torch.testing.assert_close(out, flat(slots), rtol=1e-10, atol=1e-12)
-    in_numpy.close()
-
-
-def test_adam_on_several_threads_leaves_the_libraries_their_own():
-    """The pools of numpy and torch rest within an epoch only; threads sum a batch in another order at most."""
-    p, threads = problem(2100), torch.get_num_threads()
-    ends = []
-    try:
-        for n in (1, 3):
-            torch.set_num_threads(n)
-            before = [pool["num_threads"] for pool in threadpool_info()]
-            *_, (last, _) = Adam(max_iter=2, batch_size=2000).steps(p, start(), "softplus", np.random.RandomState(0))
-            assert [pool["num_threads"] for pool in threadpool_info()] == before
-            ends.append(flat(last))
-    finally:
-        torch.set_num_threads(threads)
-    torch.testing.assert_close(ends[0], ends[1], rtol=1e-9, atol=1e-12)
-
-
 # --- Algorithm 1 ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("batch_size", [64, 17])
 @pytest.mark.parametrize("weight_decay", [0.0, 0.05])
