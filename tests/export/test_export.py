@@ -273,7 +273,7 @@ def test_a_volume_scaled_to_another_muscle_comes_along(models, tmp_path):
         return 1.3 * V + 2e-6, 1.3 * V_eps, 1.3 * V_P
 
     scaled.jet = jet
-    model = SimpleNamespace(_laws=fitted._laws, volume_=scaled)
+    model = SimpleNamespace(laws=fitted.laws, volume_=scaled)
     export(model, tmp_path)
     assert run_self_test(tmp_path).returncode == 0
     (file,) = export(model, tmp_path, "onnx")
@@ -400,7 +400,7 @@ class _Branch(QuasiStaticForce):
 @pytest.mark.parametrize(("law", "why"), [(_Odd(0.2), "numpy.sort"), (_Branch(0.2), "decides by the value")])
 def test_a_law_that_cannot_be_written_is_named(models, law, why, tmp_path):
     volume = models["anchored force"].volume_
-    model = SimpleNamespace(_laws=lambda: (law,), volume_=volume)
+    model = SimpleNamespace(laws=lambda: (law,), volume_=volume)
     with pytest.raises(ExportError, match=f"force law {type(law).__name__} .*{why}"):
         export(model, tmp_path)
 
