@@ -161,7 +161,6 @@ OTHERS_PRIVATE = {
     "pamid/cli/commands/completion.py: _choices_actions",
     "pamid/cli/commands/adapt.py: _pipeline",
     "pamid/cli/commands/adapt.py: _with_rates",
-    "pamid/cli/commands/init.py: _MEANING",
 }
 PROBED = {
     "shape", "columns", "to_numpy", "iloc",  # tables of numpy and pandas

@@ -190,7 +190,7 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
 
 def ask_for_numbers(draft: Draft, ask: Asker) -> None:
     from ..systems import all_systems
-    from ..systems.bench_page import _MEANING
+    from ..systems.bench_page import MEANING
     from ..systems.draft import given_numbers
 
     if not ask.interactive:
@@ -198,7 +198,7 @@ def ask_for_numbers(draft: Draft, ask: Asker) -> None:
     quantities = {} if draft.kind == "bench" else {q.name: q for q in all_systems()[draft.kind].numbers}
     for name in draft.assumed():
         q = quantities.get(name)
-        what = f"{q.meaning}, {q.unit}" if q else _MEANING.get(name, "")
+        what = f"{q.meaning}, {q.unit}" if q else MEANING.get(name, "")
 
         def usable(answer: str, name: str = name) -> None:
             if answer:

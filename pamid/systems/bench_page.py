@@ -28,7 +28,7 @@ OWN = (
 )  # fmt: skip
 """Numbers that no two benches share: where nobody gives them, those of the study's muscle B stand in, marked."""
 
-_MEANING = {
+MEANING = {
     "rest_length": "length between the fittings at rest",
     "rest_diameter": "diameter at rest",
     "braid_angle": "between thread and axis at rest",
@@ -68,7 +68,7 @@ def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
             if "unit" not in f.metadata:
                 lines.append(f'{f.name} = "{value}"  # what the muscle is called')
                 continue
-            said = [f.metadata["unit"], _MEANING.get(f.name, ""), f.metadata["comment"]]
+            said = [f.metadata["unit"], MEANING.get(f.name, ""), f.metadata["comment"]]
             mark = "  ASSUMED: replace it by yours" if f.name in assumed else ""
             lines.append(f"{f.name} = {value!r}  # {', '.join(dict.fromkeys(t for t in said if t))}{mark}")
     lines += ["", "[tolerance]  # relative: how well each is known; what a number within it explains is no gap"]
