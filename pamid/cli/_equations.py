@@ -79,7 +79,11 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
             f"The log measures none of {', '.join((*rates, *outputs))}.", "one of them at least",
             f"Add --signal {next(iter((*rates, *outputs)))}=COLUMN:UNIT.",
         )  # fmt: skip
-    draft.ports = tuple(port._replace(unit=_unit_of(draft, port.name)) for port in draft.ports)
+    units = {port.name: _unit_of(draft, port.name) for port in draft.ports}
+    for name, right in rates.items():
+        if right in rates and units[name] and not units[right]:
+            units[right] = f"{units[name]}/s"  # a state that is the rate of another
+    draft.ports = tuple(port._replace(unit=units[port.name]) for port in draft.ports)
     draft.page = _page(draft, equations, numbers, starts)
 
 

@@ -83,6 +83,13 @@ def test_what_is_wrong_is_said(more, said, drops, capsys):
     assert not (drops / "setup").exists()
 
 
+def test_a_rate_that_is_not_logged_has_the_unit_of_a_rate(drops, capsys):
+    equations = ["--equation", "dh/dt = speed", "--equation", "dspeed/dt = -g", "--set", "g=9.81 m/s2"]
+    out = ["--signal", "h=height [mm]", "--out", str(drops / "setup")]
+    assert main(["init", str(drops / "drops.csv"), *equations, *out]) == 0
+    assert read_simulator(drops / "setup" / "sim.toml").port("speed").unit == "m/s"
+
+
 def test_an_algebraic_model_and_its_page(tmp_path):
     ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
     piston = EquationSimulator({"F": "A*max(P - 1e5, 0) + 2^0.5"}, ports, {"A": (5e-4, 0.02, "m2")})
