@@ -151,7 +151,7 @@ SIZES = ("rest_length", "rest_diameter")
 
 
 def make_estimator(
-    name: str, settings: dict[str, Any], seed: int, numbers_for: Callable[[tuple[str, ...]], dict[str, Any]]
+    name: str, settings: dict[str, Any], seed: int | None, numbers_for: Callable[[tuple[str, ...]], dict[str, Any]]
 ) -> Any:
     """Make an estimator by its name: settings as given, numbers of pages of its kinds, seed where it takes one."""
     import difflib

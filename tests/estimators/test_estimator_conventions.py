@@ -83,7 +83,7 @@ def test_one_row_is_read_by_name_whatever_was_read_before(rows):
 
 
 def test_a_setting_on_the_command_line_is_that_of_python():
-    made = make_estimator("PolynomialForce(surface)", {}, {"rest_length": 0.2}, None)
+    made = make_estimator("PolynomialForce(surface)", {}, None, lambda kinds: {"rest_length": 0.2})
     assert made.get_params() == PolynomialForce(form="surface").get_params()
 
 

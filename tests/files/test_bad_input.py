@@ -313,7 +313,8 @@ COLUMNS = [
 
 def fit_with(name: str, equation: str | None = None, **settings):
     def call(good: dict[str, Path]):
-        return equation_of(make_estimator(name, settings, {"rest_length": 0.2, "rest_diameter": 0.02}, 0), equation)
+        sizes = {"rest_length": 0.2, "rest_diameter": 0.02}
+        return equation_of(make_estimator(name, settings, 0, lambda kinds: sizes), equation)
 
     return call
 
