@@ -277,7 +277,7 @@ def share(flags: Sequence[bool]) -> str:
     z, p = 1.96, k / n
     middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     low, high = ((middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n))
-    return f"{100 * p:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+    return f"{100 * p:.0f} % ({100 * max(low, 0.0):.0f}–{100 * min(high, 1.0):.0f})"
 
 
 def seconds_to_one(rounds: Sequence[dict[str, Any]]) -> float:

@@ -366,7 +366,7 @@ def test_a_joint_at_rest_is_a_log_beside_one_of_motion(healthy: pd.DataFrame) ->
         diagnose_logs({"held": more}, NOMINAL, ["leakage"])
 
 
-def test_what_the_logs_leave_open_of_an_explanation_tells_it_from_another(healthy: pd.DataFrame) -> None:
+def test_parameters_that_a_run_determines_cost_evidence(healthy: pd.DataFrame) -> None:
     bench = Bench(NOMINAL, [Evidence(healthy, NOMINAL)])
     values = [dict(all_effects()[name]().values) for name in ("coulomb_friction", "stribeck_friction")]
     values[1] |= {"coulomb": values[0]["amplitude"], "breakaway": 1e-3}
@@ -374,7 +374,11 @@ def test_what_the_logs_leave_open_of_an_explanation_tells_it_from_another(health
         Rival({n: v}, {}, 0.0, 0.5) for n, v in zip(("coulomb_friction", "stribeck_friction"), values, strict=True)
     ]
     known = [_known(bench, r) for r in rivals]
-    sure = [replace(k, precision=1e8 * k.precision) for k in known]
     trial = Evidence(simulate(NOMINAL, [sine(8, 15, 500)], seed=5), NOMINAL)
-    wide, narrow = (Discrimination(trial, k, forms=False).between([0])[1, 0] for k in (known, sure))
-    assert wide > narrow + 1.0
+    told = Discrimination(trial, known, forms=False)
+    H = [k.precision.copy() for k in known]
+    for k, h in zip(known, H, strict=True):
+        assert k.price(100.0 * h, 10 * k.windows) > k.price(h, k.windows)  # more is known
+    between, plain = told.between([0]), told._losses([0])
+    assert between[0, 1] - plain[0, 1] == pytest.approx(plain[1, 0] - between[1, 0])  # what one pays, the other gains
+    assert between[0, 1] != plain[0, 1]

@@ -3,15 +3,12 @@ r"""How clearly runs would tell explanations apart, before they are recorded.
 A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. Beside what the
 earlier logs say of its parameters, the expected difference in log-likelihood is
 
-.. math:: D_{ij} = \min_x \sum_e \tfrac{n_e}{2} \log\Big(1 + \frac{E\|d_e + A_e x\|^2}{n_e}\Big)
-    + \tfrac{1}{2} E\, x^\top \Lambda_j x
+.. math:: D_{ij} = \min_x \sum_e \tfrac{n_e}{2} \log\Big(1 + \frac{\|d_e + A_e x\|^2}{n_e}\Big)
+    + \tfrac{1}{2} x^\top \Lambda_j x
 
 with d the difference of their residuals in units of noise and model discrepancy, A what the rival's parameters, the
 tolerances and the inexactness of its form can do, and Λ the posterior precision of the earlier logs: the
 Kullback–Leibler divergence between refitted models, of which T-optimality takes the smallest (Atkinson & Fedorov).
-E is taken over what the earlier logs leave open of the true explanation's own parameters, as in the criterion of Box
-and Hill: two explanations that agree at their fits may differ elsewhere, and a run that shows it decides. What the
-true one loses itself until it has found its parameters is taken off.
 Each equation has a scale of its own, so that what is far off counts by its logarithm. To the evidence also goes what
 parameters cost that the run determines (`price`): with it a simple explanation gains on one that holds it as a special
 case. Several rivals are judged together by the bound on the probability of a wrong choice,
@@ -127,13 +124,6 @@ class Known:
         free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
         return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
 
-    @property
-    def open(self) -> np.ndarray:
-        """The covariance of tolerances and parameters, as far as these were thought possible."""
-        P = self.precision + np.diag(self.reach**-2.0)
-        size = np.sqrt(np.maximum(np.diag(P), 1e-300))
-        return np.asarray(np.linalg.inv(P / np.outer(size, size) + 1e-9 * np.eye(len(P))) / np.outer(size, size))
-
 
 def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
     """Return what an effect explains: that of its amplitudes, in which it is linear."""
@@ -228,8 +218,6 @@ class Discrimination:
         self.dd: list[list[np.ndarray]] = []
         self.prior: list[np.ndarray] = []
         self.wider: list[np.ndarray] = []
-        self.open = [k.open for k in self.known]
-        self.own: list[list[tuple[np.ndarray, np.ndarray]]] = []
         for j, k in enumerate(self.known):
             S, width = _form(trial, k.fit) if forms else (np.zeros((len(trial.z0), 0)), np.ones(len(trial.z0)))
             B = np.column_stack([columns[j], S]) / width[:, None]
@@ -244,7 +232,6 @@ class Discrimination:
             self.G.append(np.array([[B[s].T @ B[s] for s in rows] for rows in slices]))
             d = [(residuals[j] - residuals[i]) / width for i in range(self.m)]
             self.b.append([np.array([[B[s].T @ v[s] for s in rows] for rows in slices]) for v in d])
-            self.own.append([_own(B, columns[i] / width[:, None], slices) for i in range(self.m)])
             self.dd.append([np.array([[v[s] @ v[s] for s in rows] for rows in slices]) for v in d])
 
     def between(self, chosen: Sequence[int]) -> np.ndarray:
@@ -260,18 +247,17 @@ class Discrimination:
         array, shape (n_explanations, n_explanations)
             Row: the one that is true; column: the one that is refitted.
         """
-        lost = self._losses(chosen)
         dearer = np.array([self._dearer(k, chosen) for k in range(self.m)])
-        # The true one has to find its own parameters, too.
-        return np.asarray(lost - np.diag(lost)[:, None] + dearer[None, :] - dearer[:, None])
+        return np.asarray(self._losses(chosen) + dearer[None, :] - dearer[:, None])
 
     def _losses(self, chosen: Sequence[int]) -> np.ndarray:
         """Return the log-likelihood that each explanation, column, is expected to lose where one, row, is true."""
         out = np.zeros((self.m, self.m))
         for i in range(self.m):
             for j in range(self.m):
-                cost, left, n = self._refitted(i, j, chosen)
-                out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost)
+                if i != j:
+                    cost, left, n = self._refitted(i, j, chosen)
+                    out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost)
         return out if self.exact is None else np.minimum(out, self.exact._losses(chosen))
 
     def _dearer(self, which: int, chosen: Sequence[int]) -> float:
@@ -283,7 +269,7 @@ class Discrimination:
         return k.price(H, k.windows + self.n[:, at].sum()) - k.price(k.precision, k.windows)
 
     def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Refit an explanation to what some of the runs show where another is true, whatever is open of that one.
+        """Refit an explanation to what some of the runs show where another is true.
 
         Returns
         -------
@@ -292,25 +278,18 @@ class Discrimination:
         left, windows : array, shape (n_equations,)
             The sum of squares that it leaves in each equation, and the windows of each.
         """
-        at, b, dd = list(chosen), self.b[j][i], self.dd[j][i]
-        G, bi, ddi = (v[:, at].sum(axis=1) for v in (self.G[j], b, dd))
-        own, cross = (v[:, at].sum(axis=1) for v in self.own[j][i])
-        Q, P = self.open[i], self.prior[j]
+        at, P = list(chosen), self.prior[j]
+        G, bi, ddi = (v[:, at].sum(axis=1) for v in (self.G[j], self.b[j][i], self.dd[j][i]))
         n = np.maximum(self.n[:, at].sum(axis=1), 1.0)
-        scale2, cost, left = np.ones(len(n)), 0.0, ddi
+        scale2, x, left = np.ones(len(n)), np.zeros(len(P)), ddi
         for _ in range(ROUNDS):
             H = np.tensordot(1.0 / scale2, G, 1) + P
             size = np.sqrt(np.maximum(np.diag(H), 1e-300))
             C = H / np.outer(size, size) + 1e-9 * np.eye(len(size))
-            asked = np.column_stack([(bi / scale2[:, None]).sum(axis=0), np.tensordot(1.0 / scale2, cross, 1)])
-            X = -np.linalg.solve(C, asked / size[:, None]) / size[:, None]
-            x, X = X[:, 0], X[:, 1:]
-            left = ddi + 2.0 * bi @ x + np.einsum("i,eij,j->e", x, G, x)
-            moved = own + np.einsum("eji,jk->eik", cross, X) + np.einsum("ji,ejk->eik", X, cross)
-            moved = moved + np.einsum("ai,eab,bk->eik", X, G, X, optimize=True)
-            left = np.maximum(left, 0.0) + np.maximum(np.einsum("eij,ji->e", moved, Q), 0.0)
-            cost = 0.5 * float(x @ P @ x + np.sum(Q * (X.T @ P @ X)))
+            x = -np.linalg.solve(C, (bi / scale2[:, None]).sum(axis=0) / size) / size
+            left = np.maximum(ddi + 2.0 * bi @ x + np.einsum("i,eij,j->e", x, G, x), 0.0)
             scale2 = 1.0 + left / n
+        cost = 0.5 * float(x @ P @ x)
         free = slice(len(self.known[j].precision), None)
         form = np.tensordot(1.0 / scale2, G, 1)[free, free] * FORM_SMOOTH**2
         cost += 0.5 * float(np.linalg.slogdet(np.eye(len(form)) + form)[1]) + float(self.wider[j][at].sum())
@@ -341,14 +320,6 @@ class Discrimination:
         if len(k.precision) == m:
             return 0.0
         return float(np.linalg.slogdet(k.curvature(H))[1])
-
-
-def _own(B: np.ndarray, own: np.ndarray, slices: Sequence[Sequence[slice]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the products of an explanation's own columns, and of a rival's with them, by equation and run."""
-    return (
-        np.array([[own[s].T @ own[s] for s in rows] for rows in slices]),
-        np.array([[B[s].T @ own[s] for s in rows] for rows in slices]),
-    )
 
 
 def clarity(between: np.ndarray, beliefs: np.ndarray) -> float:
