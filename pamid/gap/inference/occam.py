@@ -82,8 +82,12 @@ def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: S
         Curvature of the likelihood, tolerances projected out.
     n : float
         Windows.
-    parameters, values, gain
-        As for `occam`.
+    parameters : sequence of Parameter
+        The parameters.
+    values : sequence of float
+        Their values.
+    gain : float
+        What the effect gains in likelihood.
     """
     one, k = 0.5 * float(np.log(max(n, 2))), len(H)
     if k < 2:
@@ -94,7 +98,19 @@ def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: S
 
 
 def possible(H: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> np.ndarray:
-    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size."""
+    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size.
+
+    Parameters
+    ----------
+    H : array, shape (n_parameters, n_parameters)
+        Curvature of the likelihood, tolerances projected out.
+    parameters : sequence of Parameter
+        The parameters.
+    values : sequence of float
+        Their values.
+    gain : float
+        What the effect gains in likelihood.
+    """
     curvature = np.maximum(np.diag(H), 0.0)
     with np.errstate(divide="ignore"):
         amplitude = np.where(curvature > 0.0, np.sqrt(2.0 * max(gain, 1.0) / np.maximum(curvature, 1e-300)), 0.0)
