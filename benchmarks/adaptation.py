@@ -332,8 +332,7 @@ FESTO = {
     "10mm_40cm": (0.382, 0.010),
     "20mm_10cm": (0.098, 0.020),
 }
-"""Measured muscles, the source first: the beginning of their files' names, length and diameter, m."""
-FESTO_COUNTS = (30, 100, 300)
+"""Measured muscles: the beginning of their files' names, length and diameter, m."""
 CUTOFF = 2.0
 """Cut-off of the measured muscles' rates, Hz."""
 WHOLE = 6000
@@ -347,22 +346,25 @@ def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
     if not files or not all(files.values()):
         print("festo: skipped, there is no folder of measured data (--festo FOLDER)")
         return []
+    from _sources_kept import adapters, fresh
     from festo import table, thin  # the neighbouring benchmark reads the logs
 
     found: list[dict[str, Any]] = []
-    split = {}
+    split, first = {}, args.source
     for name, paths in files.items():
         d = table(paths, CUTOFF)
         d = d[d["F"] > 5.0]
         split[name] = d[~d["last"]], d[d["last"]]
-    first, *others = FESTO
+    others = [name for name in args.muscles or FESTO if name != first]
 
     def rmse(model: Any, columns: list[str], test: pd.DataFrame) -> float:
         return float(np.sqrt(np.mean((model.predict(test[columns]) - test["F"]) ** 2)))
 
     def whole(name: str) -> StaticPIHM:
         rows = thin(split[name][0], WHOLE)
-        return StaticPIHM(*FESTO[name], random_state=args.first_seed).fit(rows[COLUMNS[1:]], rows["F"])
+        return StaticPIHM(*FESTO[name], max_iter=args.steps, random_state=args.first_seed).fit(
+            rows[COLUMNS[1:]], rows["F"]
+        )
 
     network = FrozenEstimator(whole(first))
     print("Festo: RMSE / N on the last repeat of each contraction, F > 5 N; a seed is a draw of samples")
@@ -371,25 +373,40 @@ def festo_part(args: argparse.Namespace) -> list[dict[str, Any]]:
         own = rmse(whole(name), COLUMNS[1:], test)
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             options = dict(zip(("rest_length", "rest_diameter"), FESTO[name], strict=True), random_state=seed)
-            for count in FESTO_COUNTS:
+            for count in args.counts:
                 step = len(train) // count
                 few = train.iloc[(seed * step) // max(args.seeds, 1) :: step]
                 row = {"muscle": name, "seed": seed, "count": count, "all": own}
-                for method, base in (("Q alone", "frozen"), ("Q", "full")):
-                    model = QAdapter(network, base=base, **options).fit(few[COLUMNS], few["F"])
-                    row |= {method: rmse(model, COLUMNS, test), "Q0": model.q0_, "factor": model.q_}
-                if seed == args.first_seed:
-                    alone = StaticPIHM(**options).fit(few[COLUMNS[1:]], few["F"])
-                    row["no source"] = rmse(alone, COLUMNS[1:], test)
+                for method, adapter in adapters(network, options).items():
+                    model = adapter.fit(few[COLUMNS], few["F"])
+                    row |= {method: rmse(model, COLUMNS, test), f"{method} keeps": float(model.source_kept_[0])}
+                    if method == "Q":
+                        row |= {"Q0": model.q0_, "factor": model.q_}
+                for method, (model, columns) in fresh().items():
+                    row[method] = rmse(model.fit(few[columns], few["F"]), columns, test)
                 found.append(row)
                 print(f"{first} -> {name}", {k: round(v, 3) for k, v in row.items() if k != "muscle"}, flush=True)
     d = pd.DataFrame(found)
+    print("\nRMSE / N, median and greatest; best fresh fit: that of the kind whose median is least")
+    for (name, count), g in d.groupby(["muscle", "count"], sort=False):
+        kinds = list(fresh())
+        best = min(kinds, key=lambda kind, g=g: g[kind].median())
+        cells = ", ".join(
+            f"{m} {g[m].median():.2f} ({g[m].max():.2f}), keeps {g[f'{m} keeps'].median():.0%}"
+            for m in adapters(network, {})
+        )
+        print(
+            f"{first} -> {name} {count:4d} samples: {cells}; "
+            + ", ".join(f"{kind} {g[kind].median():.2f} ({g[kind].max():.2f})" for kind in kinds)
+            + f"; Q over {best}: median {g['Q'].median() / g[best].median():.2f}, "
+            f"worst {g['Q'].max() / g[best].max():.2f}",
+            flush=True,
+        )
     print(f"\nmedian over {args.seeds} draws; ratio: Q over all data, with the least and the greatest")
     for (name, count), g in d.groupby(["muscle", "count"], sort=False):
         ratio = g["Q"] / g["all"]
         print(
-            f"{first} -> {name} {count:4d} samples: Q {g['Q'].median():6.2f}, Q alone {g['Q alone'].median():6.2f}, "
-            f"no source {g['no source'].median():6.2f}, all data {g['all'].median():6.2f} N, "
+            f"{first} -> {name} {count:4d} samples: Q {g['Q'].median():6.2f}, all data {g['all'].median():6.2f} N, "
             f"ratio {ratio.median():.2f} [{ratio.min():.2f}, {ratio.max():.2f}]; "
             f"Q {g['factor'].median():.3f}, by geometry {g['Q0'].median():.3f}"
         )
@@ -435,6 +452,9 @@ def main() -> None:
     methods = ["", "savgol", "spline", "kalman"]
     parser.add_argument("--rates", nargs="+", choices=methods, default=methods, help="methods of rates ('': unknown)")
     parser.add_argument("--methods", nargs="*", help="only adaptations whose names hold one of these texts")
+    parser.add_argument("--counts", type=int, nargs="+", default=[30, 100, 300], help="samples of the Festo part")
+    parser.add_argument("--source", choices=FESTO, default="10mm_30cm", help="source of the Festo part")
+    parser.add_argument("--muscles", nargs="+", choices=FESTO, help="targets of the Festo part (default: all others)")
     parser.add_argument("--festo", metavar="FOLDER", help="folder of measured Festo logs")
     parser.add_argument(
         "--out", metavar="FILE.json", help="where to keep all figures, for benchmarks/adaptation_plots.py"

@@ -27,6 +27,7 @@ from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
 from ._base import SignalEstimator, fitted_attributes, state_of
+from ._blend import FEW_TRAJECTORIES, Blending
 from ._hybrid_fit import (
     arrays_of,
     check_parameters,
@@ -37,7 +38,7 @@ from ._hybrid_fit import (
     training_problem,
     warn_before,
 )
-from ._hybrid_use import jet_of, predicted
+from ._hybrid_use import jet_of, mean_r2
 from ._pihm import HybridModel
 from ._progress import ProgressMixin, fit_progress
 from ._source import hybrid_of
@@ -47,9 +48,6 @@ from ._trajectories import trajectory_codes
 VOLUME_COLUMNS = ("V", "V_eps", "V_P")
 """What `transform` appends: volume (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
 
-FEW_TRAJECTORIES = 4
-"""Trajectories below which the strength of the prior is not chosen by cross-validation."""
-
 DEFAULT_PULL = 1e-4
 """Pull toward the source where nothing tells its strength."""
 
@@ -57,7 +55,7 @@ PUBLISHED_BATCH = 128
 """Batch of Adam in an adaptation, as published."""
 
 
-class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
+class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
     """Base of the adapters; a subclass says what is trained."""
 
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
@@ -237,6 +235,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
         stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
         self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
+        self._weigh(model, table, Y, weight, codes, (problem, bound, origin))
         self.n_parameters_ = n_parameters(psi) + int(self._counts_scale)
         self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
         if not np.isfinite(self.weight_decay_):
@@ -366,7 +365,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         """
         check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
-        out = predicted(self.model_, table)
+        out = self._predict_blend(table)
         return out[:, 0] if out.shape[1] == 1 else out
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
@@ -386,8 +385,7 @@ class AdaptedModel(Streaming, ProgressMixin, RegressorMixin, TransformerMixin, S
         float
             R², dimensionless; one is perfect.
         """
-        check_is_fitted(self, "model_")
-        return self.model_.score(X, y, sample_weight)
+        return mean_r2(y, self.predict(X), sample_weight)
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense.

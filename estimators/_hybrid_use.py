@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,3 +65,16 @@ def warn_of_extrapolation(model: HybridModel, X: np.ndarray) -> None:
             ExtrapolationWarning,
             stacklevel=4,
         )
+
+
+def mean_r2(y: Any, predicted: np.ndarray, sample_weight: Any = None) -> float:
+    """Return R², averaged over the targets; rows where one was not measured are left out of its share."""
+    from sklearn.metrics import r2_score
+
+    Y, Z = np.asarray(y, dtype=float).reshape(len(predicted), -1), predicted.reshape(len(predicted), -1)
+    w = None if sample_weight is None else np.asarray(sample_weight)
+    known = [np.isfinite(Y[:, k]) for k in range(Y.shape[1])]
+    scores = [
+        r2_score(Y[keep, k], Z[keep, k], sample_weight=None if w is None else w[keep]) for k, keep in enumerate(known)
+    ]
+    return float(np.mean(scores))

@@ -52,4 +52,10 @@ def hybrid_of(source: Any, who: str) -> HybridModel:
             "Fit it first. If it was fitted, a clone has stripped its fit, as searches and cross-validation do: pass "
             "source=sklearn.frozen.FrozenEstimator(fitted), which clones leave whole.",
         )
+    if getattr(found, "effect_values_", None):
+        raise IncompatibleError(
+            f"The source of {who} has effects with memory: {', '.join(found.effect_values_)}.",
+            "a source without effects",
+            "Fit the source without effects.",
+        )
     return found

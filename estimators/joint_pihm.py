@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sklearn.metrics import r2_score
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.laws.base import Law
@@ -14,7 +13,7 @@ from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.laws.thermodynamic import ThermodynamicFlow
 
 from ._base import Signals
-from ._hybrid_use import predicted
+from ._hybrid_use import mean_r2, predicted
 from ._pihm import HybridModel
 
 
@@ -212,14 +211,7 @@ class JointPIHM(HybridModel):
         float
             R², dimensionless; one is perfect.
         """
-        Y, Z = np.asarray(y, dtype=float), self.predict(X)
-        Y, Z = Y.reshape(len(Z), -1), Z.reshape(len(Z), -1)
-        w = None if sample_weight is None else np.asarray(sample_weight)
-        scores = []
-        for k in range(Y.shape[1]):
-            keep = np.isfinite(Y[:, k])
-            scores.append(r2_score(Y[keep, k], Z[keep, k], sample_weight=None if w is None else w[keep]))
-        return float(np.mean(scores))
+        return mean_r2(y, self.predict(X), sample_weight)
 
     @classmethod
     def _checked_instances(cls) -> list[JointPIHM]:

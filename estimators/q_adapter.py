@@ -59,6 +59,10 @@ class QAdapter(AdaptedModel):
         where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
     validation_fraction : float or "auto", default=0.0
         Share of whole trajectories held out for early stopping.
+    blend : {"auto"} or bool, default="auto"
+        Whether samples held out decide, once, how much a fresh fit of the same samples takes part in the predictions
+        (`pamid.adapters.source_process`), so that they are not worse than without a source. ``"auto"`` leaves the
+        published algorithm as published.
     warm_start : bool, default=False
         Whether another ``fit`` goes on from where the adaptation stands.
     signals : dict, optional
@@ -82,6 +86,13 @@ class QAdapter(AdaptedModel):
         Number of adapted parameters.
     weight_decay_ : float
         Strength of the pull; infinite where the network stays as it is.
+    blend_ : ndarray, shape (n_targets,)
+        Share of the fresh fit in the predictions, 0 where the adapted model stays alone.
+    source_kept_ : ndarray, shape (n_targets,)
+        Share of the source in the predictions: of the adapted model, and of the source within the fresh fit.
+    held_out_errors_ : list of dict
+        Root mean square errors on samples held out, in the target's unit: ``adapted``, ``fresh`` (without the source)
+        and ``both`` (a fresh fit that reads the source's prediction).
     n_iter_, loss_curve_, validation_curve_, status_
         As in `StaticPIHM`.
 
@@ -128,6 +139,7 @@ class QAdapter(AdaptedModel):
         batch_size: int | None = None,
         weight_decay: float | str | None = "auto",
         validation_fraction: float | str = 0.0,
+        blend: bool | str = "auto",
         warm_start: bool = False,
         signals: Signals | None = None,
         device: str = "cpu",
@@ -144,6 +156,7 @@ class QAdapter(AdaptedModel):
         self.batch_size = batch_size
         self.weight_decay = weight_decay
         self.validation_fraction = validation_fraction
+        self.blend = blend
         self.warm_start = warm_start
         self.signals = signals
         self.device = device

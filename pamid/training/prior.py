@@ -70,12 +70,7 @@ def choose_weight_decay(
     if n > ROWS:
         rows = np.sort(random_state.choice(n, ROWS, replace=False))
         problem, trajectories = problem.rows(torch.as_tensor(rows, device=problem.y.device)), trajectories[rows]
-    theta = adapter.expand(psi)
-    tape = forward(theta, problem.x, problem.direction, problem.a, activation)
-    root = (problem.weight / problem.weight.sum()).sqrt()
-    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-    K = adapter.gram(psi, adjoint, tape).double().cpu().numpy()
-    r = (root * (tape.y - problem.y)).double().cpu().numpy()
+    K, r, _ = _linearised(problem, psi, activation, adapter)
     names, codes = np.unique(trajectories, return_inverse=True)
     fold = random_state.permutation(len(names))[codes] % min(FOLDS, len(names))
     # Mean squared error of each trajectory for each strength; the last is that of the source as it is.
@@ -95,3 +90,60 @@ def choose_weight_decay(
     nearest = int(np.argmin(np.abs(np.log(np.array(STRENGTHS) / strength))))
     excess = errors[nearest] - errors[-1]
     return np.inf if excess.sum() > np.sqrt(len(names)) * excess.std() else strength
+
+
+def _linearised(
+    problem: TrainingProblem, psi: Parameters, activation: str, adapter: Reparametrisation
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the Gram matrix and the residuals at psi, both times the roots of the weights, and these roots."""
+    theta = adapter.expand(psi)
+    tape = forward(theta, problem.x, problem.direction, problem.a, activation)
+    root = (problem.weight / problem.weight.sum()).sqrt()
+    adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
+    K = adapter.gram(psi, adjoint, tape) if psi else 0.0 * root[:, None] * root
+    r = root * (tape.y - problem.y)
+    return K.double().cpu().numpy(), r.double().cpu().numpy(), root.double().cpu().numpy()
+
+
+def held_out_residuals(
+    problem: TrainingProblem,
+    psi: Parameters,
+    activation: str,
+    adapter: Reparametrisation,
+    blocks: np.ndarray,
+    weight_decay: float,
+) -> np.ndarray:
+    r"""Return what the linearised adaptation leaves of each block when it is adapted to all others.
+
+    With :math:`A = K + \lambda I`, block b is left with :math:`(A^{-1})_{bb}^{-1} (A^{-1} r)_b`: one inverse serves
+    all.
+
+    Parameters
+    ----------
+    problem : Problem
+        The target's data.
+    psi : list of Tensor
+        Where the adaptation starts.
+    activation : str
+        Name of the activation.
+    adapter : Reparametrisation
+        What psi stands for.
+    blocks : ndarray of int, shape (n_samples,)
+        Which samples are held out together.
+    weight_decay : float
+        λ; infinite where the network stays as it is.
+
+    Returns
+    -------
+    ndarray, shape (n_samples,)
+        Prediction less measurement, in the units of the problem.
+    """
+    K, r, root = _linearised(problem, psi, activation, adapter)
+    if not psi or not np.isfinite(weight_decay):
+        return np.asarray(r / root)
+    inverse = np.linalg.inv(K + max(weight_decay, STRENGTHS[0]) * np.eye(len(r)))
+    left = inverse @ r
+    for block in np.unique(blocks):
+        out = np.flatnonzero(blocks == block)
+        left[out] = np.linalg.solve(inverse[np.ix_(out, out)], left[out])
+    return np.asarray(left / root)

@@ -98,7 +98,7 @@ def test_adaptation_learns_what_is_not_a_factor(flow):
 
     few, more = table(1, rows=15, factor=4.0), table(2, factor=4.0)
     scores = {
-        name: QAdapter(flow, 4.0, base=base, weight_decay=1e-6, random_state=0)
+        name: QAdapter(flow, 4.0, base=base, weight_decay=1e-6, blend=False, random_state=0)
         .fit(few, bent(few))
         .score(more, bent(more))
         for name, base in (("frozen", "frozen"), ("full", "full"), ("low", LowRank((2, 2))))
@@ -112,7 +112,7 @@ def test_prior_follows_what_held_out_trajectories_leave(flow):
     few, more = table(1, rows=12, factor=4.0, noise=0.02), table(2, factor=4.0)
 
     def fitted(data, target, **options):
-        return QAdapter(flow, 4.0, random_state=0, **options).fit(data, target)
+        return QAdapter(flow, 4.0, blend=False, random_state=0, **options).fit(data, target)
 
     alike = fitted(few, few["mdot"])
     for other, stronger in ((table(1, rows=12, factor=4.0, noise=0.1), True), (table(1, rows=48, factor=4.0), False)):
@@ -210,7 +210,7 @@ def pipeline(source):
     return Pipeline(
         [
             ("rates", RateTransformer(columns=("eps", "P"))),
-            ("volume", QAdapter(FrozenEstimator(source), rest_diameter=0.02, max_iter=3, random_state=0)),
+            ("volume", QAdapter(FrozenEstimator(source), rest_diameter=0.02, blend=False, max_iter=3, random_state=0)),
             ("law", LawRegressor("quasi_static", rest_length=0.2)),
         ]
     )
@@ -245,7 +245,7 @@ def test_search_over_adapters_and_ranks(force):
 
 def test_transformer_by_position_and_output(flow):
     few = table(1, factor=4.0)
-    model = QAdapter(flow, 4.0, base="frozen").fit(few[SIGNALS].to_numpy(), few["mdot"])
+    model = QAdapter(flow, 4.0, base="frozen", blend=False).fit(few[SIGNALS].to_numpy(), few["mdot"])
     out = model.transform(few[SIGNALS].to_numpy())
     assert out.shape == (len(few), 7)
     np.testing.assert_allclose(out[:, 4], model.volume(few[SIGNALS].to_numpy()).V)
