@@ -37,7 +37,7 @@ class FunctionSimulator(Simulator):
     ----------
     function : callable
         ``f(t, x, u, p)`` returns the rates of the states; ``g(u, p)`` (or ``g(t, u, p)``) the outputs at an instant;
-        ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``. x, u and p go by name
+        ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``, the last. x, u and p go by name
         (``x["angle"]``, ``x.angle``) and by place (``x[0]``). It returns numbers in the order of the ports, or a
         mapping by name.
     ports : sequence of Port
@@ -159,7 +159,7 @@ class FunctionSimulator(Simulator):
 
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
         """Return the outputs of a whole run, shape (n_outputs, n)."""
-        given = Values.of(np.vstack([t[None], u]), ("time", *self.inputs))
+        given = Values.of(np.vstack([u, t[None]]), (*self.inputs, "time"))
         answer = _asked(self.function, given, Values.of(p, self.parameters), Values.of(x0, self.states))
         out = _rows(answer, self.outputs, self.function)
         if out.shape != (len(self.outputs), len(t)):

@@ -253,3 +253,31 @@ def test_a_simulator_behind_the_face_of_an_estimator() -> None:
     assert diagnoser.causes_[0].effects == ("viscous_friction",) and diagnoser.corrected_.effects
     v = diagnoser.predict(later[columns], groups=later["trajectory"])
     assert float(np.std(v - later["v"])) < 3e-3  # noise is 1e-3; the nominal simulator is off by more than 1 m/s
+
+
+def test_a_function_of_whole_runs_is_asked_by_name_or_place_and_seldom() -> None:
+    rng, asked = np.random.default_rng(4), []
+
+    def heated(u, p, x0):  # a bath with a heater: two stores in series, 1 s a sample
+        asked.append(u)
+        T, out = [float(x0[0]), float(x0[1])], []
+        for watt in np.asarray(u[0]):
+            out.append(T[1])
+            T[0] += 0.1 * (p[0] * float(watt) - T[0])
+            T[1] += 0.05 * (T[0] - T[1])
+        return [np.array(out)]
+
+    ports = [Port("watt", "input", "W"), Port("first", "state", "K"), Port("second", "state", "K"),
+             Port("bath", "output", "K")]  # fmt: skip
+    runs = []
+    for k in range(3):
+        watt = 2.0 + np.sin(np.arange(400) * 0.03 * (k + 1)) + np.sin(np.arange(400) * 0.011)
+        [y] = heated([0.8 * watt], [1.5], [1.0, 1.0])
+        noisy = y + 2e-3 * rng.standard_normal(400)
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": np.arange(400.0), "watt": watt, "bath": noisy}))
+    asked.clear()
+    bath = FunctionSimulator(heated, ports, {"gain": (1.5, 0.05, "K/W")}, form="run")
+    found = diagnose_simulator(pd.concat(runs), bath, ["actuator_gain", "actuator_lag", "sensor_gain", "sensor_lag"])
+    assert np.array_equal(asked[0]["watt"], asked[0][0]) and np.array_equal(asked[0]["time"], np.arange(400.0))
+    assert found.verdict == "class" and set(found.causes[0].effects) == {"actuator_gain", "sensor_gain"}
+    assert len(asked) <= 120 * len(runs)  # 60 are wanted
