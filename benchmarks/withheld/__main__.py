@@ -40,6 +40,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path, metavar="DIR", help="write logs, simulators and keys there, too")
     parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
     parser.add_argument(
+        "--pool", type=int, action="append", default=[], metavar="SEED", help="count that run's cases, too"
+    )
+    parser.add_argument(
         "--develop", action="store_true", help="name causes however little is to be trusted, and fit what trust is"
     )
     parser.add_argument(
@@ -66,6 +69,8 @@ def main(argv: list[str] | None = None) -> int:
         print(f"There are no results in {folder}.", file=sys.stderr)
         return 1
     results = runner.load(folder / "cases", there)
+    for seed in args.pool:
+        results += [{**r, "name": f"{r['name']}@{seed}"} for r in _written(args.out / f"seed-{seed}" / "cases")]
     if args.learn:
         print(f"{len(there)} of {len(names)} signatures.")
         return 0 if len(there) == len(names) else 1

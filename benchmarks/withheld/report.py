@@ -25,14 +25,14 @@ def _percent(limit: float, above: bool) -> Callable[[float], bool]:
 
 
 ROWS: tuple[Row, ...] = (
-    ("false alarms with no gap", "≤ 3 %", m.false_alarms, _percent(0.03, False), "%"),
+    ("false alarms with no gap", "≤ 1 %", m.false_alarms, _percent(0.01, False), "%"),
     ("detected, effect ≥ 15 % of the floor", "≥ 99 %", m.detected, _percent(0.99, True), "%"),
     ("equation located", "≥ 98 %", m.located, _percent(0.98, True), "%"),
     ("region F1", "≥ 0.85", m.region_f1, _percent(0.85, True), "2"),
-    ("right effect first: effect ≥ 1 × the floor", "≥ 97 %", lambda r: m.first(r, m.LOUD), _percent(0.97, True), "%"),
+    ("right effect first: effect ≥ 1 × the floor", "≥ 99 %", lambda r: m.first(r, m.LOUD), _percent(0.99, True), "%"),
     (
-        "right effect first: 0.15–1 × the floor", "≥ 90 %", lambda r: m.first(r, m.DETECTABLE, m.LOUD),
-        _percent(0.90, True), "%",
+        "right effect first: 0.15–1 × the floor", "≥ 95 %", lambda r: m.first(r, m.DETECTABLE, m.LOUD),
+        _percent(0.95, True), "%",
     ),
     ("right effect in the first three", "≥ 99 %", m.first_three, _percent(0.99, True), "%"),
     ("truth in the named class", "≥ 98 %", m.in_class, _percent(0.98, True), "%"),
@@ -43,8 +43,8 @@ ROWS: tuple[Row, ...] = (
     ("the same, of those named without reserve", "≤ 5 %", m.wrong_and_sure, _percent(0.05, False), "%"),
     ("effects of the library named with reserve", "–", m.reserved, lambda v: True, "%"),
     ("effects of the library answered with unknown", "≤ 4 %", m.left_unknown, _percent(0.04, False), "%"),
-    ("two effects: both", "≥ 75 %", m.both, _percent(0.75, True), "%"),
-    ("two effects: at least one", "≥ 95 %", m.one_of_two, _percent(0.95, True), "%"),
+    ("two effects: both", "≥ 90 %", m.both, _percent(0.90, True), "%"),
+    ("two effects: at least one", "≥ 98 %", m.one_of_two, _percent(0.98, True), "%"),
     ("calibration error of the confidence (ECE)", "≤ 0.04", m.ece, _percent(0.04, False), "3"),
     ("explainable gap closed, held out, right cause (median)", "≥ 95 %", m.closed, _percent(0.95, True), "%"),
     ("predicted minus realised closed share (median)", "≤ 5 points", m.misjudged, _percent(0.05, False), "p"),

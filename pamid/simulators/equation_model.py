@@ -120,8 +120,10 @@ def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]
 
     Returns
     -------
-    rates, outputs : dict of str to str
-        Right sides by name.
+    rates : dict of str to str
+        Right sides of rates by state.
+    outputs : dict of str to str
+        Right sides of outputs by name.
 
     Raises
     ------

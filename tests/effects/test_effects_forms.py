@@ -185,7 +185,7 @@ def test_springs_remember_where_the_bench_stood() -> None:
     away = x[0] - PLANT.initial_contraction
     np.testing.assert_allclose(force[1] - force[0], -100.0 * away * np.exp(-t / 1.0)[:, None], atol=1e-9)
     # An actuator without a neutral contraction begins where its log does.
-    bare = SimpleNamespace()
+    bare = SimpleNamespace(initial_contraction=None)
     np.testing.assert_array_equal(
         fresh.trace(s, bare, DT, np.array([0, 150])), at_rest.trace(s, bare, DT, np.array([0, 150]))
     )

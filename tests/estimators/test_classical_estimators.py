@@ -239,12 +239,12 @@ def test_batches_equal_one_fit_on_all_rows(estimator):
 
 
 def test_memory_of_a_long_log_is_compressed_in_chunks(monkeypatch):
-    from pamid.estimators import _polynomial
+    from pamid.estimators import _linear
 
     X = table(1000)
     y = made("force", TRUTHS["bou_saba"], X, 0.1)
     whole = PolynomialForce(3).fit(X, y).coef_
-    monkeypatch.setattr(_polynomial, "CHUNK", 17)
+    monkeypatch.setattr(_linear, "CHUNK", 17)
     np.testing.assert_allclose(PolynomialForce(3).fit(X, y).coef_, whole, rtol=1e-9)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 
 import numpy as np
 import pandas as pd
@@ -26,13 +27,17 @@ def rows() -> pd.DataFrame:
 
 @pytest.mark.parametrize(("name", "estimator_class"), all_estimators())
 def test_every_parameter_is_read_somewhere(name, estimator_class):
-    """What a constructor takes is used by a method of the class or of a base of ours."""
+    """What a constructor takes is used by a method of the class or of a base of ours, or by a function they call."""
     texts = []
     for base in estimator_class.__mro__:
         if base.__module__.startswith("pamid."):
             own = base.__dict__.get("__init__")
             text = inspect.getsource(base)
             texts.append(text.replace(inspect.getsource(own), "") if own else text)
+            called = vars(sys.modules[base.__module__]).values()
+            texts += [
+                inspect.getsource(f) for f in called if inspect.isfunction(f) and f.__module__.startswith("pamid.")
+            ]
     used = "\n".join(texts)
     idle = [
         p for p in inspect.signature(estimator_class).parameters if not re.search(rf"self\.{p}\b|\.{p}\b|\"{p}\"", used)

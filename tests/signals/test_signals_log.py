@@ -55,7 +55,16 @@ def test_round_trip(log, tmp_path, ending):
 
 
 def test_formats_are_found_by_themselves():
-    assert {f.name for f in all_formats()} == {"text (CSV)", "parquet", "MATLAB", "HDF5", "JSON", "MCAP", "ULog"}
+    assert {f.name for f in all_formats()} == {
+        "text (CSV)",
+        "parquet",
+        "MATLAB",
+        "HDF5",
+        "JSON",
+        "MCAP",
+        "ULog",
+        "rosbag",
+    }
 
 
 TABLE = np.column_stack([np.arange(6.0) * 10, 3 + 0.1 * np.arange(6.0), 12 + 0.5 * np.arange(6.0)])
