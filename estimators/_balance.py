@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.utils import Tags
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from ._base import SignalEstimator
 from ._checks import check_sizes
@@ -45,9 +45,7 @@ class BalanceRegressor(LinearTerms, RegressorMixin, SignalEstimator):
     ) -> tuple[NamedTuple, np.ndarray, np.ndarray, np.ndarray | None]:
         check_sizes(self, still=1e-12)
         clusters = None if groups is None else trajectory_codes(X, groups)
-        X, y = self._read(X, y, reset=reset, ensure_min_samples=least)
-        y = np.asarray(column_or_1d(y, warn=True), dtype=np.float64)
-        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        X, y, weight = self._read_weighted(X, y, sample_weight, reset=reset, ensure_min_samples=least)
         return self._signals_of(X), y, weight, clusters
 
     def _signals_of(self, X: np.ndarray) -> Any:

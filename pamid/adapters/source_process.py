@@ -19,6 +19,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
+from ..fitting.held_out import left_of_blocks
+
 ROWS = 1000
 """Samples that a process is conditioned on; its cost grows with their cube."""
 
@@ -160,10 +162,7 @@ class SourceProcess:
         A[np.diag_indices(len(A))] += _noise(noise, rates, logs)
         inverse = cho_solve(cho_factor(A, lower=True), np.eye(len(A)))
         alpha = inverse @ t
-        held_out = np.empty(len(y))
-        for block in np.unique(blocks):
-            out = np.flatnonzero(blocks == block)
-            held_out[out] = y[out] - units[0] * np.linalg.solve(inverse[np.ix_(out, out)], alpha[out])
+        held_out = y - units[0] * left_of_blocks(inverse, t, blocks)
         moved = np.column_stack([rows.state, rows.rates])
         return cls(units, centre, z, strengths, alpha, logs, np.stack([moved.min(axis=0), moved.max(axis=0)])), held_out
 

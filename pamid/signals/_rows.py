@@ -272,6 +272,14 @@ def _mean_of_duplicates(frame: pd.DataFrame, keep: np.ndarray) -> pd.DataFrame:
     return means[list(frame.columns)]
 
 
+def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
+    """Return a tidy frame with its trajectory and time first, the sampling of it noted."""
+    first = ["trajectory", "time"]
+    frame = frame[[*first, *[c for c in frame.columns if c not in first]]]
+    note_sampling(frame, notes)
+    return frame
+
+
 def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
     """Note the sampling period of each trajectory and its gaps.
 

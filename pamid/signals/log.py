@@ -22,7 +22,7 @@ from pamid.errors import (
 )
 
 from ..files import replacing
-from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
+from ._rows import Notes, free_name, handle_missing, handle_time, in_order, sampling_error
 from ._tidy import Part, as_names, tidy
 from .formats import format_of, known_extensions
 from .formats._variables import natural
@@ -140,11 +140,7 @@ def read_with_notes(
             raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
         tables, zero_run = format_of(path).read(path, settings, max_bytes)
         frames.append((path, tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)))
-    log = pd.concat(_with_unique_names(frames), ignore_index=True)
-    order = ["trajectory", "time"]
-    log = log[[*order, *[c for c in log.columns if c not in order]]]
-    note_sampling(log, notes)
-    return log, notes
+    return in_order(pd.concat(_with_unique_names(frames), ignore_index=True), notes), notes
 
 
 def log_settings(

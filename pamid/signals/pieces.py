@@ -13,7 +13,7 @@ import numpy as np
 
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
 
-from ._rows import Notes, free_name, note_sampling
+from ._rows import Notes, free_name, in_order
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
 from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
@@ -159,10 +159,7 @@ def _spread(
     notes = Notes()
     tables = [RawTable(frame) for frame in sliced.read(spread_evenly(np.diff([0, *sliced.ends]), most))]
     parts = [part for table in tables for part in tidy_tables([table], None, settings, path, nan, check_units, notes)]
-    log = pd.concat(parts, ignore_index=True)
-    order = [TRAJECTORY, "time"]
-    log = log[[*order, *[c for c in log.columns if c not in order]]]
-    note_sampling(log, notes)
+    log = in_order(pd.concat(parts, ignore_index=True), notes)
     say_notes(notes, "warn", stacklevel=4)
     return log[:most]
 
@@ -212,10 +209,7 @@ def _pieces(
             taken |= dict.fromkeys([*names, *new.values()], path)
             if any(k != v for k, v in new.items()):
                 frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
-            order = [TRAJECTORY, "time"]
-            frame = frame[[*order, *[c for c in frame.columns if c not in order]]]
-            note_sampling(frame, notes)
-            yield frame
+            yield in_order(frame, notes)
     say_notes(notes, sampling, stacklevel=3)
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from ..fitting.held_out import left_of_blocks
 from .network import Parameters, adjoints, forward
 from .problem import TrainingProblem
 from .reparametrisation import Reparametrisation
@@ -115,12 +116,11 @@ def held_out_residuals(
 ) -> np.ndarray:
     r"""Return what the linearised adaptation leaves of each block when it is adapted to all others.
 
-    With :math:`A = K + \lambda I`, block b is left with :math:`(A^{-1})_{bb}^{-1} (A^{-1} r)_b`: one inverse serves
-    all.
+    The formula is that of `pamid.fitting.held_out`, with :math:`A = K + \lambda I`.
 
     Parameters
     ----------
-    problem : Problem
+    problem : TrainingProblem
         The target's data.
     psi : list of Tensor
         Where the adaptation starts.
@@ -142,8 +142,4 @@ def held_out_residuals(
     if not psi or not np.isfinite(weight_decay):
         return np.asarray(r / root)
     inverse = np.linalg.inv(K + max(weight_decay, STRENGTHS[0]) * np.eye(len(r)))
-    left = inverse @ r
-    for block in np.unique(blocks):
-        out = np.flatnonzero(blocks == block)
-        left[out] = np.linalg.solve(inverse[np.ix_(out, out)], left[out])
-    return np.asarray(left / root)
+    return np.asarray(left_of_blocks(inverse, r, blocks) / root)
