@@ -3,7 +3,6 @@
 from .base import Equation, Residual, all_equations
 from .evaluate import Evaluation, LogEvaluation, TrajectoryEvaluation, evaluate_log, residuals
 from .noise import ChannelNoise, channel_noise
-from .refit import Refit, refit_within_tolerance
 from .unit_doubts import unit_doubts
 
 __all__ = [
@@ -11,13 +10,11 @@ __all__ = [
     "Equation",
     "Evaluation",
     "LogEvaluation",
-    "Refit",
     "Residual",
     "TrajectoryEvaluation",
     "all_equations",
     "channel_noise",
     "evaluate_log",
-    "refit_within_tolerance",
     "residuals",
     "unit_doubts",
 ]

@@ -14,6 +14,7 @@ from .diagnosis.findings import (
 from .diagnosis.localise import state_table
 from .diagnosis.result import Diagnosis
 from .engine import diagnose
+from .refit import Refit, refit_within_tolerance
 from .simulated import diagnose_simulator
 
 __all__ = [
@@ -25,9 +26,11 @@ __all__ = [
     "EquationFinding",
     "NextExperiment",
     "ParameterEstimate",
+    "Refit",
     "Region",
     "TrajectoryShare",
     "diagnose",
     "diagnose_simulator",
+    "refit_within_tolerance",
     "state_table",
 ]

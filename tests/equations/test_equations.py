@@ -12,7 +12,7 @@ from support.bench_logs import NOMINAL, RUNS
 from pamid.bench import hold, simulate, sine, triangle
 from pamid.bench.sensors import IDEAL
 from pamid.effects import make_effect
-from pamid.equations import all_equations, channel_noise, evaluate_log, refit_within_tolerance, residuals
+from pamid.equations import all_equations, channel_noise, evaluate_log, residuals
 from pamid.equations.noise import noise_beside
 from pamid.equations.windows import average, kernel, span, starts
 from pamid.errors import (
@@ -171,30 +171,6 @@ def test_memory_is_followed_along_a_log(effect):
     actual = NOMINAL.replace(effects=[(effect, dict(make_effect(effect).values))])
     log = simulate(actual, [sine(4, 20, 4000), sine(10, 15, 4000), triangle(4, 15, 4000)], seed=5)
     assert evaluate_log(log, actual)["force"].rmse < 0.15 * evaluate_log(log, NOMINAL)["force"].rmse
-
-
-def test_refit_undoes_a_parameter_within_tolerance(log):
-    off = NOMINAL.replace(rest_diameter=0.02 * 1.004, sonic_conductance=6e-9 * 0.985, inertia=0.02 * 1.015)
-    before = evaluate_log(log, off)
-    assert before["force"].rmse > 10 * before["force"].noise_floor
-    fit = refit_within_tolerance(log, off)
-    after = evaluate_log(log, fit.params)
-    for name, e in after.items():
-        assert e.rmse < 1.2 * e.noise_floor, name
-    assert fit.params.get("rest_diameter") == pytest.approx(0.02, rel=1.5e-3)
-    assert fit.params.get("sonic_conductance") == pytest.approx(6e-9, rel=1e-3)
-    assert not fit.at_bound
-
-
-def test_refit_stops_at_the_tolerance(log):
-    fit = refit_within_tolerance(log, NOMINAL.replace(sonic_conductance=7e-9))
-    assert fit.at_bound == ("sonic_conductance",)
-    assert fit.params.get("sonic_conductance") == pytest.approx(7e-9 * 0.98, rel=1e-3)
-
-
-def test_refit_without_tolerances_changes_nothing(log):
-    bare = NOMINAL.replace(tolerance={})
-    assert refit_within_tolerance(log, bare).params is bare
 
 
 # --- what a log allows --------------------------------------------------------------------------------------

@@ -83,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluate_simulator(args: argparse.Namespace) -> int:
-    from ...equations import evaluate_log, refit_within_tolerance
+    from ...equations import evaluate_log
+    from ...gap import refit_within_tolerance
     from ...systems import System
 
     if (ported := port_simulator_of(args)) is not None:

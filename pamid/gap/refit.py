@@ -1,0 +1,92 @@
+"""Refit the parameters of a simulator within their tolerances, as a diagnosis does: what is left then is a gap."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..equations.log import trajectory_rows
+from ..signals.thinning import whole_trajectories
+from .inference.gauss_newton import Fitter
+from .residuals.bench import Evidence
+from .settings import MAX_ROWS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..bench.parameters import BenchParameters
+
+
+class Refit(NamedTuple):
+    """Parameters refitted within their tolerances.
+
+    Parameters
+    ----------
+    params : BenchParameters
+        The simulator with the refitted values.
+    changes : dict of str to float
+        Relative change of each parameter that has a tolerance.
+    at_bound : tuple of str
+        Parameters that ended at a bound of their tolerance.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import refit_within_tolerance
+    >>> bench = BenchParameters.for_muscle("B")
+    >>> refit = refit_within_tolerance(simulate(bench.replace(rest_diameter=0.02006), [sine(4, 15, 800)]), bench)
+    >>> print(f"{1e3 * refit.params.muscle.rest_diameter:.2f} mm")
+    20.06 mm
+    """
+
+    params: BenchParameters
+    changes: dict[str, float]
+    at_bound: tuple[str, ...]
+
+
+def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters) -> Refit:
+    """Fit the parameters that have a tolerance to a log, each within its tolerance.
+
+    All equations that the log allows are fitted together, each residual over its noise, under the robust likelihood of
+    a diagnosis, which holds a gap against this very refit.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Log of the bench, see `pamid.equations.residuals`; of a long one whole trajectories spread over it.
+    params : BenchParameters
+        The simulator with its tolerances.
+
+    Returns
+    -------
+    Refit
+        The refitted simulator; unchanged if no parameter has a tolerance.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.gap import refit_within_tolerance
+    >>> rest = np.full(200, 300_000.0)
+    >>> log = pd.DataFrame({"trajectory": "rest", "time": np.arange(200) * 1e-3, "q": 0.0, "P1": rest, "P2": rest})
+    >>> fit = refit_within_tolerance(log.assign(mdot1=0.0, mdot2=0.0), BenchParameters.for_muscle("B"))
+    >>> fit.at_bound
+    ()
+    """
+    if not any(t > 0 and params.get(name) != 0 for name, t in params.tolerance.items()):
+        return Refit(params, {}, ())
+    if len(log) > MAX_ROWS:
+        trajectory_rows(log)  # raises where whole trajectories cannot be told
+    evidence = Evidence(whole_trajectories(log, MAX_ROWS), params)
+    if not evidence.equations:
+        return Refit(params, dict.fromkeys(evidence.free, 0.0), ())
+    fitter = Fitter(evidence)
+    # What ends at a bound is there, without the slack that a diagnosis leaves it.
+    found = np.clip(fitter.unwhitened(fitter.base()).x, -1.0, 1.0)
+    deviations = dict(zip(evidence.free, map(float, found), strict=True))
+    return Refit(
+        evidence.deviated(deviations),
+        {name: params.tolerance[name] * v for name, v in deviations.items()},
+        tuple(name for name, v in deviations.items() if abs(v) > 0.999),
+    )
