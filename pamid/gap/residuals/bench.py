@@ -381,5 +381,5 @@ def _smallest(value: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> n
         known = noise[part][noise[part] > 0]
         size = float(np.sqrt(np.mean(np.square(value[part])))) if len(value[part]) else 0.0
         typical = float(np.median(known)) if len(known) else 0.0
-        least[part] = max(0.2 * typical, 1e-6 * size, 1e-300)
+        least[part] = max(0.2 * typical, 1e-6 * size, 1e-150)  # whose square is still a number
     return least
