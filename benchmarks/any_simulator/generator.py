@@ -14,6 +14,7 @@ from .plants import PLANTS, Plant
 from .simulate import Record, log_of, record
 
 RUNS = 4
+DRAWS = 50
 COUNTS = {"none": 17, "single": 37, "foreign": 11}
 """Cases of each suite and system."""
 
@@ -92,6 +93,16 @@ def sizes_of(plant: Plant, base: Record) -> dict[str, tuple[float, float]]:
     return {n: (float(np.std(x)), float(np.ptp(x))) for n, x in rows.items()}
 
 
+def _possible(plant: Plant, causes: list[Cause], off: dict[str, float], rng: np.random.Generator, runs: int) -> Record:
+    """Return runs that stay inside the system; others are drawn anew."""
+    for _ in range(DRAWS):
+        with np.errstate(all="ignore"):
+            made = record(plant, causes, off, rng, runs)
+        if plant.inside(made.x):
+            return made
+    raise RuntimeError(f"{plant.name} left its room in each of {DRAWS} draws")
+
+
 def make(spec: Spec) -> Case:
     """Return a case."""
     suites = ["none", "single", "foreign"]
@@ -104,7 +115,7 @@ def make(spec: Spec) -> Case:
         some = menu(plant) if spec.suite == "single" else foreign_menu(plant)
         name, port = some[rng.permutation(len(some))[0]] if spec.suite == "single" else some[spec.number % len(some)]
         causes = [drawn(name, port, plant, sizes, rng)]
-    made, later = record(plant, causes, off, rng, RUNS), record(plant, causes, off, rng, 2)
+    made, later = (_possible(plant, causes, off, rng, n) for n in (RUNS, 2))
     decision = None
     if causes:
         numbers = plant.value({n: v * (1.0 + off[n]) for n, (v, _) in plant.numbers.items()})

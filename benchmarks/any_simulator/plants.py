@@ -53,6 +53,10 @@ class Plant:
         """Return the inputs at sample k."""
         raise NotImplementedError
 
+    def inside(self, x: np.ndarray) -> bool:
+        """Tell whether runs, shape (n_samples, n_states, n), stay where the system is what its rates say."""
+        return bool(np.isfinite(x).all())
+
     def rates(self, x: np.ndarray, u: np.ndarray, f: np.ndarray, p: dict[str, float]) -> np.ndarray:
         """Return the rates of the states."""
         raise NotImplementedError
@@ -145,6 +149,10 @@ class Cylinder(Plant):
 
     def command(self, plan: Any, k: int, x: np.ndarray) -> np.ndarray:
         return np.clip(20.0 * (plan[k] - x[0]), -1.0, 1.0)[None]
+
+    def inside(self, x: np.ndarray) -> bool:
+        """Tell whether the piston stays off its ends, beyond which a chamber has no volume."""
+        return super().inside(x) and bool(np.max(np.abs(x[:, 0])) < 0.11)
 
     def rates(self, x: np.ndarray, u: np.ndarray, f: np.ndarray, p: dict[str, float]) -> np.ndarray:
         area, gamma, RT, top, room = (8.0e-4, 7.0e-4), 1.4, 287.0 * 293.0, 7e5, 1.01e5
