@@ -24,6 +24,7 @@ from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
+from pamid.effects._memory import relax_along
 from pamid.signals import read_log, thinned_rows
 from pamid.signals.state import State
 
@@ -41,11 +42,13 @@ def table(files: Sequence[Path], cutoff: float) -> pd.DataFrame:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         log = read_log(list(files), MAPPING, nan="drop")
+        times = log["time"].to_numpy()
         log = (
             RateTransformer(("eps", "P"), tuning=cutoff)
             .fit_transform(log[["trajectory", "time", "eps", "P"]])
             .assign(trajectory=log["trajectory"].to_numpy(), F=log["F"].to_numpy(), branch=log["branch"].to_numpy())
         )
+    log["time"] = times
     log["file"] = log["trajectory"].str.rsplit("-", n=1).str[0]
     repeat = log["trajectory"].map(lambda name: int(re.findall(r"Test(\d+)", name)[-1]))
     log["last"] = repeat == repeat.groupby(log["file"]).transform("max")
@@ -79,6 +82,57 @@ def cubic() -> object:
     return make_pipeline(StandardScaler(), PolynomialFeatures(3), LinearRegression())
 
 
+MEMORY = ("tube", "pressure_hysteresis", "pressure_relaxation")
+"""Effects of the model with memory: the sensor's tube, hysteresis in the pressure, slow relaxation."""
+PASTS = (0.02, 0.1, 0.5, 2.0, 8.0)
+"""Time constants of the weighted pasts of the pressure that boosted trees read, s."""
+
+
+def with_memory(cut: int, log: pd.DataFrame, rows: int, seed: int, left: str = "") -> tuple[float, float, StaticPIHM]:
+    """Return RMSE (N), time of the fit (s) and model; whole runs carry the memory, thinned rows above 5 N count."""
+    test = log["file"] == left if left else log["last"]
+    X, scored = log[["trajectory", "time", *STATE]], log["F"] > 5
+    fitted = log[~test]
+    count = np.zeros(len(fitted))
+    above = np.flatnonzero(fitted["F"] > 5)
+    count[above[np.linspace(0, len(above) - 1, min(rows, len(above))).round().astype(int)]] = 1.0
+    model = StaticPIHM(REST_LENGTH[cut], DIAMETER, effects=MEMORY, random_state=seed)
+    start = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model.fit(X[~test], fitted["F"], sample_weight=count)
+        seconds = time.perf_counter() - start
+        residual = (model.predict(X[test]) - log.loc[test, "F"])[scored[test]]
+    return float(np.sqrt(np.mean(residual**2))), seconds, model
+
+
+def with_pasts(log: pd.DataFrame) -> pd.DataFrame:
+    """Append the pressure's exponentially weighted pasts, run by run."""
+    pasts = {f"P {tau:g} s": np.empty(len(log)) for tau in PASTS}
+    for rows in log.groupby("trajectory", sort=False).indices.values():
+        P, steps = log["P"].to_numpy()[rows], np.diff(log["time"].to_numpy()[rows])
+        for tau, values in zip(PASTS, pasts.values(), strict=True):
+            values[rows] = relax_along(P, float(np.median(steps)), tau, np.array([0]))
+    return log.assign(**pasts)
+
+
+def memory_part(logs: dict[int, pd.DataFrame], rows: int, seeds: int) -> None:
+    """Print models that remember, on the last repeat of every contraction."""
+    print("with memory, last repeat, RMSE / N (F > 5 N)                   20 cm   30 cm   40 cm   fit / s")
+    ours, trees, seconds = [], [], []
+    for cut, log in logs.items():
+        found = [with_memory(cut, log, rows, seed) for seed in range(seeds)]
+        ours.append(float(np.median([f[0] for f in found])))
+        seconds += [f[1] for f in found]
+        table_ = with_pasts(log)
+        train, test = table_[~log["last"] & (log["F"] > 5)], table_[log["last"] & (log["F"] > 5)]
+        columns = ["eps", "P", "dP", *(c for c in table_ if c.startswith("P "))]
+        trees.append(score(HistGradientBoostingRegressor(random_state=0), columns, train, test)[0])
+        print(f"{cut} cm: {', '.join(map(repr, found[0][2].effects_))}", flush=True)
+    print(f"{'StaticPIHM(effects=...)':58s} " + " ".join(f"{v:7.2f}" for v in ours) + f" {np.median(seconds):9.1f}")
+    print(f"{'gradient boosting, weighted pasts, all rows':58s} " + " ".join(f"{v:7.2f}" for v in trees) + "\n")
+
+
 def score(model: object, columns: list[str], train: pd.DataFrame, test: pd.DataFrame) -> tuple[float, float]:
     """Fit and return the RMSE on the test rows, N, and the time of the fit, s."""
     groups = {"groups": train["trajectory"].to_numpy()} if isinstance(model, StaticPIHM) else {}
@@ -100,12 +154,18 @@ def main() -> int:
     parser.add_argument("--cutoff", type=float, default=2.0, help="cut-off of the rates, Hz (default: 2)")
     parser.add_argument("--rows", type=int, default=8000, help="rows of a fit (default: 8000)")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of the networks (default: 3)")
+    parser.add_argument("--cuts", type=int, nargs="+", choices=REST_LENGTH, help="cut lengths, cm (default: all)")
+    parser.add_argument("--memory", action="store_true", help="only the models that remember")
     args = parser.parse_args()
-    if args.data is None or not list(args.data.glob("10mm_*cm_*.mat")):
+    if args.data is None or not list(args.data.rglob("10mm_*cm_*.mat")):
         print("skipped: --data DIR names the folder with the Festo logs, which are not part of this package")
         return 0
-    logs = {cut: table(sorted(args.data.glob(f"10mm_{cut}cm_*.mat")), args.cutoff) for cut in REST_LENGTH}
+    logs = {cut: table(sorted(args.data.rglob(f"10mm_{cut}cm_*.mat")), args.cutoff) for cut in REST_LENGTH}
+    logs = {cut: log for cut, log in logs.items() if not args.cuts or cut in args.cuts}
     print(f"rates with a cut-off of {args.cutoff:g} Hz; {args.rows} rows a fit; medians over {args.seeds} seeds\n")
+    memory_part(logs, args.rows, args.seeds)
+    if args.memory:
+        return 0
     print("last repeat of every contraction, RMSE / N (F > 5 N)          20 cm   30 cm   40 cm   fit / s")
     for name in models(20, 0):
         line, seconds = [], []

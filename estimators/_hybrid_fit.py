@@ -97,13 +97,15 @@ def early_stopping_rows(model: HybridModel, X: Any, groups: Any, n: int, rng: An
     return drawn_rows(codes, fraction, rng, left=2)
 
 
-def training_problem(model: HybridModel, state: State, Y: np.ndarray, weight: np.ndarray) -> Any:
+def training_problem(
+    model: HybridModel, state: State, Y: np.ndarray, weight: np.ndarray, inputs: np.ndarray | None = None
+) -> Any:
     """Put the laws into the network's coordinates, one block of rows a law."""
     import torch
 
     from pamid.training.problem import TrainingProblem
 
-    xi, slope = model.input_scale_.apply(np.column_stack(state))
+    xi, slope = model.input_scale_.apply(np.column_stack(state) if inputs is None else inputs)
     blocks = []
     for k, law in enumerate(model.laws()):
         c = law.coefficients(state)
@@ -121,9 +123,9 @@ def training_problem(model: HybridModel, state: State, Y: np.ndarray, weight: np
     return TrainingProblem.from_arrays(*stacked, dtype=getattr(torch, model.dtype), device=model.device)
 
 
-def volume_scale(model: HybridModel, state: State, weight: np.ndarray) -> float:
+def volume_scale(model: HybridModel, state: State, inputs: np.ndarray, weight: np.ndarray) -> float:
     """Choose the volume of one unit of output, so that the laws' targets are of the order of one."""
-    _, slope = model.input_scale_.apply(np.column_stack(state))
+    _, slope = model.input_scale_.apply(inputs)
     logs = []
     for k, law in enumerate(model.laws()):
         c = law.coefficients(state)

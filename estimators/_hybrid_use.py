@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pamid.errors import ExtrapolationWarning
-from pamid.signals.state import STATE_SIGNALS
+from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet, slope_of
+from pamid.volume.neural import NeuralVolume
 
-from ._base import state_of
+from ._effects import Seen, seen_by
 
 if TYPE_CHECKING:
     from ._pihm import HybridModel
@@ -26,44 +28,60 @@ OUTSIDE = 0.01
 """Share of samples outside the range that is worth a warning."""
 
 
+def network_of(model: HybridModel) -> NeuralVolume:
+    """Return the learnt part of the volume."""
+    return NeuralVolume(model.weights_, model.input_scale_, model.volume_scale_, model.activation)
+
+
+def jets(model: HybridModel, seen: Seen, alone: bool = False) -> Iterator[tuple[slice, State, VolumeJet]]:
+    """Yield rows, their state and their volume (its slope in the contraction alone, if so), some rows at a time."""
+    network, anchor = network_of(model), model.anchor_
+    for i in range(0, len(seen.inputs), CHUNK):
+        rows = slice(i, i + CHUNK)
+        state, x = State(*(s[rows] for s in seen.state)), seen.inputs[rows]
+        if alone:
+            slope = network.slope_at_inputs(x)
+            yield rows, state, VolumeJet(0.0, slope if anchor is None else slope + slope_of(anchor, state), 0.0)
+            continue
+        jet = network.jet_at(x)
+        if anchor is not None:
+            jet = VolumeJet(*(a + b for a, b in zip(anchor.jet(state), jet, strict=True)))
+        yield rows, state, jet
+
+
 def jet_of(model: HybridModel, X: np.ndarray) -> VolumeJet:
     """Return the identified volume and its derivatives at the rows of a validated table."""
-    volume = model.volume_
-    parts = [volume.jet(state_of(model, X[i : i + CHUNK])) for i in range(0, len(X), CHUNK)]
+    parts = [jet for _, _, jet in jets(model, seen_by(model, X))]
     return VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def predicted(model: HybridModel, X: np.ndarray) -> np.ndarray:
-    """Apply every law to the identified volume; shape (n_samples, n_laws)."""
-    warn_of_extrapolation(model, X)
-    volume, laws = model.volume_, model.laws()
-    out = np.empty((len(X), len(laws)))
-    alone = all(law.slope_alone for law in laws)
-    for i in range(0, len(X), CHUNK):
-        state = state_of(model, X[i : i + CHUNK])
-        jet = VolumeJet(0.0, slope_of(volume, state), 0.0) if alone else volume.jet(state)
+    """Apply every law to the identified volume, and add the effects; shape (n_samples, n_laws)."""
+    x = X[:, [model.signal_columns_[name] for name in STATE_SIGNALS]]
+    warn_outside(x, getattr(model, "input_range_", None), STATE_SIGNALS)
+    seen, laws = seen_by(model, X), model.laws()
+    out = np.zeros((len(X), len(laws))) if seen.added is None else seen.added
+    for rows, state, jet in jets(model, seen, all(law.slope_alone for law in laws)):
         for k, law in enumerate(laws):
-            out[i : i + CHUNK, k] = law.predict(*jet, state)
+            out[rows, k] += law.predict(*jet, state)
     return out
 
 
-def warn_of_extrapolation(model: HybridModel, X: np.ndarray) -> None:
-    """Warn where a prediction is asked outside the range of the fit; a narrow margin around it is not counted."""
-    seen = getattr(model, "input_range_", None)
-    if seen is None:  # a model file of an earlier version
+def warn_outside(x: np.ndarray, span: np.ndarray | None, names: Sequence[str], stacklevel: int = 4) -> None:
+    """Warn where samples lie outside the range of the fit; a narrow margin around it is not counted."""
+    if span is None:  # a model file of an earlier version
         return
-    x = X[:, [model.signal_columns_[name] for name in STATE_SIGNALS]]
-    margin = MARGIN * (seen[1] - seen[0])
-    outside = np.abs(x - 0.5 * (seen[0] + seen[1])) > 0.5 * (seen[1] - seen[0]) + margin
+    margin = MARGIN * (span[1] - span[0])
+    outside = np.abs(x - 0.5 * (span[0] + span[1])) > 0.5 * (span[1] - span[0]) + margin
     if outside.any() and np.mean(outside.any(axis=1)) > OUTSIDE:
         worst = int(np.argmax(outside.sum(axis=0)))
         warnings.warn(
             f"{outside.any(axis=1).mean():.0%} of {len(x)} samples lie outside the range of the data of the fit, "
-            f"most in {STATE_SIGNALS[worst]}: {x[:, worst].min():.4g} to {x[:, worst].max():.4g}, where the fit "
-            f"saw {seen[0, worst]:.4g} to {seen[1, worst]:.4g}. Expected samples like those of the fit. Fit on "
+            f"most in {names[worst]}: {x[:, worst].min():.4g} to {x[:, worst].max():.4g}, where the fit "
+            f"saw {span[0, worst]:.4g} to {span[1, worst]:.4g}. Expected samples like those of the fit. Fit on "
             "data that reach as far, or do not rely on these predictions.",
             ExtrapolationWarning,
-            stacklevel=4,
+            stacklevel=stacklevel,
         )
 
 

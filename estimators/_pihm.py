@@ -13,8 +13,10 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
+from pamid.effects import Effect
 from pamid.errors import (
     FitError,
+    IncompatibleError,
     InterruptedFitWarning,
     ShapeError,
 )
@@ -24,9 +26,10 @@ from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
-from pamid.volume.neural import InputScale, NeuralVolume
+from pamid.volume.neural import InputScale
 
 from ._base import SignalEstimator, state_of
+from ._effects import fit_model_effects, fitted_effects, seen_by
 from ._hybrid_fit import (
     arrays_of,
     check_parameters,
@@ -38,7 +41,7 @@ from ._hybrid_fit import (
     volume_scale,
     warn_before,
 )
-from ._hybrid_use import jet_of
+from ._hybrid_use import jet_of, network_of
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming
 
@@ -46,7 +49,6 @@ from ._streaming import Streaming
 class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     """Base of the hybrid estimators; a subclass names its laws and its targets."""
 
-    reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
     __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
 
@@ -64,6 +66,12 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     dtype: str
     device: str
     random_state: Any
+    effects: Sequence[Any] | None = None
+    effect_values_: dict[str, dict[str, float]]
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (*STATE_SIGNALS, "time") if self.effects else STATE_SIGNALS
 
     @abstractmethod
     def laws(self) -> tuple[Law, ...]:
@@ -92,15 +100,17 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
         check_parameters(self)
         rng = check_random_state(self.random_state)
-        state, laws = state_of(self, X), self.laws()
+        laws = self.laws()
         weight = checked_weight(sample_weight, X)
-        warn_before(self, state, Y)
+        warn_before(self, state_of(self, X), Y)
+        fit_model_effects(self, X, Y, weight, rng)
+        state, inputs, added = seen_by(self, X)
+        Y = Y if added is None else Y - added
         held_out = early_stopping_rows(self, original[0], groups, len(X), rng, self._trainer())
         train = weight * ~held_out
-        inputs = np.column_stack(state)
         anchored = self.volume_model == "anchored"
         self.input_scale_ = InputScale.of(inputs, train, correction=anchored)
-        self.input_range_ = span_of(inputs[train > 0])
+        self.input_range_ = span_of(np.column_stack(state_of(self, X))[train > 0])
         self.target_scale_ = np.array([spread_of(Y[:, k], train) for k in range(len(laws))])
         self.anchor_: VolumeModel | None = None
         if anchored:
@@ -112,8 +122,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
                 atmospheric_pressure=self.atmospheric_pressure,
                 random_state=rng,
             )
-        self.volume_scale_ = volume_scale(self, state, train)
-        problem = training_problem(self, state, Y, weight)
+        self.volume_scale_ = volume_scale(self, state, inputs, train)
+        problem = training_problem(self, state, Y, weight, inputs)
         widths = (inputs.shape[1], *self.hidden_layer_sizes, 1)
         start = initial_parameters(widths, rng, getattr(torch, self.dtype), self.device)
         if anchored:
@@ -124,7 +134,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
         split = problem.split(rows) if held_out.any() else (problem, None)
         self._train(split, start, rng, original)
-        self._remember(*original, sample_weight, groups)
+        if not self.effects:  # which a stream of single rows cannot tell
+            self._remember(*original, sample_weight, groups)
         return self
 
     def _train(self, split: tuple[Any, Any], start: list[Any], rng: Any, original: tuple[Any, Any]) -> None:
@@ -183,6 +194,12 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         StreamChangeWarning
             If the stream has changed.
         """
+        if self.effects:
+            raise IncompatibleError(
+                "The model has effects with memory, and a stream is remembered row by row.",
+                "whole trajectories, in one fit",
+                "Fit again on all trajectories.",
+            )
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
     _continues: ClassVar[bool] = True
@@ -229,8 +246,13 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     def volume_(self) -> VolumeModel:
         """The identified volume: anything with ``jet(state)``."""
         self._check_fitted("weights_")
-        network = NeuralVolume(self.weights_, self.input_scale_, self.volume_scale_, self.activation)
+        network = network_of(self)
         return network if self.anchor_ is None else AnchoredVolume(self.anchor_, network)
+
+    @property
+    def effects_(self) -> list[Effect]:
+        """The identified effects, in physical units."""
+        return fitted_effects(self)
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives at each sample.

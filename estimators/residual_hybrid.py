@@ -17,6 +17,8 @@ from pamid.requirements import formulas_of, parameter_count, reads_of
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_sizes, fit_arguments
+from ._hybrid_fit import span_of
+from ._hybrid_use import warn_outside
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
@@ -67,6 +69,8 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         ``W0`` (n_inputs, hidden), ``b0``, ``W1`` (hidden, 1), ``b1``.
     input_mean_, input_scale_ : ndarray, shape (n_inputs,)
         Mean and standard deviation of the inputs, in their units.
+    input_range_ : ndarray, shape (2, n_inputs)
+        Least and greatest value of each input in the data of the fit.
     residual_scale_ : float
         Root mean square of what the model leaves, N.
     gauge_scale_ : float
@@ -196,6 +200,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         share = weight[used]
         inputs = self._signals(table, self.inputs)[used]
         self.input_mean_, self.input_scale_ = standardisation(inputs, share)
+        self.input_range_ = span_of(inputs)
         p = self._signal(table, "P")[used] - self.atmospheric_pressure if self.vanishing else np.ones(used.sum())
         self.gauge_scale_ = float(np.sqrt(np.average(p * p, weights=share))) or 1.0
         factor = p / self.gauge_scale_
@@ -247,10 +252,18 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         -------
         ndarray, shape (n_samples,)
             Tension, N.
+
+        Warns
+        -----
+        ExtrapolationWarning
+            If samples lie outside the range of the fit: the network is not anchored to anything there, and extrapolates
+            no better than a network alone. `StaticPIHM` falls back on its geometry.
         """
         check_is_fitted(self, "weights_")
         table, _ = self._read(X, reset=False)
-        x = (self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_
+        inputs = self._signals(table, self.inputs)
+        warn_outside(inputs, getattr(self, "input_range_", None), self.inputs, stacklevel=3)
+        x = (inputs - self.input_mean_) / self.input_scale_
         share = self.residual_scale_ * forward(self.weights_, x)[:, 0]
         if self.vanishing:
             share *= (self._signal(table, "P") - self.atmospheric_pressure) / self.gauge_scale_

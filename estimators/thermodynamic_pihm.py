@@ -55,6 +55,11 @@ class ThermodynamicPIHM(HybridModel):
         keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
         ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere and with
         ``trainer="adam"``, which as printed keeps its last epoch.
+    effects : sequence of str or Effect, optional
+        Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
+        memory, friction, leaks. Geometry and effects are identified in turns; the network learns what both leave and
+        reads what the effects remember. X is then a DataFrame of whole trajectories in the order of time, with
+        ``time`` (s) and ``trajectory``; rows that only carry the memory get a sample weight of 0.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
@@ -73,6 +78,8 @@ class ThermodynamicPIHM(HybridModel):
         The fitted geometric anchor.
     volume_ : VolumeModel
         The identified volume.
+    effects_ : list of Effect
+        The identified effects, in physical units.
     n_iter_ : int
         Iterations of the trainer.
     loss_curve_, validation_curve_ : list of float
@@ -126,6 +133,7 @@ class ThermodynamicPIHM(HybridModel):
         batch_size: int | None = None,
         weight_decay: float | None = None,
         validation_fraction: float | str = "auto",
+        effects: Sequence[Any] | None = None,
         signals: Signals | None = None,
         dtype: str = "float64",
         device: str = "cpu",
@@ -144,6 +152,7 @@ class ThermodynamicPIHM(HybridModel):
         self.batch_size = batch_size
         self.weight_decay = weight_decay
         self.validation_fraction = validation_fraction
+        self.effects = effects
         self.signals = signals
         self.dtype = dtype
         self.device = device

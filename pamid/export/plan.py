@@ -119,6 +119,13 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     """
     check_name(name)
     last, notes = last_step(model)
+    if remembers := getattr(last, "effect_values_", None):
+        raise ExportError(
+            f"The model's effects ({', '.join(remembers)}) remember what was before, and the exported model is a "
+            "function of the present signals.",
+            "a model without effects",
+            "Fit without effects=, or keep it in Python.",
+        )
     if isinstance(last, AddsEffects):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")

@@ -66,7 +66,8 @@ class InputScale:
         spread[spread <= 1e-12 * np.maximum(np.abs(mean), 1e-300)] = 1.0
         n = x.shape[1]
         if correction:
-            rate = np.array([False, True, False, True])
+            rate = np.zeros(n, dtype=bool)
+            rate[[1, 3]] = True
             # A rate is measured from standstill: the direction of motion is what its saturated value tells.
             mean = np.where(rate, 0.0, mean)
             z = (x - mean) / spread
@@ -122,8 +123,12 @@ class NeuralVolume:
     activation: str = "softplus"
 
     def jet(self, state: State) -> VolumeJet:
-        """Return V, ∂V/∂ε and ∂V/∂P at each sample."""
-        xi, slope = self._scaled(state)
+        """Return V, ∂V/∂ε and ∂V/∂P at each sample; inputs beyond the state, which tell of the past, are at rest."""
+        return self.jet_at(self._columns(state))
+
+    def jet_at(self, x: np.ndarray) -> VolumeJet:
+        """Return the same at inputs of shape (n_samples, n_inputs), the state first, then what effects remember."""
+        xi, slope = self.scale.apply(x)
         value, (d_eps, d_P) = network_jet(self.weights, xi, (0, 2), self.activation)
         return VolumeJet(
             self.volume_scale * value,
@@ -133,12 +138,17 @@ class NeuralVolume:
 
     def slope_at(self, state: State) -> Array:
         """Return ∂V/∂ε alone."""
-        xi, slope = self._scaled(state)
-        _, (d_eps,) = network_jet(self.weights, xi, (0,), self.activation)
-        return self.volume_scale * d_eps * slope[:, 0]
+        return self.slope_at_inputs(self._columns(state))
 
-    def _scaled(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        return self.scale.apply(np.array(state, dtype=float).reshape(len(state), -1).T)
+    def slope_at_inputs(self, x: np.ndarray) -> np.ndarray:
+        """Return the same at inputs, as `jet_at` takes them."""
+        xi, slope = self.scale.apply(x)
+        _, (d_eps,) = network_jet(self.weights, xi, (0,), self.activation)
+        return np.asarray(self.volume_scale * d_eps * slope[:, 0])
+
+    def _columns(self, state: State) -> np.ndarray:
+        x = np.array(state, dtype=float).reshape(len(state), -1).T
+        return np.pad(x, ((0, 0), (0, len(self.scale.mean) - x.shape[1])))
 
 
 def network_jet(
