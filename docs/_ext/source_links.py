@@ -17,6 +17,7 @@ _PAPERS = {
     "raw_logs": "tests/signals/raw_logs.md",
     "benchmarks": "benchmarks/figures.md",
     "adaptation-study": "benchmarks/adaptation.md",
+    "measured-study": "benchmarks/measured.md",
     "paper-status": "benchmarks/papers.md",
     "withheld-benches": "benchmarks/withheld/README.md",
 }
