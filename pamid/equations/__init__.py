@@ -2,10 +2,12 @@
 
 from .base import Equation, Residual, all_equations
 from .evaluate import Evaluation, LogEvaluation, TrajectoryEvaluation, evaluate_log, residuals
+from .log import BenchLog
 from .noise import ChannelNoise, channel_noise
 from .unit_doubts import unit_doubts
 
 __all__ = [
+    "BenchLog",
     "ChannelNoise",
     "Equation",
     "Evaluation",

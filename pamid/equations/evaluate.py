@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import MissingColumnError, ReadingWarning, ShortTrajectoryError, UnitWarning, UnknownOptionError
 from .base import Equation, Residual, all_equations
-from .log import columns_of, runs, trajectory_rows
+from .log import BenchLog, columns_of
 from .run import Model, Run
 from .stretch import HALF
 from .windows import WINDOW
@@ -198,14 +198,12 @@ class _Sums:
         }
 
 
-def allowed_equations(
-    log: pd.DataFrame, names: Sequence[str] | None = None
-) -> tuple[dict[str, Equation], dict[str, str]]:
+def allowed_equations(log: BenchLog, names: Sequence[str] | None = None) -> tuple[dict[str, Equation], dict[str, str]]:
     """Return the equations that the columns of a log allow, and for each other one what it lacks."""
-    known = all_equations()
-    if lacking := [column for column in ("time", "q") if column not in log.columns]:
+    known, columns = all_equations(), log.table.columns
+    if lacking := [column for column in ("time", "q") if column not in columns]:
         raise MissingColumnError(
-            f"The log lacks {' and '.join(lacking)}; it has {', '.join(map(str, log.columns[:20]))}.",
+            f"The log lacks {' and '.join(lacking)}; it has {', '.join(map(str, columns[:20]))}.",
             "time in s and the joint angle q in rad, which every equation needs",
             "Map your columns to these names.",
         )
@@ -220,8 +218,8 @@ def allowed_equations(
         if names is not None and name not in names:
             continue
         needed = [column for channel in equation.channels for column in columns_of(channel)]
-        missing = [column for column in needed if column not in log.columns or log[column].isna().all()]
-        if equation.without and names is None and not _lacks(log, equation.without):
+        missing = [column for column in needed if not log.reads(column)]
+        if equation.without and names is None and log.holds(equation.without):
             continue
         if not missing:
             allowed[name] = equation
@@ -233,12 +231,12 @@ def allowed_equations(
     return allowed, skipped
 
 
-def _lacks(log: pd.DataFrame, channel: str) -> bool:
-    return any(column not in log.columns or log[column].isna().all() for column in columns_of(channel))
-
-
 def residuals(
-    log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None, *, noise: bool = True
+    log: pd.DataFrame | BenchLog,
+    params: BenchParameters,
+    equations: Sequence[str] | None = None,
+    *,
+    noise: bool = True,
 ) -> Iterator[tuple[str, str, Residual]]:
     """Go through a log and give the residual of each equation on each evenly sampled stretch.
 
@@ -273,14 +271,15 @@ def residuals(
     sine-4-15 force 20
     sine-4-15 flow 18
     """
+    log = BenchLog.of(log)
     allowed, _ = allowed_equations(log, equations)
     if not allowed:
         return
     wanted = {c for e in allowed.values() for c in e.channels} - {"q"}
     model = Model(params, noise=noise)
     if model.effects:  # effects read channels that the equations themselves do not
-        wanted |= {c for c in CHANNELS if all(k in log.columns for k in columns_of(c))}
-    for run in runs(log, model, sorted(wanted)):
+        wanted |= {c for c in CHANNELS if all(k in log.table.columns for k in columns_of(c))}
+    for run in log.runs(model, sorted(wanted)):
         for equation in allowed.values():
             residual = window_residual(equation, run)
             if residual is not None:
@@ -385,11 +384,11 @@ def evaluate_log(
     skipped: dict[str, str] = {}
     doubts: list[str] = []
     sums: dict[str, dict[str, _Sums]] = {}
-    for piece in [log] if isinstance(log, pd.DataFrame) else log:
+    for piece in map(BenchLog.of, [log] if isinstance(log, pd.DataFrame | BenchLog) else log):
         here, lacking = allowed_equations(piece, equations)
         allowed |= here
         skipped |= lacking
-        trajectory_rows(piece)
+        piece.require_trajectories()
         doubts = doubts or unit_doubts(piece, params, equations)
         begun = ""
         for trajectory, name, residual in residuals(piece, params, list(here)):

@@ -1,8 +1,9 @@
-"""A log as runs: the stretches of its trajectories, held against a simulator."""
+"""A log of the bench, checked once: its trajectories as stretches that are held against a simulator."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from ..errors import (
     NonFiniteError,
     TimeOrderError,
 )
+from ..signals.thinning import whole_trajectories
 from .run import MUSCLES, Model, Run
 from .stretch import stretches
 
@@ -29,94 +31,166 @@ def columns_of(channel: str) -> list[str]:
     return [channel] if channel in ("q", "q_ref", "time") else [f"{channel}{m}" for m in MUSCLES]
 
 
-def _numbers(log: pd.DataFrame, column: str, rows: slice) -> np.ndarray:
-    try:
-        return log[column].iloc[rows].to_numpy(dtype=float, na_value=np.nan)
-    except (TypeError, ValueError):
-        bad = next((v for v in log[column].iloc[rows] if isinstance(v, str) or not np.isscalar(v)), "?")
-        raise ColumnTypeError(
-            f"The column '{column}' holds {str(bad)[:30]!r}.", "numbers", "Remove or convert the entries that are text."
-        ) from None
+class BenchLog:
+    """A log of the bench, checked once: its trajectories, their times, and the channels that it holds.
 
-
-def trajectory_rows(log: pd.DataFrame) -> list[tuple[str, slice]]:
-    """Return name and rows of each trajectory of a log, in its order.
-
-    Raises
-    ------
-    MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
-        The log does not name its trajectories, mixes their rows, or has none.
-    """
-    import pandas as pd
-
-    if "trajectory" not in log.columns:
-        raise MissingTrajectoryError(
-            f"The log has no column 'trajectory'; it has {', '.join(map(str, log.columns[:20]))}.",
-            "the name of its run in each row",
-            "Add the column, or map one of yours to it.",
-        )
-    if not len(log):
-        raise EmptyLogError("The log has no rows.", "at least one trajectory", "Check how the log was written.")
-    codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
-    borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    if len(borders) - 1 != len(names):
-        raise InterleavedTrajectoryError(
-            f"The log has {len(names)} trajectories in {len(borders) - 1} separate blocks of rows.",
-            "the rows of each trajectory together and in time order",
-            "Sort the log by trajectory and time; give repeats names of their own.",
-        )
-    return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
-
-
-def runs(log: pd.DataFrame, model: Model, channels: list[str]) -> Iterator[Run]:
-    """Cut a log into stretches, one trajectory at a time.
-
-    A stretch ends where a trajectory ends and where angle or time are missing for longer than windows can go over.
-    Shorter holes, uneven times and missing readings of other channels are bridged, see `pamid.equations.stretch`.
+    Evaluation, refit, diagnosis and survey all read this object; each makes one of a table that it is given.
 
     Parameters
     ----------
-    log : DataFrame
+    table : DataFrame
         The log, SI units, absolute pressures.
-    model : Model
-        The simulator.
-    channels : list of str
-        The channels to read, of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read. A stretch that lacks one of them
-        comes without it.
 
-    Yields
-    ------
-    Run
-        The stretches in order.
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.equations import BenchLog
+    >>> log = BenchLog.of(simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 400), sine(6, 15, 400)]))
+    >>> [name for name, rows in log.trajectories], log.holds("P")
+    (['sine-4-15', 'sine-6-15'], True)
     """
-    needed = ["time", *columns_of("q"), *(c for name in channels for c in columns_of(name))]
-    if missing := [c for c in needed if c not in log.columns]:
-        raise MissingColumnError(
-            f"The log lacks {', '.join(missing)}.",
-            f"the columns {', '.join(needed)}",
-            f"Map your columns to these names; the log has {', '.join(map(str, log.columns[:20]))}.",
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self.table = table
+        self._held: dict[str, bool] = {}
+
+    @classmethod
+    def of(cls, log: pd.DataFrame | BenchLog) -> BenchLog:
+        """Return a log as one; itself if it is one."""
+        return log if isinstance(log, BenchLog) else cls(log)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @cached_property
+    def trajectories(self) -> list[tuple[str, slice]]:
+        """Name and rows of each trajectory, in order.
+
+        Raises
+        ------
+        MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
+            The log does not name its trajectories, mixes their rows, or has none.
+        """
+        import pandas as pd
+
+        log = self.table
+        if "trajectory" not in log.columns:
+            raise MissingTrajectoryError(
+                f"The log has no column 'trajectory'; it has {', '.join(map(str, log.columns[:20]))}.",
+                "the name of its run in each row",
+                "Add the column, or map one of yours to it.",
+            )
+        if not len(log):
+            raise EmptyLogError("The log has no rows.", "at least one trajectory", "Check how the log was written.")
+        codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
+        borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
+        if len(borders) - 1 != len(names):
+            raise InterleavedTrajectoryError(
+                f"The log has {len(names)} trajectories in {len(borders) - 1} separate blocks of rows.",
+                "the rows of each trajectory together and in time order",
+                "Sort the log by trajectory and time; give repeats names of their own.",
+            )
+        return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
+
+    def require_trajectories(self) -> None:
+        """Raise where trajectories cannot be told, see `trajectories`."""
+        _ = self.trajectories
+
+    @cached_property
+    def times(self) -> list[np.ndarray]:
+        """The times of each trajectory, s.
+
+        Raises
+        ------
+        NonFiniteError, TimeOrderError
+            A time is missing, or does not increase.
+        """
+        return [_checked_time(self.numbers("time", rows), name) for name, rows in self.trajectories]
+
+    def numbers(self, column: str, rows: slice = slice(None)) -> np.ndarray:
+        """Return rows of a column as numbers, NaN where nothing was measured."""
+        series = self.table[column].iloc[rows]
+        try:
+            return series.to_numpy(dtype=float, na_value=np.nan)
+        except (TypeError, ValueError):
+            bad = next((v for v in series if isinstance(v, str) or not np.isscalar(v)), "?")
+            raise ColumnTypeError(
+                f"The column '{column}' holds {str(bad)[:30]!r}.",
+                "numbers",
+                "Remove or convert the entries that are text.",
+            ) from None
+
+    def holds(self, channel: str) -> bool:
+        """Tell whether the log has all columns of a channel, each with a reading."""
+        return all(self.reads(column) for column in columns_of(channel))
+
+    def reads(self, column: str) -> bool:
+        """Tell whether the log has a column with a reading."""
+        if column not in self._held:
+            self._held[column] = column in self.table.columns and not bool(self.table[column].isna().all())
+        return self._held[column]
+
+    def whole(self, most: int) -> BenchLog:
+        """Return whole trajectories spread evenly over the log, up to so many rows; itself if it is short enough."""
+        if len(self) <= most:
+            return self
+        return BenchLog(whole_trajectories(self.table, most, [rows for _, rows in self.trajectories]))
+
+    def read_as(self, readings: Mapping[str, np.ndarray | pd.Series]) -> BenchLog:
+        """Return the log with other readings of some channels, its trajectories and times as they are."""
+        other = BenchLog(self.table.assign(**readings))
+        other.trajectories, other.times = self.trajectories, self.times
+        return other
+
+    def runs(self, model: Model, channels: list[str]) -> Iterator[Run]:
+        """Cut the log into stretches, one trajectory at a time.
+
+        A stretch ends where a trajectory ends and where angle or time are missing for longer than windows can go over.
+        Shorter holes, uneven times and missing readings of other channels are bridged, see `pamid.equations.stretch`.
+
+        Parameters
+        ----------
+        model : Model
+            The simulator.
+        channels : list of str
+            The channels to read, of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read. A stretch that lacks one of
+            them comes without it.
+
+        Yields
+        ------
+        Run
+            The stretches in order.
+        """
+        needed = ["time", *columns_of("q"), *(c for name in channels for c in columns_of(name))]
+        if missing := [c for c in needed if c not in self.table.columns]:
+            raise MissingColumnError(
+                f"The log lacks {', '.join(missing)}.",
+                f"the columns {', '.join(needed)}",
+                f"Map your columns to these names; the log has {', '.join(map(str, self.table.columns[:20]))}.",
+            )
+        for (name, rows), time in zip(self.trajectories, self.times, strict=True):
+            data = {c: self.numbers(c, rows) for c in needed[1:]}
+            if column := next((c for c, v in data.items() if np.isinf(v).any()), None):
+                raise NonFiniteError(
+                    f"The column '{column}' of trajectory '{name}' holds infinite values.",
+                    "finite numbers, or NaN where nothing was measured",
+                    "Remove those rows or set them to NaN.",
+                )
+            columns = {c: np.column_stack([data[k] for k in columns_of(c)]) for c in ("q", *channels)}
+            for stretch in stretches(name, time, columns):
+                yield Run(stretch, model)
+
+
+def _checked_time(time: np.ndarray, name: str) -> np.ndarray:
+    """Return the times of a trajectory; raise where one is missing or does not increase."""
+    if not np.isfinite(time).all():
+        raise NonFiniteError(f"The time of trajectory '{name}' holds NaN.", "a time in each row", "Remove those rows.")
+    steps = np.diff(time)
+    if len(steps) and steps.min() <= 0:
+        at = int(np.argmin(steps))
+        raise TimeOrderError(
+            f"The time of trajectory '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
+            "time that increases",
+            "Sort the trajectory by time and remove repeated rows; runs of their own need names of their own.",
         )
-    for name, rows in trajectory_rows(log):
-        time = _numbers(log, "time", rows)
-        data = {c: _numbers(log, c, rows) for c in needed[1:]}
-        if column := next((c for c, v in data.items() if np.isinf(v).any()), None):
-            raise NonFiniteError(
-                f"The column '{column}' of trajectory '{name}' holds infinite values.",
-                "finite numbers, or NaN where nothing was measured",
-                "Remove those rows or set them to NaN.",
-            )
-        if not np.isfinite(time).all():
-            raise NonFiniteError(
-                f"The time of trajectory '{name}' holds NaN.", "a time in each row", "Remove those rows."
-            )
-        steps = np.diff(time)
-        if len(steps) and steps.min() <= 0:
-            at = int(np.argmin(steps))
-            raise TimeOrderError(
-                f"The time of trajectory '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
-                "time that increases",
-                "Sort the trajectory by time and remove repeated rows; runs of their own need names of their own.",
-            )
-        columns = {c: np.column_stack([data[k] for k in columns_of(c)]) for c in ("q", *channels)}
-        for stretch in stretches(name, time, columns):
-            yield Run(stretch, model)
+    return time

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..signals.thinning import whole_trajectories
 from ..signals.units import UNITS
 from .evaluate import allowed_equations, residuals
-from .log import columns_of
+from .log import BenchLog, columns_of
 from .run import MUSCLES
 
 if TYPE_CHECKING:
@@ -96,7 +95,9 @@ class _Choice(NamedTuple):
         return _Choice(self.cost + other.cost, self.readings | other.readings, self.errors | other.errors)
 
 
-def unit_doubts(log: pd.DataFrame, params: BenchParameters, equations: Sequence[str] | None = None) -> list[str]:
+def unit_doubts(
+    log: pd.DataFrame | BenchLog, params: BenchParameters, equations: Sequence[str] | None = None
+) -> list[str]:
     r"""Say which columns of a log the simulator would explain in another unit, or with another reference or sign.
 
     The error of an equation :math:`y = \hat y` is taken as a share of its signal,
@@ -129,9 +130,10 @@ def unit_doubts(log: pd.DataFrame, params: BenchParameters, equations: Sequence[
     >>> unit_doubts(log.assign(F1=log["F1"] / 9.80665), bench)[0][:19]
     'F1 looks like kgf: '
     """
+    log = BenchLog.of(log)
     allowed, _ = allowed_equations(log, equations)
     names = [name for name in allowed if name != "joint" or "force" not in allowed]
-    part = whole_trajectories(log, _MOST)
+    part = log.whole(_MOST)
     as_is = _sums(part, params, names)
     before = {key: s.error() for key, s in as_is.items()}
     if max(before.values(), default=0.0) < _OFF:
@@ -154,7 +156,7 @@ def unit_doubts(log: pd.DataFrame, params: BenchParameters, equations: Sequence[
 
 
 def _choices(
-    part: pd.DataFrame, params: BenchParameters, names: list[str], as_is: Mapping[Key, _Products]
+    part: BenchLog, params: BenchParameters, names: list[str], as_is: Mapping[Key, _Products]
 ) -> Iterator[_Choice]:
     """Yield the best readings of all columns for each reading of the angle and of the pressures."""
     ambient = params.gas.atmospheric_pressure
@@ -175,11 +177,12 @@ def _choices(
             yield _Choice(_cost(errors) + angle.price, turned, errors).and_(choice).and_(further)
 
 
-def _read(log: pd.DataFrame, readings: Readings) -> pd.DataFrame:
-    return log.assign(**{c: r.factor * log[c] + r.offset for c, r in readings.items() if c in log.columns})
+def _read(log: BenchLog, readings: Readings) -> BenchLog:
+    table = log.table
+    return log.read_as({c: r.factor * table[c] + r.offset for c, r in readings.items() if c in table.columns})
 
 
-def _sums(log: pd.DataFrame, params: BenchParameters, names: list[str]) -> dict[Key, _Products]:
+def _sums(log: BenchLog, params: BenchParameters, names: list[str]) -> dict[Key, _Products]:
     """Return the sums of equations over the windows of a log."""
     sums: dict[Key, np.ndarray] = defaultdict(lambda: np.zeros(3))
     with np.errstate(all="ignore"):  # a wrong reading may lead far from what the laws are made for

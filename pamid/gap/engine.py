@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.registry import chosen_effects
-from ..equations.log import trajectory_rows
-from ..signals.thinning import whole_trajectories
+from ..equations.log import BenchLog
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
@@ -79,16 +78,14 @@ def diagnose(
     library = chosen_effects(effects, "bench")
     say = progress or (lambda _: None)
     say("read the log")
-    if len(log) > MAX_ROWS:
-        trajectory_rows(log)  # raises where whole trajectories cannot be told
-    used = whole_trajectories(log, MAX_ROWS)
+    used = BenchLog.of(log).whole(MAX_ROWS)
     notes = check(used, params)
     if len(used) < len(log):
         notes.append(rows_used(len(used), len(log)))
     used, stuck = without_stuck(used)
     notes += stuck
     evidence = Evidence(used, params)
-    part = whole_trajectories(used, SEARCH_ROWS)
+    part = used.whole(SEARCH_ROWS)
     searched = Evidence(part, params) if len(part) < len(used) else evidence
     if searched is not evidence:
         notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(used):,}.")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..equations.log import trajectory_rows
-from ..signals.thinning import whole_trajectories
+from ..equations.log import BenchLog
 from .inference.gauss_newton import Fitter
 from .residuals.bench import Evidence
 from .settings import MAX_ROWS
@@ -76,9 +75,7 @@ def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters) -> Refit:
     """
     if not any(t > 0 and params.get(name) != 0 for name, t in params.tolerance.items()):
         return Refit(params, {}, ())
-    if len(log) > MAX_ROWS:
-        trajectory_rows(log)  # raises where whole trajectories cannot be told
-    evidence = Evidence(whole_trajectories(log, MAX_ROWS), params)
+    evidence = Evidence(BenchLog.of(log).whole(MAX_ROWS), params)
     if not evidence.equations:
         return Refit(params, dict.fromkeys(evidence.free, 0.0), ())
     fitter = Fitter(evidence)

@@ -136,7 +136,7 @@ def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
     return slice(None, None, max(1, -(-n // count) if at_most else n // count))
 
 
-def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
+def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | None = None) -> pd.DataFrame:
     """Keep trajectories spread evenly over a log, each whole, up to so many rows in all.
 
     Parameters
@@ -145,6 +145,8 @@ def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
         Tidy frame with a column ``trajectory``.
     most : int
         Most rows; the last trajectory is cut there, and so is one that is longer by itself.
+    rows : sequence of slice, optional
+        Rows of each trajectory, where they are known.
 
     Returns
     -------
@@ -161,7 +163,8 @@ def whole_trajectories(log: pd.DataFrame, most: int) -> pd.DataFrame:
     """
     if len(log) <= most:
         return log
-    rows = [r for _, r in blocks(log["trajectory"].to_numpy(dtype=object))]
+    if rows is None:
+        rows = [r for _, r in blocks(log["trajectory"].to_numpy(dtype=object))]
     chosen = (rows[k] for k in spread_evenly([r.stop - r.start for r in rows], most))
     return log.iloc[np.concatenate([np.arange(r.start, min(r.stop, r.start + most)) for r in chosen])[:most]]
 

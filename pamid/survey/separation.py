@@ -9,12 +9,10 @@ import numpy as np
 
 from ..effects import all_effects
 from ..effects.registry import chosen_effects
-from ..signals.thinning import whole_trajectories
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
+    from ..equations.log import BenchLog
     from ..gap.residuals.bench import Evidence
 
 SEEN = 5.0
@@ -56,7 +54,7 @@ class Separation:
     seen: bool
 
 
-def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
+def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
     """Return what a log says about each effect, and the run that would tell most of the others apart.
 
     Each effect is added to the simulator at its typical size; what the parameters within their tolerances explain is
@@ -64,7 +62,7 @@ def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separat
 
     Parameters
     ----------
-    log : DataFrame
+    log : BenchLog
         Log of the bench.
     params : BenchParameters
         Its simulator, with tolerances.
@@ -79,7 +77,7 @@ def separation(log: pd.DataFrame, params: BenchParameters) -> tuple[list[Separat
     """
     from ..gap.residuals.bench import Evidence
 
-    evidence = Evidence(whole_trajectories(log, _MOST_ROWS), params)
+    evidence = Evidence(log.whole(_MOST_ROWS), params)
     names, D = _responses(evidence)
     gram = _products(D, evidence.J)
     found = _told(names, gram)

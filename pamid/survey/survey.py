@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from ..equations.log import BenchLog
 from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
 from ..json_data import json_ready
@@ -139,8 +140,9 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
         warnings += _system_warnings(log, simulator)
     elif simulator is not None:
         try:
-            warnings += unit_doubts(log, simulator)
-            separations, best = separation(log, simulator)
+            bench_log = BenchLog.of(log)
+            warnings += unit_doubts(bench_log, simulator)
+            separations, best = separation(bench_log, simulator)
         except PamidError as error:
             warnings.append(f"The simulator could not be compared with the log: {error}")
         if not simulator.tolerance:

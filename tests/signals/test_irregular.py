@@ -13,7 +13,7 @@ from pamid.bench import isobaric, simulate, sine
 from pamid.bench.sensors import IDEAL, SENSORS
 from pamid.cli import main
 from pamid.equations import channel_noise, evaluate_log
-from pamid.equations.log import runs
+from pamid.equations.log import BenchLog
 from pamid.equations.run import Model
 from pamid.errors import ShortTrajectoryError
 from pamid.gap import diagnose, state_table
@@ -102,11 +102,11 @@ def test_uneven_samples_are_told_from_late_stamps():
     exact, even = simulate(NOMINAL, [sine(10, 15, 4000)], sensors=IDEAL), np.arange(5, 3990, 5)
     rows = even + np.random.default_rng(0).integers(-1, 2, len(even))
     moved = exact.iloc[rows].reset_index(drop=True)
-    run = next(runs(moved, Model(NOMINAL), []))
+    run = next(BenchLog.of(moved).runs(Model(NOMINAL), []))
     truth = np.interp(run.time, exact["time"], exact["q"])
     assert np.max(np.abs(run.q - truth)) < 1e-4 < np.max(np.abs(moved["q"] - truth))
     stamped = exact.iloc[even].reset_index(drop=True).assign(time=moved["time"])
-    run = next(runs(stamped, Model(NOMINAL), []))
+    run = next(BenchLog.of(stamped).runs(Model(NOMINAL), []))
     np.testing.assert_array_equal(run.q, stamped["q"])
 
 

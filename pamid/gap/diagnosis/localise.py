@@ -54,16 +54,17 @@ def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     >>> len(table.query("deps1 > 0 and P1 < 3e5")) > 0  # 1/s, Pa
     True
     """
-    from ...equations.log import columns_of, runs, trajectory_rows
+    from ...equations.log import BenchLog
     from ...equations.run import SIGNS, Model
 
-    channels = ["P"] if all(c in log.columns for c in columns_of("P")) else []
+    held = BenchLog.of(log)
+    channels = ["P"] if held.holds("P") else []
     p = params
     turn = SIGNS * p.joint.pulley_radius / p.muscle.rest_length
     names = ["dq", *(f"{signal}{k}" for k in (1, 2) for signal in ("eps", "deps", *(["dP"] if channels else [])))]
     state = {name: np.full(len(log), np.nan) for name in names}
-    time, rows_of = log["time"].to_numpy(dtype=float), dict(trajectory_rows(log))
-    for run in runs(log, Model(params), channels):
+    time, rows_of = log["time"].to_numpy(dtype=float), dict(held.trajectories)
+    for run in held.runs(Model(params), channels):
         rows = rows_of[run.trajectory]
         first, after = rows.start + np.searchsorted(time[rows], (run.time[0], run.time[-1] + 1e-3 * run.dt))
         dq = run.smooth("q", 1)

@@ -12,7 +12,7 @@ from ...effects import Effect, Plant, all_effects, make_effect
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
-from ...equations.log import columns_of, runs
+from ...equations.log import BenchLog
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
 from ...signals.roles import ROLES
@@ -34,7 +34,7 @@ class Evidence:
 
     Parameters
     ----------
-    log : DataFrame
+    log : DataFrame or BenchLog
         Log of the bench.
     params : BenchParameters
         The simulator.
@@ -81,14 +81,14 @@ class Evidence:
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 
-    def __init__(self, log: pd.DataFrame, params: BenchParameters) -> None:
+    def __init__(self, log: pd.DataFrame | BenchLog, params: BenchParameters) -> None:
+        log = BenchLog.of(log)
         self.params = params
         self._widening: tuple[str, np.ndarray | None] = ("", None)
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
-        channels = [c for c in CHANNELS if all(k in log.columns for k in columns_of(c))]
-        channels = [c for c in channels if not any(log[k].isna().all() for k in columns_of(c))]
-        self.runs: list[Run] = list(runs(log, Model(params, settled=True), channels))
+        channels = [c for c in CHANNELS if log.holds(c)]
+        self.runs: list[Run] = list(log.runs(Model(params, settled=True), channels))
         pool_noise([run.stretch for run in self.runs])
         self.trajectories = list(dict.fromkeys(run.trajectory for run in self.runs))
         self.equations: list[str] = []

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...equations.log import columns_of, trajectory_rows
+from ...equations.log import BenchLog, columns_of
 from ...equations.unit_doubts import unit_doubts
 from ...errors import ExcitationError
 from ...signals.stretches import stuck_rows
 from .bench import Evidence
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ...bench.parameters import BenchParameters
 
 _STUCK_SECONDS = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
@@ -22,12 +20,12 @@ _MOVED = 0.02  # rad
 _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 
-def check(log: pd.DataFrame, params: BenchParameters, *, moving: bool = True) -> list[str]:
+def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> list[str]:
     """Return notes on a log; raise where nothing could be ranked.
 
     Parameters
     ----------
-    log : DataFrame
+    log : BenchLog
         The log.
     params : BenchParameters
         The simulator.
@@ -58,9 +56,8 @@ def check(log: pd.DataFrame, params: BenchParameters, *, moving: bool = True) ->
             "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
             "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
         )
-    rows = trajectory_rows(log)
     notes = unit_doubts(log, params)
-    if len(rows) == 1:
+    if len(log.trajectories) == 1:
         notes.append(
             "The log has one trajectory only: intervals over trajectories cannot be given, and nothing is held out."
         )
@@ -69,7 +66,7 @@ def check(log: pd.DataFrame, params: BenchParameters, *, moving: bool = True) ->
             "The simulator file states no tolerances: its parameters count as exact, and a parameter that is a little "
             "off shows as a gap. Add a [tolerance] table."
         )
-    lost = float(log[[c for c in log.columns if c != "trajectory"]].isna().any(axis=1).mean())
+    lost = float(log.table[[c for c in log.table.columns if c != "trajectory"]].isna().any(axis=1).mean())
     if lost:
         notes.append(
             f"{100 * lost:.1f} % of the rows have a missing value: windows average what is there, and are left out "
@@ -79,45 +76,41 @@ def check(log: pd.DataFrame, params: BenchParameters, *, moving: bool = True) ->
     return notes
 
 
-def moves(log: pd.DataFrame) -> bool:
+def moves(log: BenchLog) -> bool:
     """Tell whether the angle or a pressure moves in any run of a log."""
     swing, rise = _motion(log)
     return swing >= 2e-3 or rise >= 2e3
 
 
-def _motion(log: pd.DataFrame) -> tuple[float, float]:
+def _motion(log: BenchLog) -> tuple[float, float]:
     """Return the largest range of the angle (rad) and of a pressure (Pa) within one run."""
-    rows = trajectory_rows(log)
 
     def largest(column: str) -> float:
-        runs = (log[column].iloc[r].dropna().to_numpy(dtype=float) for _, r in rows)
+        runs = (log.table[column].iloc[r].dropna().to_numpy(dtype=float) for _, r in log.trajectories)
         return max((float(np.ptp(v)) for v in runs if len(v)), default=0.0)
 
-    return largest("q"), max((largest(c) for c in columns_of("P") if c in log.columns), default=0.0)
+    return largest("q"), max((largest(c) for c in columns_of("P") if c in log.table.columns), default=0.0)
 
 
-def without_stuck(log: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+def without_stuck(log: BenchLog) -> tuple[BenchLog, list[str]]:
     """Return a log without the readings of sensors that repeat one value while the joint moves, and notes on them."""
     notes: list[str] = []
     changed: dict[str, np.ndarray] = {}
-    rows = trajectory_rows(log)
     for channel in ("P", "F", "mdot"):
         for column in columns_of(channel):
-            if column not in log.columns:
+            if column not in log.table.columns:
                 continue
-            x = log[column].to_numpy(dtype=float, na_value=np.nan)
+            x = log.numbers(column)
             stuck = np.zeros(len(x), dtype=bool)
-            for _, r in rows:
-                q = log["q"].iloc[r].to_numpy(dtype=float, na_value=np.nan)
-                time = log["time"].iloc[r].to_numpy(dtype=float, na_value=np.nan)
-                stuck[r] = _stuck(x[r], q, time)
+            for (_, r), time in zip(log.trajectories, log.times, strict=True):
+                stuck[r] = _stuck(x[r], log.numbers("q", r), time)
             if stuck.any():
                 changed[column] = np.where(stuck, np.nan, x)
                 notes.append(
                     f"{column} repeats one value while the joint moves in {100 * stuck.mean():.1f} % of the rows: a "
                     "stuck or clipped sensor. Those readings are left out."
                 )
-    return (log.assign(**changed), notes) if changed else (log, notes)
+    return (log.read_as(changed), notes) if changed else (log, notes)
 
 
 def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...effects.registry import chosen_effects, effects_beside
+from ...equations.log import BenchLog
 from ...errors import IncompatibleError
 from ...signals.readings import run_marks
-from ...signals.thinning import whole_trajectories
 from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import decide
 from ..diagnosis.next_experiment import next_experiment
@@ -96,7 +96,7 @@ def diagnose_logs(
     held = conditions_of(names, conditions)
     tables, notes = _tables(logs, params, held)
     total = sum(len(t) for t in tables)
-    whole = [whole_trajectories(t, max(1, MAX_ROWS * len(t) // total)) if total > MAX_ROWS else t for t in tables]
+    whole = [t.whole(max(1, MAX_ROWS * len(t) // total)) if total > MAX_ROWS else t for t in tables]
     each = [Evidence(t, c.under(params)) for t, c in zip(whole, held, strict=True)]
     check_alike(dict(zip(names, each, strict=True)))
     for name, one in zip(names, each, strict=True):
@@ -107,7 +107,7 @@ def diagnose_logs(
     stack = _stack(names, each, days, variants)
     searched = stack
     if (rows := sum(len(t) for t in whole)) > SEARCH_ROWS:
-        part = [whole_trajectories(t, max(1, SEARCH_ROWS * len(t) // rows)) for t in whole]
+        part = [t.whole(max(1, SEARCH_ROWS * len(t) // rows)) for t in whole]
         fewer = [Evidence(t, c.under(params)) for t, c in zip(part, held, strict=True)]
         searched = _stack(names, fewer, days, variants)
         notes.append(f"Causes were searched in {sum(map(len, part)):,} rows, and fitted to {rows:,}.")
@@ -125,7 +125,7 @@ def diagnose_logs(
         last = len(each) - 1
         experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
         found = replace(found, next_experiment=experiment)
-    sizes = {n: (len(t), int(t["trajectory"].nunique())) for n, t in zip(names, tables, strict=True)}
+    sizes = {n: (len(t), len(t.trajectories)) for n, t in zip(names, tables, strict=True)}
     return replace(
         found,
         logs=[
@@ -142,11 +142,11 @@ def _stack(names: Sequence[str], each: Sequence[Evidence], days: Sequence[str], 
 
 def _tables(
     logs: Mapping[str, pd.DataFrame], params: BenchParameters, held: Sequence[Conditions]
-) -> tuple[list[pd.DataFrame], list[str]]:
+) -> tuple[list[BenchLog], list[str]]:
     """Return the logs without the readings of stuck sensors, and notes; an error names its log."""
     from ...errors import PamidError
 
-    tables: list[pd.DataFrame] = []
+    tables: list[BenchLog] = []
     notes: list[str] = []
     seen: dict[str, str] = {}
     for (name, log), conditions in zip(logs.items(), held, strict=True):
@@ -161,8 +161,9 @@ def _tables(
         seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}
         try:
             # A joint at rest tells of offsets, leaks and loads, beside logs of motion.
-            told = check(log, conditions.under(params), moving=name == list(logs)[-1] and not any(map(moves, tables)))
-            table, stuck = without_stuck(log)
+            bench_log, last = BenchLog.of(log), name == list(logs)[-1]
+            told = check(bench_log, conditions.under(params), moving=last and not any(map(moves, tables)))
+            table, stuck = without_stuck(bench_log)
         except PamidError as error:
             error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
             raise
