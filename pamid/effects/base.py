@@ -79,6 +79,8 @@ class Parameter:
     position : int, default=0
         Power of the position's unit in its own one: ``unit`` is that for a contraction ratio, which has none. A
         coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
+    idle : bool, default=False
+        Whether the effect does nothing at the upper bound, and more the further below it the parameter is.
 
     Examples
     --------
@@ -98,6 +100,7 @@ class Parameter:
     essential: bool = False
     before: bool = False
     position: int = 0
+    idle: bool = False
 
     @property
     def share(self) -> bool:

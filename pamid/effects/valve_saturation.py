@@ -36,7 +36,7 @@ class ValveSaturation(Effect):
     equations = ("valve",)
     roles = ("command",)
     source = "10.1115/1.1286336"
-    parameters = (Parameter("limit", "-", 0.02, 1.0, 0.5, "largest opening"),)
+    parameters = (Parameter("limit", "-", 0.02, 1.0, 0.5, "largest opening", idle=True),)
     limit: float
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
