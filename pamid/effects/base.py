@@ -80,7 +80,7 @@ class Parameter:
         Power of the position's unit in its own one: ``unit`` is that for a contraction ratio, which has none. A
         coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
     idle : bool, default=False
-        Whether the effect does nothing at the upper bound, and more the further below it the parameter is.
+        Whether it is a limit: at the upper bound, or beyond what a signal reaches, the effect does nothing.
 
     Examples
     --------

@@ -36,7 +36,7 @@ class OutputSaturation(Effect):
     channel = "F"
     kinds = ("muscle", "actuator", "joint", "motor")
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("limit", "N", 1e-2, 1e5, 280.0, "largest value"),)
+    parameters = (Parameter("limit", "N", 1e-2, 1e5, 280.0, "largest value", idle=True),)
     limit: float
 
     def measure(self, value: Array, x: Array) -> Array:

@@ -113,7 +113,7 @@ def _trusted(competition: Competition, outcome: Outcome) -> tuple[Outcome, dict[
     while not found.named and len(part_of) > 1 and competition.evidence.exact:
         less = competition.without(outcome, min(part_of, key=lambda name: part_of[name]))
         parts = shapley(competition.fitter, less.base.fit, less.best.fit)
-        other = trust(competition, less, parts)
+        other = trust(competition, less, parts, given_up=True)
         if other.probability <= found.probability:
             break
         outcome, part_of, found = less, parts, other
@@ -122,8 +122,11 @@ def _trusted(competition: Competition, outcome: Outcome) -> tuple[Outcome, dict[
 
 def _kind(verdict: Verdict, names: Sequence[str]) -> str:
     assert verdict.trust is not None
-    if not verdict.trust.named:
-        return "unknown"
+    return kind_of(verdict, names) if verdict.trust.named else "unknown"
+
+
+def kind_of(verdict: Verdict, names: Sequence[str]) -> str:
+    """Return the verdict that names causes."""
     if len(names) > 1:
         return "several"
     return "class" if len(verdict.classes[names[0]]) > 1 else "cause"

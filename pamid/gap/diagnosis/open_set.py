@@ -51,7 +51,9 @@ class Trust:
     signs: dict[str, float]
 
 
-def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> Trust:
+def trust(
+    competition: Competition, outcome: Outcome, part_of: Mapping[str, float], given_up: bool = False
+) -> Trust:
     """Return what speaks for the names of the best hypothesis.
 
     Parameters
@@ -62,8 +64,10 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
         Its hypotheses.
     part_of : mapping of str to float
         Each cause's share of what all explain together.
+    given_up : bool, default=False
+        Whether a cause beside these was given up.
     """
-    signs = signs_of(competition, outcome, part_of)
+    signs = signs_of(competition, outcome, part_of, given_up)
     if not competition.evidence.exact:
         # Any other model may be wrong in several small ways at once: names are said of what they close.
         closed = 1.0 - signs["left_of_gap"]

@@ -94,7 +94,9 @@ def agreement(information: np.ndarray, score: np.ndarray) -> Agreement:
     return Agreement(q, max(0.0, 1.0 - (n - 1) / q) if q > 0 else 0.0, spread, half)
 
 
-def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> dict[str, float]:
+def signs_of(
+    competition: Competition, outcome: Outcome, part_of: Mapping[str, float], given_up: bool = False
+) -> dict[str, float]:
     """Return the signs of a cause beyond the library, each from 0 to 1.
 
     Parameters
@@ -105,6 +107,8 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         Its hypotheses.
     part_of : mapping of str to float
         Each cause's share of what all explain together.
+    given_up : bool, default=False
+        Whether a cause beside these was given up, since they are trusted more without it.
 
     Returns
     -------
@@ -123,6 +127,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         ``uncertain``: half of the 90 % interval of the least certain factor.
         ``rivalled``: gain of the best set that lacks one of the causes, as a share of that of all.
         ``many``: number of causes beyond the first; four count as all.
+        ``given_up``: whether a cause beside these was given up: of an imitation by several that leaves the best part.
         ``unclosed``: one less the lower end of the 90 % interval of what is closed on unseen runs, where that is least.
     """
     evidence, best, base = competition.evidence, outcome.best, outcome.base
@@ -154,6 +159,7 @@ def signs_of(competition: Competition, outcome: Outcome, part_of: Mapping[str, f
         "unclosed": _unclosed(competition, outcome),
         "rivalled": _rivalled(outcome),
         "many": (len(best.fit.spec) - 1) / 3.0,
+        "given_up": float(given_up),
     }
     return {name: float(np.clip(v, 0.0, 1.0)) for name, v in found.items()}
 

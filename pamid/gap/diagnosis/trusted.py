@@ -8,6 +8,7 @@ SIGNS = {
     "coloured": -0.94,
     "disagreeing": -1.5,
     "faint": -1.97,
+    "given_up": 0,
     "left": -3.4,
     "left_of_gap": -0.62,
     "many": -1.92,

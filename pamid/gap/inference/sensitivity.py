@@ -61,7 +61,7 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
     if not evidence.touched([effect.name]):
         return []
     linear = [p for p in effect.parameters if p.linear]
-    others = [p for p in effect.parameters if not p.linear]
+    others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
         return _small_change(evidence, effect.name, others[0])
     found = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects import Effect, Plant, all_effects, make_effect
+from ...effects import Effect, Parameter, Plant, all_effects, make_effect
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
@@ -311,6 +311,10 @@ class Evidence:
     def reach(self, spec: Spec) -> np.ndarray | None:
         """Return None: sensitivities about no effect hold beside any."""
         return None
+
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a parameter within what the log reaches: here its own bounds."""
+        return p
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""

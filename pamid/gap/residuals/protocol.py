@@ -7,6 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ...effects import Parameter
+
 Spec = Mapping[str, Mapping[str, float]]
 """Effects by name, with the values of their parameters."""
 
@@ -120,6 +122,10 @@ class ResidualSource(Protocol):
 
         None where sensitivities about no effect hold beside any.
         """
+        ...
+
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a parameter within the bounds between which it changes anything on this log."""
         ...
 
     def prior(self, name: str) -> float:

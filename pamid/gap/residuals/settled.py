@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...effects import Parameter
 from .protocol import Spec
 
 
@@ -17,6 +18,10 @@ class Settled:
     def reach(self, spec: Spec) -> np.ndarray | None:
         """Return None: sensitivities about no effect hold beside any."""
         return None
+
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a parameter within what the log reaches: here its own bounds."""
+        return p
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, or undone in readings that are smoothed as before."""

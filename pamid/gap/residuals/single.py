@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...constants import ATMOSPHERIC_PRESSURE
-from ...effects import Effect, Plant, Signals, all_effects, make_effect
+from ...effects import Effect, Parameter, Plant, Signals, all_effects, make_effect
 from ...effects.plant import Surroundings
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals, steady_path
@@ -255,6 +256,11 @@ class SignalEvidence:
                 total = before
         return self._mean(passed)
 
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a limit of the reading within what the model reaches: beyond, it does nothing."""
+        top = float(np.max(np.abs(self.predicted), initial=0.0))
+        return replace(p, lower=0.05 * top, upper=top, nominal=0.6 * top) if p.idle and top > 0.0 else p
+
     def _hooks(self, effect: Effect, table: Table, faults: tuple[Effect, ...]) -> np.ndarray:
         hooks = {"force": {"force"}, "torque": {"force", "torque"}, "flow": {"flow"}}[self.kind]
         if not hooks & set(effect.hooks()):
@@ -311,7 +317,8 @@ class SignalEvidence:
             else:
                 known = needed - {"pressure"} <= set(self.table)
             try:
-                self._touched[name] = bool(known and np.any(self.added({name: make_effect(name).values})))
+                typical = {p.name: self.reached(p).nominal for p in effect.parameters}
+                self._touched[name] = bool(known and np.any(self.added({name: typical})))
             except (TypeError, AttributeError, KeyError):  # it reads a signal or a number that is not there
                 self._touched[name] = False
         return self._touched[name]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...effects import all_effects
+from ...effects import Parameter, all_effects
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, Spec
 
@@ -214,6 +214,10 @@ class StackedEvidence:
     def reach(self, spec: Spec) -> np.ndarray | None:
         """Return None: sensitivities about no effect hold beside any."""
         return None
+
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a parameter within what the log reaches: here its own bounds."""
+        return p
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
