@@ -51,9 +51,7 @@ class Trust:
     signs: dict[str, float]
 
 
-def trust(
-    competition: Competition, outcome: Outcome, part_of: Mapping[str, float], given_up: bool = False
-) -> Trust:
+def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, float], given_up: bool = False) -> Trust:
     """Return what speaks for the names of the best hypothesis.
 
     Parameters
