@@ -12,10 +12,11 @@ from sklearn.utils.validation import check_array, check_consistent_length, check
 
 from pamid.effects.base import Effect
 from pamid.effects.plant import Plant
+from pamid.effects.spec import effect_of
 from pamid.errors import IncompatibleError, ParameterError
 from pamid.laws.base import Law
 from pamid.online.alarm import DriftAlarm, threshold
-from pamid.online.memory import StreamedEffect, effect_of
+from pamid.online.memory import StreamedEffect
 from pamid.online.recursive import RecursiveEstimate
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeModel

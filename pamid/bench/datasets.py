@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..effects.spec import EffectLike
 from ..errors import UnknownOptionError
 from .parameters import BenchParameters
 from .references import Trajectory, sine, step, triangle
-from .simulation import EffectLike, simulate
+from .simulation import simulate
 
 AMPLITUDES = (5.0, 10.0, 15.0, 20.0, 25.0)
 """Amplitudes of the study, degrees."""

@@ -19,7 +19,7 @@ from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
 
 if TYPE_CHECKING:
-    from ..effects import Effect
+    from ..effects import Effect, EffectSpec
 
 _LOCKED_ANGLE = math.acos(1 / math.sqrt(3))  # tan² = 2: a braid beyond it can only extend
 
@@ -249,9 +249,6 @@ UNITS: dict[str, str] = {
 }
 """The unit of every number of a simulator file."""
 
-EffectSpec = tuple[str, dict[str, float]]
-"""Name and parameters of an effect."""
-
 
 @dataclass(frozen=True)
 class BenchParameters:
@@ -330,22 +327,9 @@ class BenchParameters:
     def _checked_effects(self) -> tuple[EffectSpec, ...]:
         if not self.effects:
             return ()
-        from ..effects import make_effect  # the library is looked through only where a simulator has effects
+        from ..effects import EffectSpec  # the library is looked through only where a simulator has effects
 
-        checked = []
-        for entry in self.effects:
-            try:
-                name, values = entry
-            except (TypeError, ValueError):
-                raise SimulatorTypeError(
-                    f"An effect is {entry!r}.", "a pair (name, parameters)", "Give both."
-                ) from None
-            try:
-                effect = make_effect(name, **values)
-            except UnknownOptionError as error:
-                raise UnknownParameterError(f"effects: {error.found}", error.expected, error.remedy) from error
-            checked.append((name, dict(effect.values)))
-        return tuple(checked)
+        return tuple(EffectSpec.of(entry) for entry in self.effects)
 
     @classmethod
     def for_muscle(cls, name: str) -> Self:
@@ -472,18 +456,16 @@ class BenchParameters:
 
     def make_effects(self) -> list[Effect]:
         """Return the effects as objects, in order."""
-        from ..effects import make_effect
-
-        return [make_effect(name, **values) for name, values in self.effects]
+        return [spec.make() for spec in self.effects]
 
     def adjusted(self) -> Self:
         """Return the bench with those effects carried out that only change a parameter, and the others kept."""
         changed, kept = self.replace(effects=()), []
-        for effect in self.make_effects():
-            if "adjust" in effect.hooks():
+        for spec in self.effects:
+            if "adjust" in (effect := spec.make()).hooks():
                 changed = changed.replace(**effect.adjust(changed.values()))
             else:
-                kept.append((effect.name, effect.values))
+                kept.append(spec)
         return changed.replace(effects=tuple(kept))
 
     def get(self, name: str) -> float:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..effects import Effect, Signals, make_effect
+from ..effects import Effect, Signals
 from ..effects._sensor import ROLE
+from ..effects.spec import EffectLike, as_effects
 from ..errors import DivergedError, ParameterError, TrajectoryError
 from .antagonist import Antagonist
 from .controller import Controller, RunningController
@@ -22,30 +23,6 @@ if TYPE_CHECKING:
 
 MAX_BATCH_SAMPLES = 4_000_000
 """Runs times samples simulated together; their records take about 72 bytes each."""
-
-EffectLike = Effect | str | tuple[str, Mapping[str, float]]
-
-
-def as_effects(effects: Sequence[EffectLike]) -> list[Effect]:
-    """Return effects given as objects, names or pairs (name, parameters) as objects.
-
-    Examples
-    --------
-    >>> from pamid.bench.simulation import as_effects
-    >>> as_effects(["leakage", ("viscous_friction", {"coefficient": 40.0})])
-    [leakage(conductance=1e-10 m^3/(s Pa)), viscous_friction(coefficient=40 N s)]
-    """
-    if isinstance(effects, (str, Effect)):
-        raise ParameterError(f"effects is {effects!r}.", "a sequence of effects", "Put it in a list.")
-    out = []
-    for e in effects:
-        if isinstance(e, Effect):
-            out.append(e)
-        elif isinstance(e, str):
-            out.append(make_effect(e))
-        else:
-            out.append(make_effect(e[0], **e[1]))
-    return out
 
 
 class SensorChain:

@@ -42,26 +42,9 @@ def _table(cls: type, name: str, raw: Any) -> Any:
     return cls(**raw)
 
 
-def effects_of(raw: Any) -> tuple[tuple[str, dict[str, float]], ...]:
-    """Return the effects of a simulator file, names with their values."""
-    if not isinstance(raw, list) or not all(isinstance(entry, dict) for entry in raw):
-        raise SimulatorTypeError(
-            f"effects is {str(raw)[:60]}.", "tables", "Write each effect under a line [[effects]] with its name."
-        )
-    specs = []
-    for entry in raw:
-        values = dict(entry)
-        name = values.pop("name", None)
-        if name is None:
-            raise MissingParameterError("[[effects]] lacks name.", "the name of an effect", 'Add name = "...".')
-        if not isinstance(name, str):
-            raise SimulatorTypeError(f"The name of an effect is {name!r}.", "text", "Put it in quotes.")
-        specs.append((name, values))
-    return tuple(specs)
-
-
 def read_simulator_file(cls: type[T], path: Path) -> T:
     """Read the file at ``path`` into ``cls``, naming the file in every error."""
+    from ..effects.spec import specs_of
     from .parameters import TABLES
 
     raw = read_toml(path, "a simulator file", ERRORS)
@@ -78,7 +61,7 @@ def read_simulator_file(cls: type[T], path: Path) -> T:
                 f"The tables {', '.join(missing)} are missing.", f"all of {', '.join(TABLES)}", "Add what is missing."
             )
         tables = {name: _table(table, name, raw[name]) for name, table in TABLES.items()}
-        return cls(**tables, tolerance=raw.get("tolerance", {}), effects=effects_of(raw.get("effects", [])))
+        return cls(**tables, tolerance=raw.get("tolerance", {}), effects=tuple(specs_of(raw.get("effects", []))))
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
@@ -122,15 +105,8 @@ def simulator_text(params: BenchParameters) -> str:
         lines.append("[tolerance]  # relative: how well each is known; a value within it is no gap")
         lines += [f"{name} = {_number(value)}" for name, value in params.tolerance.items()]
         lines.append("")
-    if params.effects:
-        from ..effects import make_effect
-
-        for name, values in params.effects:
-            effect = make_effect(name, **values)
-            units = {p.name: p.unit for p in effect.parameters}
-            lines += ["[[effects]]", f"name = {_quote(name)}"]
-            lines += [_line(key, _number(value), units[key]) for key, value in values.items()]
-            lines.append("")
+    for spec in params.effects:
+        lines += [*spec.lines(), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..constants import GRAVITY
+from ..effects.spec import EffectLike, EffectSpec, as_effects
 from ..errors import DivergedError, ParameterError
 from .integrate import RungeKutta4
 from .muscles import Muscles
 from .parameters import BenchParameters, GasParameters, JointParameters, MuscleParameters, ValveParameters
 from .references import PERIOD
 from .sensors import Sensor
-from .simulation import EffectLike, as_effects
 
 LOADS = (15.0, 30.0, 45.0, 60.0, 80.0, 100.0)
 """Loads of the study, kg."""
@@ -79,8 +79,8 @@ def festo_like() -> BenchParameters:
         ValveParameters(6e-9),
         JointParameters(0.04, 0.02, 0.08),
         effects=(
-            ("end_cap", {"factor": 1.35}),
-            ("hysteresis", {"amplitude": 20.0, "displacement": 0.02, "shape": 0.6}),
+            EffectSpec("end_cap", {"factor": 1.35}),
+            EffectSpec("hysteresis", {"amplitude": 20.0, "displacement": 0.02, "shape": 0.6}),
         ),
     )
 

@@ -4,7 +4,8 @@ from .._lazy import renamed
 from .base import Effect, FlowTerm, Parameter, Signals
 from .plant import Plant
 from .registry import all_effects, make_effect
+from .spec import EffectSpec
 
-__all__ = ["Effect", "FlowTerm", "Parameter", "Plant", "Signals", "all_effects", "make_effect"]
+__all__ = ["Effect", "EffectSpec", "FlowTerm", "Parameter", "Plant", "Signals", "all_effects", "make_effect"]
 
 __getattr__ = renamed(__name__, {"Step": "FlowTerm"})

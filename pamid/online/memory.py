@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import make_effect
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import IncompatibleError
@@ -193,13 +192,3 @@ def _replaced(values: np.ndarray, k: int, value: float) -> np.ndarray:
     out = values.copy()
     out[k] = value
     return out
-
-
-def effect_of(entry: Any) -> Effect:
-    """Return an effect from an object, a name, or a pair of name and values."""
-    if isinstance(entry, Effect):
-        return entry
-    if isinstance(entry, str):
-        return make_effect(entry)
-    name, values = entry
-    return make_effect(name, **dict(values))

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..effects.plant import Plant
+from ..effects.spec import effect_of
 from ..errors import EmptyLogError, MissingColumnError, ParameterError
 from ..laws.base import Law
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
 from .alarm import DriftAlarm, threshold
-from .memory import StreamedEffect, effect_of
+from .memory import StreamedEffect
 from .still import StillSensors
 
 HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")

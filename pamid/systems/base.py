@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from ..effects.spec import EffectLike, EffectSpec
 from ..errors import (
     ImplausibleParameterError,
     MissingColumnError,
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from ..effects import Effect
 
 FIT = "fit"
 """Instead of a number: it is fitted to the log."""
@@ -124,10 +124,6 @@ class Quantity(NamedTuple):
         return number
 
 
-EffectSpec = tuple[str, Mapping[str, float]]
-"""An effect by its name, with its parameters."""
-
-
 class Choice(NamedTuple):
     """A word of a system's page.
 
@@ -213,7 +209,7 @@ class System(ABC):
     estimator: ClassVar[str] = "GeometricForce"
     """Name of the estimator that fits its parameters."""
 
-    def __init__(self, *, effects: Sequence[EffectSpec] = (), **values: Any) -> None:
+    def __init__(self, *, effects: Sequence[EffectLike] = (), **values: Any) -> None:
         entries: list[Quantity | Choice] = [*self.numbers, *self.choices]
         known = {q.name for q in entries}
         if extra := sorted(set(values) - set(known)):
@@ -231,7 +227,7 @@ class System(ABC):
         self.values: dict[str, float | str] = {
             q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries
         }
-        self.effects = tuple((name, dict(_effect(name, given).values)) for name, given in effects)
+        self.effects = tuple(EffectSpec.of(entry, in_units=True) for entry in effects)
 
     @classmethod
     def own(cls, signals: Collection[str]) -> list[str]:
@@ -275,7 +271,7 @@ class System(ABC):
         """Return the unit of the target on a log with some columns."""
         return self.units.get("target", "N")
 
-    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+    def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the system with further effects, which act in a sense, 1 or -1, on a target in a unit."""
         given: dict[str, Any] = dict(self.values)
         return type(self)(**given, effects=[*self.effects, *effects])
@@ -321,15 +317,6 @@ class System(ABC):
         Problem
             One equation, ready for a diagnosis.
         """
-
-
-def _effect(name: str, values: Mapping[str, float]) -> Effect:
-    from ..effects import all_effects
-
-    known = all_effects()
-    if name not in known:
-        raise UnknownOptionError(f"There is no effect {name!r}.", f"one of {', '.join(known)}", "Correct the name.")
-    return known[name].in_units(**values)
 
 
 class Problem(NamedTuple):

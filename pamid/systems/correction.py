@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects import Effect, all_effects
+from ..effects import Effect, EffectSpec
 from ..gap.one_equation import evidence_in
 from ..gap.residuals.rates import with_rates
 from ..gap.residuals.scaling import Scaling, Table
-from .base import EffectSpec, Problem
+from .base import Problem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +24,7 @@ class WithEffects:
     ----------
     problem : Problem
         The equation on a log.
-    effects : sequence of (str, dict)
+    effects : sequence of EffectSpec
         Names and parameters.
     sense : int
         1 where effects take away from the target, -1 where they add to it.
@@ -32,7 +32,7 @@ class WithEffects:
 
     def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:
         self.problem, self.sense = problem, sense
-        self.effects: list[Effect] = [all_effects()[name].in_units(**values) for name, values in effects]
+        self.effects: list[Effect] = [spec.make(in_units=True) for spec in effects]
         changes = problem.groups[1:] != problem.groups[:-1]
         self._codes = np.concatenate([[0], np.cumsum(changes)]).astype(int)
         time = problem.X["time"].to_numpy(dtype=float)

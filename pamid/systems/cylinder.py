@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from .base import Choice, EffectSpec, Input, Problem, Quantity, System
+from ..effects.spec import EffectLike
+from .base import Choice, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +61,7 @@ class Cylinder(System):
         """Newton, metre, pascal."""
         return {"target": "N", "position": "m", "pressure": "Pa"}
 
-    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+    def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the cylinder with further effects, and what F is for them."""
         found = super().corrected(effects, sense, unit)
         found.values["force"] = next(word for word, way in _SENSES.items() if way == sense)

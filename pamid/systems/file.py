@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..bench.simulator_file import ERRORS, effects_of
+from ..bench.simulator_file import ERRORS
+from ..effects.spec import specs_of
 from ..errors import (
     SimulatorFileError,
     SimulatorSyntaxError,
@@ -95,7 +96,7 @@ def read_system(path: str | Path) -> System:
     if not isinstance(table, dict):
         raise SimulatorSyntaxError(f"{path}: {kind} is {table!r}.", "a table", f"Write [{kind}].")
     try:
-        return known[kind](**table, effects=effects_of(raw.get("effects", [])))
+        return known[kind](**table, effects=specs_of(raw.get("effects", [])))
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
@@ -147,14 +148,10 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
 
 def write_system(system: System, path: str | Path) -> None:
     """Write the page of a system with its effects, whole or not at all."""
-    from ..effects import all_effects
     from ..files import write_whole
     from ..gap.residuals.units import Units
 
     units, text = Units(**system.units), system_text(type(system), system.values)
-    for name, values in system.effects:
-        effect = all_effects()[name]
-        own = {p.name: units.of(effect, p) for p in effect.parameters}
-        lines = [f"{key} = {float(value)!r}  # {own[key]}".removesuffix("  # -") for key, value in values.items()]
-        text += "\n".join(["", "[[effects]]", f'name = "{name}"', *lines, ""])
+    for spec in system.effects:
+        text += "\n".join(["", *spec.lines(units.of), ""])
     write_whole(Path(path), text)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..effects.spec import EffectLike
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
 from ..signals.savgol import rate_over
-from .base import FIT, Choice, EffectSpec, Input, Problem, Quantity, System
+from .base import FIT, Choice, Input, Problem, Quantity, System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,7 +77,7 @@ class Joint(System):
             return "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
         return "V" if "voltage" in columns else "output unit"
 
-    def corrected(self, effects: Sequence[EffectSpec], sense: int, unit: str) -> System:
+    def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the joint with further effects, and the unit of its drive where the log has told it."""
         found = super().corrected(effects, sense, unit)
         if unit in self.choices[0].options:

@@ -10,7 +10,7 @@ import pytest
 
 from pamid.cli import main
 from pamid.effects import make_effect
-from pamid.errors import ImplausibleParameterError, UnknownOptionError, UnknownParameterError
+from pamid.errors import ImplausibleParameterError, UnknownParameterError
 from pamid.signals import write_log
 from pamid.systems import diagnose_system, evaluate_system, read_system
 from pamid.systems.cylinder import Cylinder
@@ -119,7 +119,7 @@ def test_runs_keep_their_memory_apart():
 @pytest.mark.parametrize(
     ("effects", "error", "words"),
     [
-        ([("rust", {})], UnknownOptionError, "rust"),
+        ([("rust", {})], UnknownParameterError, "rust"),
         ([("viscous_friction", {"amplitude": 1.0})], UnknownParameterError, "coefficient"),
         ([("viscous_friction", {"coefficient": -1.0})], ImplausibleParameterError, "-1"),
         ([("force_gain", {"deviation": 3.0})], ImplausibleParameterError, "3"),

@@ -49,15 +49,13 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...effects import make_effect
     from ...export import export
     from ...export.write import any_plan_of
     from ...persistence import load
-    from .simulate import effect_of
+    from .simulate import spec_of
 
     check_folder(args.out, parents=True)
-    chosen = [effect_of(text) for text in args.effect]
-    effects = [make_effect(name, **values) for name, values in chosen]
+    effects = [spec_of(text).make() for text in args.effect]
     plant = load_simulator(args.sim).plant() if args.sim else None
     model = load(args.model)
     try:

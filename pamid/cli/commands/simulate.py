@@ -7,10 +7,13 @@ import difflib
 import inspect
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import LogFormatError, ParameterError, UnknownOptionError
 from ..common import add_command, checked_output, load_simulator, parse_settings, print_json, progress
+
+if TYPE_CHECKING:
+    from ...effects import EffectSpec
 
 _KINDS = ("sine", "triangle", "step", "multisine", "hold", "sealed_hold", "isobaric", "isometric")
 _PERIOD = 1e-3  # s: the simulated rig samples at 1 kHz
@@ -80,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         raise UnknownOptionError(
             f"There is no data set {args.dataset!r}.", f"one of {', '.join(DATASETS)}", "Correct the name."
         )
-    effects = [effect_of(text) for text in args.effect]
+    effects = [spec_of(text) for text in args.effect]
     if args.sim:
         params = load_simulator(args.sim)
     else:
@@ -142,13 +145,13 @@ def _numbers(text: str, option: str, example: str) -> dict[str, float]:
     return settings
 
 
-def effect_of(text: str) -> tuple[str, dict[str, float]]:
+def spec_of(text: str) -> EffectSpec:
     """Return name and values of an effect that a user writes."""
-    from ...effects import make_effect
+    from ...effects import EffectSpec, make_effect
 
     name, _, rest = text.partition(":")
     values = _numbers(rest, "--effect", "coulomb_friction:amplitude=5")
-    return name.strip(), dict(make_effect(name.strip(), **values).values)
+    return EffectSpec.of(make_effect(name.strip(), **values))
 
 
 def _trajectory(text: str) -> Any:

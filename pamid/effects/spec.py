@@ -1,0 +1,146 @@
+"""An effect with its numbers, as it goes from a page to the object that acts and back to a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..errors import (
+    MissingParameterError,
+    ParameterError,
+    SimulatorTypeError,
+    UnknownOptionError,
+    UnknownParameterError,
+)
+from .base import Effect, Parameter
+from .registry import all_effects, make_effect
+
+
+class EffectSpec(NamedTuple):
+    """Name and parameters of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect.
+    values : dict of str to float
+        Its parameters by name.
+
+    Examples
+    --------
+    >>> from pamid.effects import EffectSpec
+    >>> spec = EffectSpec.of(("leakage", {}))
+    >>> spec.values, spec.make()
+    ({'conductance': 1e-10}, leakage(conductance=1e-10 m^3/(s Pa)))
+    >>> print(*spec.lines(), sep=chr(10))
+    [[effects]]
+    name = "leakage"
+    conductance = 1e-10  # m^3/(s Pa)
+    """
+
+    name: str
+    values: dict[str, float]
+
+    @classmethod
+    def of(cls, entry: EffectLike, in_units: bool = False) -> EffectSpec:
+        """Return an entry of a page with all its parameters, checked.
+
+        Parameters
+        ----------
+        entry : Effect or str or pair of name and parameters
+            The entry.
+        in_units : bool, default=False
+            Whether parameters are in units of the page's own, so that physical ranges in SI do not hold.
+
+        Raises
+        ------
+        SimulatorTypeError, UnknownParameterError, ImplausibleParameterError
+            It is no effect, there is none of that name or parameter, or a value is out of its range.
+        """
+        try:
+            made = effect_of(entry, in_units)
+        except UnknownOptionError as error:
+            raise UnknownParameterError(f"effects: {error.found}", error.expected, error.remedy) from error
+        return cls(made.name, dict(made.values))
+
+    def make(self, in_units: bool = False) -> Effect:
+        """Return the effect as an object; in units of its own, physical ranges in SI do not hold."""
+        return effect_of((self.name, self.values), in_units)
+
+    def lines(self, unit_of: Callable[[type[Effect], Parameter], str] = lambda _, p: p.unit) -> list[str]:
+        """Return the lines of a page; units are those of the library, or what `unit_of` says of a parameter."""
+        kind = all_effects()[self.name]
+        units = {p.name: unit_of(kind, p) for p in kind.parameters}
+        numbers = [f"{key} = {float(v)!r}  # {units[key]}".removesuffix("  # -") for key, v in self.values.items()]
+        return ["[[effects]]", f'name = "{self.name}"', *numbers]
+
+
+EffectLike = Effect | str | tuple[str, Mapping[str, float]]
+"""What stands for an effect: the object, a name with the nominal parameters, or a name with parameters."""
+
+
+def effect_of(entry: EffectLike, in_units: bool = False) -> Effect:
+    """Return an effect from an object, a name, or a pair of name and parameters.
+
+    Parameters
+    ----------
+    entry : Effect or str or pair of name and parameters
+        What stands for it.
+    in_units : bool, default=False
+        Whether parameters are in units of their own, so that physical ranges in SI do not hold.
+
+    Examples
+    --------
+    >>> from pamid.effects.spec import effect_of
+    >>> effect_of("viscous_friction").name, effect_of(("leakage", {"conductance": 2e-10}))
+    ('viscous_friction', leakage(conductance=2e-10 m^3/(s Pa)))
+    """
+    if isinstance(entry, Effect):
+        return entry
+    if isinstance(entry, str):
+        return make_effect(entry)
+    try:
+        name, values = entry
+    except (TypeError, ValueError):
+        raise SimulatorTypeError(f"An effect is {entry!r}.", "a pair (name, parameters)", "Give both.") from None
+    if in_units and name in (known := all_effects()):
+        return known[name].in_units(**values)
+    return make_effect(name, **values)
+
+
+def as_effects(effects: Iterable[EffectLike]) -> list[Effect]:
+    """Return effects given as objects, names or pairs (name, parameters) as objects.
+
+    Examples
+    --------
+    >>> from pamid.effects.spec import as_effects
+    >>> as_effects(["leakage", ("viscous_friction", {"coefficient": 40.0})])
+    [leakage(conductance=1e-10 m^3/(s Pa)), viscous_friction(coefficient=40 N s)]
+    """
+    if isinstance(effects, (str, Effect)):
+        raise ParameterError(f"effects is {effects!r}.", "a sequence of effects", "Put it in a list.")
+    return [effect_of(e) for e in effects]
+
+
+def specs_of(tables: Any) -> Sequence[EffectSpec]:
+    """Return what stands under ``[[effects]]`` of a page; whether it makes sense is checked by `EffectSpec.of`.
+
+    Raises
+    ------
+    SimulatorTypeError, MissingParameterError
+        It is no list of tables, or one has no name.
+    """
+    if not isinstance(tables, list) or not all(isinstance(entry, dict) for entry in tables):
+        raise SimulatorTypeError(
+            f"effects is {str(tables)[:60]}.", "tables", "Write each effect under a line [[effects]] with its name."
+        )
+    specs = []
+    for entry in tables:
+        values = dict(entry)
+        name = values.pop("name", None)
+        if name is None:
+            raise MissingParameterError("[[effects]] lacks name.", "the name of an effect", 'Add name = "...".')
+        if not isinstance(name, str):
+            raise SimulatorTypeError(f"The name of an effect is {name!r}.", "text", "Put it in quotes.")
+        specs.append(EffectSpec(name, values))
+    return specs
