@@ -129,6 +129,12 @@ def specs_of(tables: Any) -> Sequence[EffectSpec]:
     ------
     SimulatorTypeError, MissingParameterError
         It is no list of tables, or one has no name.
+
+    Examples
+    --------
+    >>> from pamid.effects.spec import specs_of
+    >>> specs_of([{"name": "leakage", "conductance": 2e-10}])
+    [EffectSpec(name='leakage', values={'conductance': 2e-10})]
     """
     if not isinstance(tables, list) or not all(isinstance(entry, dict) for entry in tables):
         raise SimulatorTypeError(
