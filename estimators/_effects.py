@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pamid.constants import (
-    GAS_CONSTANT,
-    HEAT_CAPACITY_RATIO,
-    REFERENCE_DENSITY,
-    TEMPERATURE,
-)
 from pamid.effects import Effect, make_effect
 from pamid.effects._terms import Terms, WholeLog, fit_effects, restored, terms_of
 from pamid.effects.base import Signals
@@ -73,22 +66,7 @@ def acts_on(effect: Effect, equations: set[str]) -> bool:
 
 def plant_of(model: HybridModel) -> Plant:
     """Return the muscle as effects see it: a braid of 25° of its length and diameter."""
-    thread, angle = model.rest_length / math.cos(math.radians(25.0)), math.radians(25.0)
-    return Plant(
-        rest_length=model.rest_length,
-        thread_length=thread,
-        turns=thread * math.sin(angle) / (math.pi * model.rest_diameter),
-        initial_contraction=0.0,
-        heat_capacity_ratio=HEAT_CAPACITY_RATIO,
-        gas_constant=GAS_CONSTANT,
-        temperature=TEMPERATURE,
-        atmospheric_pressure=model.atmospheric_pressure,
-        supply_pressure=8e5,
-        sonic_conductance=1e-8,
-        critical_pressure_ratio=0.35,
-        reference_density=REFERENCE_DENSITY,
-        pulley_radius=1.0,
-    )
+    return Plant.of_muscle(model.rest_length, model.rest_diameter, atmospheric_pressure=model.atmospheric_pressure)
 
 
 def whole_log(model: HybridModel, X: np.ndarray) -> WholeLog:

@@ -16,6 +16,8 @@ from pamid.volume.neural import NeuralVolume
 from ._effects import Seen, seen_by
 
 if TYPE_CHECKING:
+    from pamid.laws.base import Law
+
     from ._pihm import HybridModel
 
 CHUNK = 2048
@@ -55,11 +57,11 @@ def jet_of(model: HybridModel, X: np.ndarray) -> VolumeJet:
     return VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def predicted(model: HybridModel, X: np.ndarray) -> np.ndarray:
-    """Apply every law to the identified volume, and add the effects; shape (n_samples, n_laws)."""
+def predicted(model: HybridModel, X: np.ndarray, laws: Sequence[Law] | None = None) -> np.ndarray:
+    """Apply every law, or others, to the identified volume, and add the effects; shape (n_samples, n_laws)."""
     x = X[:, [model.signal_columns_[name] for name in STATE_SIGNALS]]
     warn_outside(x, getattr(model, "input_range_", None), STATE_SIGNALS)
-    seen, laws = seen_by(model, X), model.laws()
+    seen, laws = seen_by(model, X), model.laws() if laws is None else laws
     out = np.zeros((len(X), len(laws))) if seen.added is None else seen.added
     for rows, state, jet in jets(model, seen, all(law.slope_alone for law in laws)):
         for k, law in enumerate(laws):

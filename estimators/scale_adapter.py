@@ -163,13 +163,9 @@ class ScaleAdapter(AdaptedModel):
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length
         self.diameter_factor_ = (self.rest_diameter or source.rest_diameter) / source.rest_diameter
         # What the source says at its own length: the law's lever is then part of the scales.
-        own = model.rest_length
-        model.rest_length = source.rest_length
-        f = predicted(model, table)
-        dead = np.column_stack(
-            [np.asarray(law.coefficients(state_of(model, table)).V) + 0.0 * f[:, 0] for law in model.laws()]
-        )
-        model.rest_length = own
+        laws = source.laws()
+        f = predicted(model, table, laws)
+        dead = np.column_stack([np.asarray(law.coefficients(state_of(model, table)).V) + 0.0 * f[:, 0] for law in laws])
         wanted = self._wanted(model)
         parts = [
             (law.equation, f[:, k], dead[:, k], Y[:, k], model.target_scale_[k]) for k, law in enumerate(model.laws())

@@ -159,8 +159,6 @@ OTHERS_PRIVATE = {
     "pamid/cli/commands/completion.py: _SubParsersAction",  # argparse does not show its options
     "pamid/cli/commands/completion.py: _actions",
     "pamid/cli/commands/completion.py: _choices_actions",
-    "pamid/cli/commands/adapt.py: _pipeline",
-    "pamid/cli/commands/adapt.py: _with_rates",
 }
 PROBED = {
     "shape", "columns", "to_numpy", "iloc",  # tables of numpy and pandas

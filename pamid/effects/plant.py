@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..signals.state import Array
 
 
@@ -64,6 +65,50 @@ class Plant:
     critical_pressure_ratio: float
     reference_density: float
     pulley_radius: float
+
+    @classmethod
+    def of_muscle(
+        cls,
+        rest_length: float,
+        rest_diameter: float,
+        braid_angle: float = math.radians(25.0),
+        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
+        temperature: float = TEMPERATURE,
+    ) -> Plant:
+        """Return the numbers of a single muscle; those of a valve and a joint, which its effects do not need, are none.
+
+        Parameters
+        ----------
+        rest_length, rest_diameter : float
+            Length and diameter at rest, m.
+        braid_angle : float, default=0.436
+            Angle between thread and axis at rest, rad.
+        atmospheric_pressure : float, default=101325
+            Pa, absolute.
+        temperature : float, default=293
+            Of the gas, K.
+
+        Returns
+        -------
+        Plant
+            The numbers.
+        """
+        thread = rest_length / math.cos(braid_angle)
+        return cls(
+            rest_length=rest_length,
+            thread_length=thread,
+            turns=thread * math.sin(braid_angle) / (math.pi * rest_diameter),
+            initial_contraction=0.0,
+            heat_capacity_ratio=HEAT_CAPACITY_RATIO,
+            gas_constant=GAS_CONSTANT,
+            temperature=temperature,
+            atmospheric_pressure=atmospheric_pressure,
+            supply_pressure=8e5,
+            sonic_conductance=1e-8,
+            critical_pressure_ratio=0.35,
+            reference_density=REFERENCE_DENSITY,
+            pulley_radius=1.0,
+        )
 
     @property
     def RT(self) -> float:

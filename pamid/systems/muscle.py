@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
+from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
 from ..effects.plant import Plant
 from ..errors import MissingColumnError
 from ..signals.roles import STATE_ROLES
@@ -67,24 +67,9 @@ class Muscle(System):
     library = "muscle"
 
     def plant(self) -> Plant:
-        """Return the numbers as effects see them; the valve and the joint, which no effect here asks for, are none."""
-        length, angle = self.number("rest_length"), self.number("braid_angle")
-        thread = length / math.cos(angle)
-        return Plant(
-            rest_length=length,
-            thread_length=thread,
-            turns=thread * math.sin(angle) / (math.pi * self.number("rest_diameter")),
-            initial_contraction=0.0,
-            heat_capacity_ratio=HEAT_CAPACITY_RATIO,
-            gas_constant=GAS_CONSTANT,
-            temperature=self.number("temperature"),
-            atmospheric_pressure=self.number("atmospheric_pressure"),
-            supply_pressure=8e5,
-            sonic_conductance=1e-8,
-            critical_pressure_ratio=0.35,
-            reference_density=REFERENCE_DENSITY,
-            pulley_radius=1.0,
-        )
+        """Return the numbers as effects see them."""
+        names = ("rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature")
+        return Plant.of_muscle(*map(self.number, names))
 
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
         """Return the equation of the force, or of the flow, on a log; see `System.nominal_problem`."""

@@ -7,8 +7,9 @@ import time
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from ...errors import ExtrapolationWarning, ParameterError, TooFewTrajectoriesError
+from ...errors import ExtrapolationWarning, ParameterError
 from ...requirements import last_step
+from .._fitting import held_out, pipeline, with_rates
 from ..common import (
     add_command,
     add_log_options,
@@ -72,9 +73,10 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    from sklearn.base import clone
+
     from ...persistence import inspect, load, save
     from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
-    from .fit import _pipeline, with_rates
 
     out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.samples < 0 or args.folds < 0 or args.folds == 1:
@@ -100,10 +102,10 @@ def run(args: argparse.Namespace) -> int:
         warnings.simplefilter("ignore", ExtrapolationWarning)
         raw = predict_table(last, features[[n for n in names if n in features]])
     before = score_by_trajectory(signals, raw, target)
-    held_out = None
+    unseen = None
     if args.folds:
-        predicted = _held_out(args, estimator, X, y, signals["run"].to_numpy(), stride)
-        held_out = score_by_trajectory(signals, predicted, target)
+        predicted = held_out(args, lambda X, y: clone(estimator).fit(X, y), X, y, signals["run"], stride)
+        unseen = score_by_trajectory(signals, predicted, target)
     started = time.perf_counter()
     with progress(args, "Adapting"):
         fitted = estimator.fit(X.iloc[rows], y.iloc[rows])
@@ -115,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
         "estimator": type(fitted).__name__,
         "logs": list(args.log),
     }
-    save(_pipeline(steps, fitted), out, metadata)
+    save(pipeline(steps, fitted), out, metadata)
     values = {
         "Q": getattr(fitted, "q_", None),
         "Q0": getattr(fitted, "q0_", None),
@@ -136,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
         "n_parameters": fitted.n_parameters_,
         "n_samples": len(X.iloc[rows]),
         **short,
-        "held_out": None if held_out is None else {n: held_out[n] for n in ("rmse", "nrmse", "n_samples")},
+        "held_out": None if unseen is None else {n: unseen[n] for n in ("rmse", "nrmse", "n_samples")},
         "adapt_seconds": seconds,
         "n_iter": fitted.n_iter_,
     }
@@ -146,8 +148,8 @@ def run(args: argparse.Namespace) -> int:
     for name, value in found.items():
         print(f"{name} = {number(value)}")
     lines = [["source as it is", *_cells(before)], ["adapted, on the log", *_cells(training)]]
-    if held_out is not None:
-        lines.append(["adapted, held-out runs", *_cells(held_out)])
+    if unseen is not None:
+        lines.append(["adapted, held-out runs", *_cells(unseen)])
     print(table([type(fitted).__name__, f"rmse / {target.unit}", "nrmse", "samples"], lines))
     print(f"saved: {out} (adapted on {report['n_samples']} samples in {seconds:.2f} s)")
     return 0
@@ -191,28 +193,3 @@ def _adapter(args: argparse.Namespace, source: Any, sizes: tuple[float, float] |
     if sizes is not None:
         settings |= {"rest_length": sizes[0], "rest_diameter": sizes[1]}
     return kind(FrozenEstimator(source), **settings)
-
-
-def _held_out(args: argparse.Namespace, estimator: Any, X: Any, y: Any, runs: Any, stride: int) -> Any:
-    """Predict each run by an adaptation to the others."""
-    import numpy as np
-    from sklearn.base import clone
-    from sklearn.model_selection import GroupKFold
-
-    from .._tables import predict_table
-
-    n_runs = len(np.unique(runs.astype(str)))
-    if n_runs < 2:
-        raise TooFewTrajectoriesError(
-            f"The log has {n_runs} trajectory.",
-            "at least 2, to score the adapted model on runs that it has not seen",
-            "Add a log, or pass --folds 0 to go without the check.",
-        )
-    predicted = np.full(len(X), np.nan)
-    folds = min(args.folds, n_runs)
-    with progress(args, "Held-out check, fold", folds) as step:
-        for train, test in GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, runs):
-            fitted = clone(estimator).fit(X.iloc[train[::stride]], y.iloc[train[::stride]])
-            predicted[test] = predict_table(fitted, X.iloc[test])
-            step("")
-    return predicted

@@ -6,14 +6,14 @@ import argparse
 import time
 from typing import TYPE_CHECKING, Any
 
-from ...errors import ParameterError, TooFewTrajectoriesError
+from ...errors import ParameterError
+from .._fitting import held_out, pipeline, with_rates
 from .._parameters import fitted_parameters, parameter_lines
 from ..common import (
     add_command,
     add_log_options,
     checked_output,
     load_log,
-    note,
     number,
     page_numbers,
     page_of,
@@ -76,6 +76,8 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    from sklearn.base import clone
+
     from ...persistence import save
     from ...systems import System
     from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, settle, signal_table
@@ -111,7 +113,10 @@ def run(args: argparse.Namespace) -> int:
     columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]
     scores = None
     if args.folds:
-        predicted = _held_out(args, estimator, features[columns], signals, target)
+        y = signals[target.column]
+        predicted = held_out(
+            args, lambda X, y: _fit(clone(estimator), X, y), features[columns], y, signals["run"], args.thin
+        )
         scores = score_by_trajectory(signals, predicted, target)
     rows = slice(None, None, args.thin)
     started = time.perf_counter()
@@ -121,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
     seconds = time.perf_counter() - started
     if args.checkpoint is not None:
         fitted.set_params(trainer=trainer)  # a path of this machine is no part of the model
-    model = _pipeline(steps, fitted)
+    model = pipeline(steps, fitted)
     predicted = predict_table(fitted, features[columns])
     training = score_by_trajectory(signals, predicted, target)
     metadata = {"equation": target.name, "unit": target.unit, "estimator": args.estimator, "logs": list(args.log)}
@@ -196,22 +201,6 @@ def _inputs(features: Any, estimator: Any) -> list[str]:
     return [name for name in needed_signals(estimator) if name in features.columns]
 
 
-def with_rates(signals: Any, estimator: Any, target: Any) -> tuple[list[tuple[str, Any]], Any]:
-    """Return the steps before the estimator, fitted, and the table with the rates that the estimator needs."""
-    from .._tables import RATES, needed_signals
-
-    missing = [r for r in RATES if r in needed_signals(estimator) and r not in signals.columns]
-    if not missing:
-        return [], signals
-    from pamid.estimators import RateTransformer
-
-    moving = target.signals if target.signals == ("eps", "P") else tuple(dict.fromkeys(RATES[r] for r in missing))
-    base = signals[["trajectory", "time", *target.signals]]
-    rates = RateTransformer(columns=moving, second="ddq" in missing).fit(base)
-    found = rates.transform(base)
-    return [("rates", rates)], found
-
-
 def _blocks(runs: Any) -> Any:
     """Return a tenth of a run for each row: within it residuals may depend on each other, as friction's do.
 
@@ -229,42 +218,3 @@ def _fit(estimator: Any, X: Any, y: Any, **given: Any) -> Any:
         return estimator.fit(X, y, **given)
     except InvalidParameterError as error:
         raise ParameterError(str(error), "a value that the estimator takes", "Correct the --set option.") from None
-
-
-def _held_out(args: argparse.Namespace, estimator: Any, X: Any, signals: Any, target: Any) -> Any:
-    """Predict each run by a model that was fitted on the others."""
-    import numpy as np
-    from sklearn.base import clone
-    from sklearn.model_selection import GroupKFold
-
-    from .._tables import predict_table
-
-    runs = signals["run"].to_numpy()
-    n_runs = len(np.unique(runs.astype(str)))
-    if n_runs < 2:
-        raise TooFewTrajectoriesError(
-            f"The log has {n_runs} trajectory.",
-            "at least 2, to score the model on runs that it has not seen",
-            "Add a log, or pass --folds 0 to go without the check.",
-        )
-    folds = min(args.folds, n_runs)
-    if folds < args.folds:
-        note(args, f"{n_runs} runs allow {folds} folds only")
-    predicted = np.full(len(X), np.nan)
-    y = signals[target.column]
-    with progress(args, "Held-out check, fold", folds) as step:
-        for train, test in GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, runs):
-            rows = train[:: args.thin]
-            fitted = _fit(clone(estimator), X.iloc[rows], y.iloc[rows])
-            predicted[test] = predict_table(fitted, X.iloc[test])
-            step("")
-    return predicted
-
-
-def _pipeline(steps: list[tuple[str, Any]], fitted: Any) -> Any:
-    """Put the fitted steps together; what came before the estimator was fitted on the same log."""
-    if not steps:
-        return fitted
-    from sklearn.pipeline import Pipeline
-
-    return Pipeline([*steps, ("model", fitted)])
