@@ -21,6 +21,8 @@ KEPT = 5
 """Sets of effects that are followed at each size, and that are refitted exactly."""
 CLOSE, CLOSE_SHARE = 12.0, 0.08
 """How far below the best a set may score to first order and still be refitted: nats, and share of the best's gain."""
+GRID = 0.3
+"""Share of what an effect explains that a point of its grid explains at least: ``python benchmarks/grids.py``."""
 
 # --- how inexact noise and forms are ----------------------------------------------------------------------------
 NU = 5.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from ..constants import ATMOSPHERIC_PRESSURE, REFERENCE_DENSITY
 from ..signals.state import Array
 from ._backend import namespace
@@ -49,6 +51,9 @@ def flow_function(pressure_ratio: Array, critical_pressure_ratio: Array, linear_
     """
     xp = namespace(pressure_ratio, critical_pressure_ratio)
     x = xp.clip(pressure_ratio, 0.0, 1.0)
+    if xp is np and linear_from is None:  # without gradients no case needs care
+        fraction = np.maximum((x - critical_pressure_ratio) / (1.0 - critical_pressure_ratio), 0.0)
+        return np.sqrt(1.0 - np.square(fraction))
     curved = x > critical_pressure_ratio
     if linear_from is not None:
         curved = curved & (x < linear_from)

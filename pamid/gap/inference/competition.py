@@ -15,6 +15,7 @@ from ..settings import (
     EXCESS,
     FORM_SMOOTH,
     FORM_TIMES,
+    GRID,
     KEPT,
     MOST_CAUSES,
     OF_ITS_OWN,
@@ -166,6 +167,12 @@ class Competition:
         sizes = np.array([part.stop - part.start for part in self.evidence.parts])
         return bool(h.fit.spec) and bool(np.all(h.left <= 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(sizes, 1))))
 
+    def _hopeless(self, about: Subsets, subset: Subset) -> bool:
+        """Tell whether a set explains too little to be a gap, between the points of its grid, too."""
+        price = sum(about.cost[self.templates[t].effect] for t in subset.templates)
+        gain = subset.score - about.fit(()).score + price
+        return not self.evidence.bends and gain / GRID - price <= self.evidence.least_gain
+
     def refit(self, screen: Screen) -> Outcome:
         """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes."""
         best, about = self.base, screen.about
@@ -175,6 +182,8 @@ class Competition:
         for subset in screen.contenders:
             if len(subset.templates) > 1 and self.evidence.bends and self._enough(best):
                 break
+            if best is self.base and self._hopeless(about, subset):
+                continue
             # What one effect explains exactly may need several to first order.
             first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
             gain = self._ranked(best)[1] - self.base.score
