@@ -225,3 +225,13 @@ def test_the_docs_stay_short() -> None:
     """A page that grows takes words from another: what is read is what is short."""
     counted = {page.name: words(page.read_text(encoding="utf-8")) for page in DOCS.glob("*.md")}
     assert sum(counted.values()) <= 30_000, sorted(counted.items(), key=lambda item: -item[1])[:8]
+
+
+def test_the_readme_shows_little() -> None:
+    """Two commands, one picture of a diagnosis, one table, twelve links: the rest is a page of its own."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(re.findall(r"(?<!!)\[[^\]]*\]\([^)]*\)", text)) <= 12
+    assert len(re.findall(r"!\[[^\]]*\]\([^)]*\)", text)) == 1
+    assert len(re.findall(r"^\| --- ", text, re.M)) == 1
+    (commands,) = re.findall(r"```console\n(.*?)```", text, re.S)
+    assert len(commands.split("\n")) == 3

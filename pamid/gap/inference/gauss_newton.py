@@ -16,7 +16,7 @@ from .student_t import RobustFit, solve
 SLACK = 1.005
 """How far a parameter may be refitted, in tolerances: what is at the very end of its tolerance is no gap yet."""
 ROUNDS = 3
-"""Most times that the linear model of the tolerances is laid anew where a fit has come to."""
+"""Most times that the tolerances are relinearised where a fit has come to."""
 NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
 MIX = 0.4

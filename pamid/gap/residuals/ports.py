@@ -41,7 +41,7 @@ ALIKE, NEARLY = 0.05, 0.5
 """Most that an input, and a reading, of two runs may differ, as a share of its spread in the log, for them to repeat
 each other: initial states differ, and are fitted or known anyway."""
 LAYINGS, STRAIGHT, SMALL = 8, 0.1, 0.05
-"""Most times that the linear model of the tolerances is laid anew, how straight it must be not to need it, and the
+"""Most times that the tolerances are relinearised, how straight it must be not to need it, and the
 share of a tolerance that is a small change then."""
 FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
