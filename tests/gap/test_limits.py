@@ -9,7 +9,9 @@ from pamid.estimators import GapDiagnoser
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from pamid.bench import BenchParameters, simulate, sine, step
+from pamid.effects import Parameter
 from pamid.gap import diagnose
+from pamid.gap.inference.sensitivity import grid
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
     tolerance={"rest_diameter": 0.005, "braid_angle": 0.005, "sonic_conductance": 0.02, "inertia": 0.02}
@@ -56,3 +58,11 @@ def test_a_reading_that_saturates_is_found_from_what_the_model_reaches() -> None
     found = GapDiagnoser(LinearForce(), random_state=0).fit(X[columns], y, groups=X["run"])
     assert [cause.effects for cause in found.causes_] == [("output_saturation",)]
     assert found.causes_[0].parameters["limit"].value == pytest.approx(limit, rel=0.01)
+
+
+@pytest.mark.parametrize("top", [1.0, 2.54, 51.2632, 417.3])
+def test_the_grid_of_a_limit_stays_within_its_bounds(top: float) -> None:
+    limit = Parameter("limit", "N", 0.05 * top, top, 0.6 * top, "largest value", idle=True)
+    points = grid(limit, 1)
+    assert all(limit.lower <= x < limit.upper for x in points)
+    assert np.all(np.diff(points) < 0)

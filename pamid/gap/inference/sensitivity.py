@@ -130,7 +130,8 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     if p.nominal == 0.0 or p.share:
         return [0.0, p.upper]
     if p.idle:  # what counts is how far below
-        return (p.upper - np.geomspace((p.upper - p.nominal) / _REACH, p.upper - p.lower, _POINTS[1])).tolist()
+        below = np.geomspace((p.upper - p.nominal) / _REACH, p.upper - p.lower, _POINTS[1])
+        return np.clip(p.upper - below, p.lower, p.upper).tolist()
     low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
     points = _POINTS.get(n_nonlinear, 3)
     return np.geomspace(low, high, points if high > 3.0 * low or n_nonlinear == 1 else 2).tolist()
