@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pamid.effects import Effect, make_effect
-from pamid.effects._terms import Terms, WholeLog, fit_effects, restored, terms_of
+from pamid.effects._terms import Terms, WholeLog, acts_on, fit_effects, restored, terms_of
 from pamid.effects.base import Signals
 from pamid.effects.plant import Plant
 from pamid.errors import IncompatibleError, MissingColumnError, MissingTrajectoryError, ParameterError
@@ -44,7 +45,10 @@ def chosen_effects(model: HybridModel) -> list[Effect]:
         return []
     if isinstance(model.effects, str):
         raise ParameterError(f"effects={model.effects!r}.", "a list of names or of effects", "Put it in a list.")
-    chosen = [e if isinstance(e, Effect) else make_effect(e) for e in model.effects]
+    if isinstance(model.effects, Mapping):
+        chosen = [make_effect(name, **values) for name, values in model.effects.items()]
+    else:
+        chosen = [e if isinstance(e, Effect) else make_effect(e) for e in model.effects]
     equations = {law.equation for law in model.laws()}
     for e in chosen:
         if not acts_on(e, equations):
@@ -56,12 +60,6 @@ def chosen_effects(model: HybridModel) -> list[Effect]:
     if len({e.name for e in chosen}) < len(chosen):
         raise ParameterError("An effect is named twice.", "each effect once", "Remove the second one.")
     return chosen
-
-
-def acts_on(effect: Effect, equations: set[str]) -> bool:
-    """Tell whether a hybrid model of these equations can hold an effect: as a term, or as a fault of the pressure."""
-    sensor = effect.channel == "P" and "measure" in effect.hooks()
-    return sensor or bool(equations & set(effect.hooks()) & {"force", "flow"})
 
 
 def plant_of(model: HybridModel) -> Plant:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -66,7 +66,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     dtype: str
     device: str
     random_state: Any
-    effects: Sequence[Any] | None = None
+    effects: Sequence[Any] | Mapping[str, Mapping[str, float]] | None = None
     effect_values_: dict[str, dict[str, float]]
 
     @property

@@ -15,6 +15,7 @@ from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
 
 from ._base import SignalEstimator, Signals
+from ._gap_model import hybrid_with, next_run
 from ._gap_signals import EQUATIONS, located, notes_on, read_by, run_names, sampling_interval, spoken, values_of
 from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
 from ._sequences import SequenceScore
@@ -205,7 +206,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
-        self._usual = np.median(table, axis=0)
+        usual = np.median(table, axis=0)
         rng = check_random_state(self.random_state)
         signals, notes = self._table(table, codes), []
         driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
@@ -252,7 +253,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
         told = outward(found, self.scaling_, self._units())
-        told.next_experiment = self._designed(found, signals, codes, dt)
+        # Columns without a role stay where they usually are.
+        told.next_experiment = next_run(
+            self, found.rivals, signals, codes, lambda n: self._nominal(usual + np.zeros((n, 1)))
+        )
         self._write(told, found)
         self.remainder_ = {}
         if self.learned_remainder:
@@ -290,22 +294,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         return self._codes(X, groups)
-
-    def _designed(self, found: Any, signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> Any:
-        """Return the run that would tell the two likeliest explanations apart."""
-        from pamid.gap.design.one_equation import evidence_maker, next_for_equation
-
-        def nominal(made: dict[str, np.ndarray]) -> np.ndarray:
-            # Columns without a role stay where they usually are.
-            usual = np.zeros((len(next(iter(made.values()))), self.n_features_in_)) + self._usual
-            return self._nominal(usual)(made)
-
-        moved = ("position",) if self.equation == "torque" else ("position", "pressure", "command")
-        driven = [role for role in moved if role in self.signal_columns_]  # the load of a joint follows from its motion
-        evidence = evidence_maker(self.scaling_, nominal, dt, self.equation, self.plant)
-        noise = self.noise_floor_ / abs(self.scaling_.target)
-        seconds = float(np.median(np.bincount(codes))) * dt
-        return next_for_equation(found.rivals, signals, driven, evidence, noise, dt, seconds)
 
     def _fit_simulator(self, X: Any, y: Any, groups: Any) -> Self:
         found, self.target_ = diagnosis_of(self, X, y, groups)
@@ -399,6 +387,22 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             dt = sampling_interval(signals, codes, self.sampling_interval)
             predicted = predicted + remaining(self.remainder_, signals, codes, dt)
         return predicted
+
+    def to_estimator(self) -> Any:
+        """Return a hybrid model, not yet fitted, that holds the causes as its `effects`.
+
+        Returns
+        -------
+        StaticPIHM or ThermodynamicPIHM
+            Of a muscle of the size that `plant` tells. Causes that it cannot hold are warned of.
+
+        Raises
+        ------
+        IncompatibleError
+            If the diagnosis is not of a muscle's force or flow.
+        """
+        check_is_fitted(self, "causes_")
+        return hybrid_with(self.causes_, self.equation, self.plant)
 
     def _corrected(self, table: Any, signals: dict[str, np.ndarray], codes: np.ndarray) -> np.ndarray:
         """Return the nominal model with the causes added."""

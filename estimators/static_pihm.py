@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,11 +49,12 @@ class StaticPIHM(HybridModel):
         Share of whole trajectories held out for early stopping; the model that is best on them is kept. Needs
         ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them tells of five trajectories or more,
         but 0 with ``trainer="adam"``, which as printed keeps its last epoch.
-    effects : sequence of str or Effect, optional
+    effects : sequence of str or Effect, or dict of str to dict, optional
         Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
-        memory, friction, leaks. Geometry and effects are identified in turns; the network learns what both leave and
-        reads what the effects remember. X is then a DataFrame of whole trajectories in the order of time, with
-        ``time`` (s) and ``trajectory``; rows that only carry the memory get a sample weight of 0.
+        memory, friction, leaks; a dict holds the values at which the search for them begins. Geometry and
+        effects are identified in turns; the network learns what both leave and reads what the effects remember. X is
+        then a DataFrame of whole trajectories in the order of time, with ``time`` (s) and ``trajectory``; rows that
+        only carry the memory get a sample weight of 0.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
@@ -124,7 +125,7 @@ class StaticPIHM(HybridModel):
         batch_size: int | None = None,
         weight_decay: float | None = None,
         validation_fraction: float | str = 0.0,
-        effects: Sequence[Any] | None = None,
+        effects: Sequence[Any] | Mapping[str, Mapping[str, float]] | None = None,
         signals: Signals | None = None,
         dtype: str = "float64",
         device: str = "cpu",

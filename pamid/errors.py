@@ -351,6 +351,10 @@ class AdaptationWarning(PamidWarning):
     """Source and target of an adaptation hardly belong together, or the geometry contradicts the data."""
 
 
+class EffectsWarning(PamidWarning):
+    """A model cannot hold a cause that a diagnosis found."""
+
+
 class StreamChangeWarning(PamidWarning):
     """At the same signals the target is another one than earlier in the stream."""
 

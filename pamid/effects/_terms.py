@@ -9,7 +9,7 @@ that a search goes over the few θ alone.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from .base import Effect, Parameter, Signals
 from .plant import Plant
+from .registry import make_effect
 
 ROWS = 20_000
 """Samples of the search for the shapes: a longer log is thinned evenly."""
@@ -53,6 +54,40 @@ class Terms(NamedTuple):
     columns: np.ndarray
     of: list[tuple[int, Parameter]]
     memory: np.ndarray
+
+
+def acts_on(effect: Effect, equations: Collection[str]) -> bool:
+    """Tell whether a model of force or flow can hold an effect: as a term of it, or as a fault of its pressure."""
+    sensor = effect.channel == "P" and "measure" in effect.hooks()
+    return sensor or bool(set(equations) & set(effect.hooks()) & {"force", "flow"})
+
+
+def of_causes(
+    causes: Iterable[tuple[Sequence[str], Sequence[Mapping[str, float]]]], equations: Collection[str]
+) -> tuple[list[Effect], list[str]]:
+    """Return the effects of a diagnosis that a model of these equations can hold, and the causes that it cannot.
+
+    A cause is the names of its class and the parameters of each of them, as far as these are known; the likeliest one
+    that the model can hold stands for the class.
+    """
+    held: list[Effect] = []
+    left: list[str] = []
+    for names, values in causes:
+        for k, name in enumerate(names):
+            if name not in Effect.registry or any(e.name == name for e in held):
+                continue
+            kind = type(make_effect(name))
+            given = values[k] if k < len(values) else {}
+            bounded = {
+                p.name: float(np.clip(given[p.name], p.lower, p.upper)) for p in kind.parameters if p.name in given
+            }
+            effect = kind(**bounded)
+            if acts_on(effect, equations):
+                held.append(effect)
+                break
+        else:
+            left.append(" or ".join(names))
+    return held, left
 
 
 def changed(effect: Effect, **values: float) -> Effect:

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
+from .._causes import hold_causes, hybrid_for, read_causes
 from .._fitting import held_out, pipeline, with_rates
 from .._parameters import fitted_parameters, parameter_lines
 from ..common import (
@@ -70,6 +71,11 @@ def add_parser(subparsers: Any) -> None:
         metavar="DIR",
         help="folder in which training keeps its state: the same command, given again after a crash, goes on from it",
     )
+    parser.add_argument(
+        "--diagnosis",
+        metavar="DIR",
+        help="folder that 'pamid diagnose' has written: its causes become effects of a hybrid model",
+    )
     parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")
     parser.add_argument("--thin", type=int, default=1, metavar="N", help="fit on every N-th sample only (default: all)")
 
@@ -90,10 +96,12 @@ def run(args: argparse.Namespace) -> int:
             "Correct the number.",
         )
     page = page_of(args)
-    args.estimator = args.estimator or _of_page(page)
-    given = parse_settings(args.set)
+    given, causes = parse_settings(args.set), read_causes(args.diagnosis) if args.diagnosis else None
+    args.estimator = args.estimator or (hybrid_for(args.equation) if causes is not None else _of_page(page))
     estimator = make_estimator(args.estimator, given, args.seed, lambda kinds: page_numbers(page, args.columns, kinds))
     target = equation_of(estimator, args.equation)
+    if causes is not None:
+        hold_causes(estimator, causes, args)
     trainer = _keep_state(estimator, args) if args.checkpoint is not None else None
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
         raise ParameterError(
@@ -115,14 +123,14 @@ def run(args: argparse.Namespace) -> int:
     if args.folds:
         y = signals[target.column]
         predicted = held_out(
-            args, lambda X, y: _fit(clone(estimator), X, y), features[columns], y, signals["run"], args.thin
+            args, lambda X, y: _fit_every(args.thin, clone(estimator), X, y), features[columns], y, signals["run"]
         )
         scores = score_by_trajectory(signals, predicted, target)
     rows = slice(None, None, args.thin)
     started = time.perf_counter()
     with progress(args, f"Fitting {args.estimator}"):
         given_runs = {"groups": _blocks(signals["trajectory"].iloc[rows])} if target.name in _CORRELATED else {}
-        fitted = _fit(estimator, features[columns].iloc[rows], signals[target.column].iloc[rows], **given_runs)
+        fitted = _fit_every(args.thin, estimator, features[columns], signals[target.column], **given_runs)
     seconds = time.perf_counter() - started
     if args.checkpoint is not None:
         fitted.set_params(trainer=trainer)  # a path of this machine is no part of the model
@@ -218,3 +226,12 @@ def _fit(estimator: Any, X: Any, y: Any, **given: Any) -> Any:
         return estimator.fit(X, y, **given)
     except InvalidParameterError as error:
         raise ParameterError(str(error), "a value that the estimator takes", "Correct the --set option.") from None
+
+
+def _fit_every(step: int, estimator: Any, X: Any, y: Any, **given: Any) -> Any:
+    """Fit on every so many rows; those between carry what effects remember, and count for nothing else."""
+    import numpy as np
+
+    if step > 1 and getattr(estimator, "effects", None):
+        return _fit(estimator, X, y, sample_weight=(np.arange(len(X)) % step == 0).astype(float))
+    return _fit(estimator, X.iloc[::step], y.iloc[::step], **given)

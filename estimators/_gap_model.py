@@ -1,0 +1,86 @@
+"""What follows from a diagnosis: the run to record next, a hybrid model that holds the causes as its effects."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pamid.effects._terms import of_causes
+from pamid.effects.plant import Plant
+from pamid.errors import EffectsWarning, IncompatibleError
+
+from ._gap_signals import sampling_interval
+
+if TYPE_CHECKING:
+    from ._pihm import HybridModel
+    from .gap_diagnoser import GapDiagnoser
+
+
+def next_run(
+    diagnoser: GapDiagnoser,
+    rivals: Sequence[Any],
+    signals: dict[str, np.ndarray],
+    codes: np.ndarray,
+    nominal_of: Callable[[int], Callable[[Any], np.ndarray]],
+) -> Any:
+    """Return the run that would tell the two likeliest explanations apart; the nominal model is made for n rows."""
+    from pamid.gap.design.one_equation import evidence_maker, next_for_equation
+
+    def nominal(made: dict[str, np.ndarray]) -> np.ndarray:
+        return nominal_of(len(next(iter(made.values()))))(made)
+
+    dt = sampling_interval(signals, codes, diagnoser.sampling_interval)
+    moved = ("position",) if diagnoser.equation == "torque" else ("position", "pressure", "command")
+    driven = [role for role in moved if role in diagnoser.signal_columns_]  # a joint's load follows from its motion
+    evidence = evidence_maker(diagnoser.scaling_, nominal, dt, diagnoser.equation, diagnoser.plant)
+    noise = diagnoser.noise_floor_ / abs(diagnoser.scaling_.target)
+    seconds = float(np.median(np.bincount(codes))) * dt
+    return next_for_equation(rivals, signals, driven, evidence, noise, dt, seconds)
+
+
+def hybrid_with(causes: Sequence[Any], equation: str, plant: Plant | None) -> HybridModel:
+    """Return an unfitted hybrid model of a muscle's force or flow that holds the causes which it can.
+
+    Raises
+    ------
+    IncompatibleError
+        The diagnosis is not of a muscle's force or flow.
+    """
+    from .static_pihm import StaticPIHM
+    from .thermodynamic_pihm import ThermodynamicPIHM
+
+    kinds: dict[str, type[HybridModel]] = {"force": StaticPIHM, "flow": ThermodynamicPIHM}
+    if plant is None or equation not in kinds:
+        raise IncompatibleError(
+            f"The diagnosis is of {equation}{'' if plant else ' without a plant'}.",
+            "force or flow of a muscle, whose length and diameter plant= tells",
+            "Pass plant= before the fit, or predict with the diagnoser itself.",
+        )
+    values = [
+        (c.effects, [{k: p.value for k, p in found.items()} for found in (c.parameters, *c.others)]) for c in causes
+    ]
+    held, left = of_causes(values, {equation})
+    if left:
+        warn_left_out(left)
+    around = math.sqrt(max(plant.thread_length**2 - plant.rest_length**2, 0.0))
+    model: Any = kinds[equation]
+    return model(
+        plant.rest_length,
+        around / (math.pi * plant.turns),
+        atmospheric_pressure=plant.atmospheric_pressure,
+        effects={e.name: dict(e.values) for e in held} or None,
+    )
+
+
+def warn_left_out(left: Sequence[str]) -> None:
+    """Warn of causes that a hybrid model does not hold."""
+    warnings.warn(
+        f"{', '.join(left)}: a hybrid model cannot hold it as an effect. Expected terms of the force or flow, or "
+        "faults of the pressure's sensor. Its network takes what depends on the state; the rest stays.",
+        EffectsWarning,
+        stacklevel=3,
+    )
