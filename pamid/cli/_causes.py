@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ParameterError
+from ..requirements import WithLaws
 from .common import note
 
 Causes = list[tuple[list[str], list[dict[str, float]]]]
@@ -50,7 +51,7 @@ def hold_causes(estimator: Any, causes: Causes, args: argparse.Namespace) -> Non
     """Give the causes to an estimator as its effects, and say which it cannot hold."""
     from ..effects._terms import of_causes
 
-    if "effects" not in estimator.get_params() or not hasattr(estimator, "laws"):
+    if "effects" not in estimator.get_params() or not isinstance(estimator, WithLaws):
         raise ParameterError(
             f"--diagnosis is given, and {args.estimator} has no effects.",
             "a hybrid model: StaticPIHM, ThermodynamicPIHM",
