@@ -51,13 +51,14 @@ def hold_causes(estimator: Any, causes: Causes, args: argparse.Namespace) -> Non
     """Give the causes to an estimator as its effects, and say which it cannot hold."""
     from ..effects._terms import of_causes
 
-    if "effects" not in estimator.get_params() or not isinstance(estimator, WithLaws):
+    equations = {law.equation for law in estimator.laws()} if isinstance(estimator, WithLaws) else set()
+    if "effects" not in estimator.get_params() or not equations:
         raise ParameterError(
             f"--diagnosis is given, and {args.estimator} has no effects.",
             "a hybrid model: StaticPIHM, ThermodynamicPIHM",
             "Leave --estimator out, or name one of them.",
         )
-    held, left = of_causes(causes, {law.equation for law in estimator.laws()})
+    held, left = of_causes(causes, equations)
     estimator.set_params(effects={e.name: dict(e.values) for e in held} or None)
     if left:
         note(args, f"{args.estimator} cannot hold {', '.join(left)}: its network takes what depends on the state")
