@@ -11,9 +11,10 @@ and one Cholesky factor.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -104,6 +105,7 @@ class LevenbergMarquardt(Trainer):
         n = len(problem)
         damping = Damping(float(state.get("mu", self.damping)), shrink=0.5, grow=4.0, least=1e-13, most=1e8)
         full = n <= self.batch_size
+        last: _Pass | None = None
         if state.get("converged"):
             return
         for k in range(int(state.get("steps", 0)), self.max_iter):
@@ -112,53 +114,73 @@ class LevenbergMarquardt(Trainer):
                 rows = random_state.choice(n, self.batch_size, replace=False)
                 batch = problem.rows(torch.as_tensor(rows, device=problem.y.device))
             root = (batch.weight / batch.weight.sum()).sqrt()
-            theta = adapter.expand(psi)
-            tape = forward(theta, batch.x, batch.direction, batch.a, activation)
-            r = root * (tape.y - batch.y)
-            before = float(r @ r) + self._penalty(psi, origin)
-            if not np.isfinite(before):
-                yield psi, before
+            passed = partial(self._pass, origin, batch, root, activation, adapter)
+            # With all samples in each step, what the last one ended with is what this one begins with.
+            here = last if full and last is not None else passed(psi)
+            if not np.isfinite(here.loss):
+                yield psi, here.loss
                 return
-            equations = self._equations(psi, origin, tape, r, root, theta, adapter)
-
-            def loss(trial: Parameters, batch: TrainingProblem = batch, root: torch.Tensor = root) -> float:
-                moved = forward(adapter.expand(trial), batch.x, batch.direction, batch.a, activation)
-                r = root * (moved.y - batch.y)
-                return float(r @ r) + self._penalty(trial, origin)
-
-            found = damping.descend(before, equations.trial, loss)
+            found = damping.descend(here.loss, partial(_tried, self._equations(here, root, adapter), passed), _loss)
             if found is None:
                 if full:
                     return
                 damping.value = self.damping
                 continue
-            psi, after = found
+            last, after = found
+            psi = last.psi
             # Steps on fresh draws scatter about the minimum; their running mean lies closer to it.
             mean = psi if full else [p.lerp(q, AVERAGE) for p, q in zip(mean, psi, strict=True)]
-            converged = full and before - after < self.tolerance * before
+            converged = full and here.loss - after < self.tolerance * here.loss
             state |= {"steps": k + 1, "psi": psi, "mean": mean, "mu": damping.value, "converged": converged}
-            yield mean, after - self._penalty(psi, origin)
+            yield mean, after - last.penalty
             if converged:
                 return
 
-    def _penalty(self, psi: Parameters, origin: Parameters) -> float:
-        return self.weight_decay * sum(float(((p - q) ** 2).sum()) for p, q in zip(psi, origin, strict=True))
-
-    def _equations(
+    def _pass(
         self,
-        psi: Parameters,
         origin: Parameters,
-        tape: Tape,
-        r: torch.Tensor,
+        batch: TrainingProblem,
         root: torch.Tensor,
-        theta: Parameters,
+        activation: str,
         adapter: Reparametrisation,
-    ) -> _DampedEquations:
-        adjoint = [pair * root[:, None] for pair in adjoints(theta, tape)]
-        pull = [self.weight_decay * (p - q) for p, q in zip(psi, origin, strict=True)]
-        return _DampedEquations(
-            psi, pull, tape, adjoint, adapter.gram(psi, adjoint, tape), r, adapter, self.weight_decay
-        )
+        psi: Parameters,
+    ) -> _Pass:
+        theta = adapter.expand(psi)
+        tape = forward(theta, batch.x, batch.direction, batch.a, activation)
+        r = tape.y.sub(batch.y).mul_(root)
+        pull = [p - q for p, q in zip(psi, origin, strict=True)]
+        return _Pass(psi, theta, tape, r, pull, float(r @ r), self.weight_decay * _squares(pull))
+
+    def _equations(self, here: _Pass, root: torch.Tensor, adapter: Reparametrisation) -> _DampedEquations:
+        adjoint = adjoints(here.theta, here.tape, root)
+        pull = [self.weight_decay * p for p in here.pull]
+        gram = adapter.gram(here.psi, adjoint, here.tape)
+        return _DampedEquations(here.psi, pull, here.tape, adjoint, gram, here.residual, adapter, self.weight_decay)
+
+
+class _Pass(NamedTuple):
+    """A pass through the network: parameters, what it leaves behind, its residuals, and what its loss is made of."""
+
+    psi: Parameters
+    theta: Parameters
+    tape: Tape
+    residual: torch.Tensor
+    pull: Parameters
+    square: float
+    penalty: float
+
+    @property
+    def loss(self) -> float:
+        """Squared residuals and penalty."""
+        return self.square + self.penalty
+
+
+def _loss(trial: _Pass) -> float:
+    return trial.loss
+
+
+def _squares(tensors: Parameters) -> float:
+    return float(sum(torch.dot(t.view(-1), t.view(-1)) for t in tensors))
 
 
 @dataclass(frozen=True)
@@ -185,4 +207,10 @@ class _DampedEquations:
             return None
         u = torch.cholesky_solve((self.residual - along / c)[:, None], factor)[:, 0]
         back = self.adapter.pullback(self.psi, transposed_product(self.adjoint, self.tape, u))
-        return [p - (q + s) / c for p, q, s in zip(self.psi, self.pull, back, strict=True)]
+        return [p.sub(q + s, alpha=1.0 / c) for p, q, s in zip(self.psi, self.pull, back, strict=True)]
+
+
+def _tried(equations: _DampedEquations, passed: Callable[[Parameters], _Pass], damping: float) -> _Pass | None:
+    """Return the pass at the end of a damped step; None if there is none."""
+    psi = equations.trial(damping)
+    return None if psi is None else passed(psi)

@@ -213,10 +213,13 @@ def gradient(parameters: Parameters, tape: Tape, upstream: Tensor, out: Paramete
 
 def transposed_product(adjoint: list[Tensor], tape: Tape, u: Tensor) -> Parameters:
     """Return ``Jᵀ u`` from the adjoints of unit residuals, without another pass through the network."""
-    scaled = [G * u[:, None] for G in adjoint]
-    shapes = [(G.shape[2], H.shape[2]) for G, H in zip(adjoint, tape.pairs, strict=True)]
-    total = [u.new_zeros(size) for m, n in shapes for size in ((m, n), (m,))]
-    return _gathered(scaled, tape, total)
+    out, n = [], len(u)
+    for G, H in read_by_law(adjoint, tape):  # the long side of a thin product goes along the rows
+        scaled = G * u[:, None]
+        g, h = scaled.view(len(G) * n, -1), H.reshape(len(H) * n, -1)
+        out.append((h.T @ g).T if h.shape[1] < g.shape[1] else g.T @ h)
+        out.append(scaled[0].sum(0) if len(G) == 2 else u.new_zeros(G.shape[2]))
+    return out
 
 
 def _gathered(adjoint: list[Tensor], tape: Tape, total: Parameters) -> Parameters:
@@ -240,7 +243,7 @@ def jacobian_product(adjoint: list[Tensor], tape: Tape, v: Parameters) -> Tensor
     """Return ``J v`` for a change of the parameters, from the adjoints of unit residuals; shape (n_samples,)."""
     out = torch.zeros_like(tape.y)
     for layer, (G, H) in enumerate(read_by_law(adjoint, tape)):
-        change = H @ v[2 * layer].T
+        change = (H.reshape(-1, H.shape[2]) @ v[2 * layer].T).view_as(G)
         if len(H) == 2:
             change[0] += v[2 * layer + 1]
         out += change.mul_(G).sum((0, 2))

@@ -132,7 +132,8 @@ def test_levenberg_marquardt_step_through_an_adapter_solves_the_dense_normal_equ
     decay, damping = 1e-2, 1.5e-2
     bound = Bound(adapter, source)
     trainer = LevenbergMarquardt(weight_decay=decay)
-    trial = trainer._equations(psi, origin, tape, r, root, theta, bound).trial(damping)
+    here = trainer._pass(origin, p, root, "tanh", bound, psi)
+    trial = trainer._equations(here, root, bound).trial(damping)
 
     def flat(arrays):
         return torch.cat([a.reshape(-1) for a in arrays])

@@ -13,7 +13,6 @@ from pamid.training import Adam, LevenbergMarquardt, Status, TrainingProblem, tr
 from pamid.training.adam import views
 from pamid.training.network import (
     activation_named,
-    forward,
 )
 from pamid.training.reparametrisation import IDENTITY
 from pamid.training.trainer import mean_squared_residual
@@ -104,9 +103,8 @@ def test_the_step_in_sample_space_solves_the_dense_normal_equations(activation, 
     decay, damping = 0.03, 0.08
     trainer = LevenbergMarquardt(weight_decay=decay)
     root = (p.weight / p.weight.sum()).sqrt()
-    tape = forward(theta, p.x, p.direction, p.a, activation)
-    r = root * (tape.y - p.y)
-    trial = trainer._equations(theta, origin, tape, r, root, theta, IDENTITY).trial(damping)
+    here = trainer._pass(origin, p, root, activation, IDENTITY, theta)
+    trial, r = trainer._equations(here, root, IDENTITY).trial(damping), here.residual
 
     J = root[:, None] * plain_jacobian(theta, p, activation)
     c = damping * float((J**2).sum()) + decay  # damped relative to the trace
