@@ -442,6 +442,9 @@ def _check_value(effect: str, p: Parameter, value: Any) -> float:
             f"{p.name} of the effect {effect} is {value!r}.", f"a number in {p.unit}", "Write a plain number."
         )
     number = float(value)
+    if math.isfinite(number) and (inside := min(max(number, p.lower), p.upper)) != number:
+        # A search in logarithms ends beside a bound by what is rounded.
+        number = inside if abs(inside - number) <= 1e-12 * abs(number) else number
     if not math.isfinite(number) or not p.lower <= number <= p.upper:
         raise ImplausibleParameterError(
             f"{p.name} of the effect {effect} is {number:g} {p.unit}.",

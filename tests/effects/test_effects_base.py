@@ -65,6 +65,7 @@ VOCABULARY = [
     "pressure_hysteresis",
     "pressure_relaxation",
     "prandtl_ishlinskii",
+    "actuator_hysteresis",
     "maxwell",
     "directional_friction",
     "torque_loss",

@@ -259,7 +259,9 @@ class SignalEvidence:
     def reached(self, p: Parameter) -> Parameter:
         """Return a limit of the reading within what the model reaches: beyond, it does nothing."""
         top = float(np.max(np.abs(self.predicted), initial=0.0))
-        return replace(p, lower=0.05 * top, upper=top, nominal=0.6 * top) if p.idle and top > 0.0 else p
+        lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
+        # A limit of something else than the reading, such as a command's, keeps its own bounds.
+        return replace(p, lower=lower, upper=upper, nominal=min(0.6 * top, upper)) if p.idle and lower < upper else p
 
     def _hooks(self, effect: Effect, table: Table, faults: tuple[Effect, ...]) -> np.ndarray:
         hooks = {"force": {"force"}, "torque": {"force", "torque"}, "flow": {"flow"}}[self.kind]
