@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +22,17 @@ from ._streaming import Streaming
 
 IMPLAUSIBLE = 2.0
 """Factor between fitted and stated diameter beyond which the fit is not that of a muscle: four times the force."""
+
+
+@lru_cache(maxsize=64)  # a controller asks row by row
+def _made(
+    cls: type[ClassicalVolume], length: float, diameter: float, angle: float, atmospheric_pressure: float
+) -> ClassicalVolume:
+    """Return the volume of a muscle of a geometry."""
+    nominal = cls.from_geometry(length, diameter, angle)
+    if "atmospheric_pressure" in {f.name for f in fields(nominal)}:
+        nominal = replace(nominal, atmospheric_pressure=atmospheric_pressure)  # type: ignore[call-arg]
+    return nominal
 
 
 class GeometricRegressor(Streaming, ClassicalRegressor):
@@ -48,18 +60,18 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
 
     def _nominal(self) -> ClassicalVolume:
         """Return the model at the starting values."""
-        offered = {name: cls for name, cls in all_volumes().items() if cls.parameters}
-        if self.model not in offered:
+        cls = all_volumes().get(self.model)
+        if cls is None or not cls.parameters:
+            offered = [name for name, volume in all_volumes().items() if volume.parameters]
             raise UnknownOptionError(f"model is {self.model!r}.", f"one of {', '.join(offered)}", "Correct the name.")
         for name in ("rest_length", "rest_diameter", "braid_angle"):
             value = getattr(self, name)
             if not (isinstance(value, (int, float, np.number)) and 0.0 < float(value) < np.inf):
                 raise ParameterError(f"{name} is {value!r}.", "a positive number (m, m, rad)", "Correct it.")
-        cls = offered[self.model]
-        nominal = cls.from_geometry(self.rest_length, self.rest_diameter, self.braid_angle)
-        if "atmospheric_pressure" in {f.name for f in fields(nominal)}:
-            nominal = replace(nominal, atmospheric_pressure=self.atmospheric_pressure)  # type: ignore[call-arg]
-        given = dict(self.start or {})
+        nominal = _made(cls, self.rest_length, self.rest_diameter, self.braid_angle, self.atmospheric_pressure)
+        if not self.start:
+            return nominal
+        given = dict(self.start)
         return replace(nominal, **{n: float(given[n]) for n in cls.parameter_names() if n in given})
 
     def _declared(self) -> dict[str, FitParameter]:

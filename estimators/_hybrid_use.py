@@ -59,9 +59,10 @@ def jet_of(model: HybridModel, X: np.ndarray) -> VolumeJet:
 
 def predicted(model: HybridModel, X: np.ndarray, laws: Sequence[Law] | None = None) -> np.ndarray:
     """Apply every law, or others, to the identified volume, and add the effects; shape (n_samples, n_laws)."""
-    x = X[:, [model.signal_columns_[name] for name in STATE_SIGNALS]]
-    warn_outside(x, getattr(model, "input_range_", None), STATE_SIGNALS)
     seen, laws = seen_by(model, X), model.laws() if laws is None else laws
+    # Without effects the inputs are the signals as they are, which need not be taken out of the table twice.
+    x = seen.inputs if seen.added is None else X[:, [model.signal_columns_[name] for name in STATE_SIGNALS]]
+    warn_outside(x, getattr(model, "input_range_", None), STATE_SIGNALS)
     out = np.zeros((len(X), len(laws))) if seen.added is None else seen.added
     for rows, state, jet in jets(model, seen, all(law.slope_alone for law in laws)):
         for k, law in enumerate(laws):
@@ -74,7 +75,7 @@ def warn_outside(x: np.ndarray, span: np.ndarray | None, names: Sequence[str], s
     if span is None:  # a model file of an earlier version
         return
     margin = MARGIN * (span[1] - span[0])
-    outside = np.abs(x - 0.5 * (span[0] + span[1])) > 0.5 * (span[1] - span[0]) + margin
+    outside = (x < span[0] - margin) | (x > span[1] + margin)
     if outside.any() and np.mean(outside.any(axis=1)) > OUTSIDE:
         worst = int(np.argmax(outside.sum(axis=0)))
         warnings.warn(

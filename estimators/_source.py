@@ -9,7 +9,7 @@ from sklearn.pipeline import Pipeline
 
 from pamid.errors import IncompatibleError
 
-from ._base import SignalEstimator, fitted_attributes
+from ._base import SignalEstimator
 from ._pihm import HybridModel
 
 
@@ -38,14 +38,15 @@ def hybrid_of(source: Any, who: str) -> HybridModel:
             found = inner
         else:
             break
-    adapts = isinstance(found, SignalEstimator) and "source" in found.get_params(deep=False)
-    if not isinstance(found, HybridModel) and not adapts:
+    if not isinstance(found, HybridModel) and not (
+        isinstance(found, SignalEstimator) and "source" in found.get_params(deep=False)
+    ):
         raise IncompatibleError(
             f"The source of {who} is {type(source).__name__ if source is not None else None}.",
             "a fitted StaticPIHM, ThermodynamicPIHM or JointPIHM, or an adaptation of one",
             "Fit one on the muscle whose data are plenty, and pass it as source.",
         )
-    if "weights_" not in fitted_attributes(found):
+    if "weights_" not in vars(found):
         raise IncompatibleError(
             f"The source of {who}, {type(found).__name__}, is not fitted.",
             "a fitted model",

@@ -300,7 +300,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         found = formulas_of(self.model_, {name: signals[name] for name in self._read_by_model()})
         if len(found) == 1:
             ((_, force),) = found.values()
-            return np.broadcast_to(force, P.shape)
+            return np.asarray(force) if np.shape(force) == P.shape else np.broadcast_to(force, P.shape)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExtrapolationWarning)
             return np.asarray(self.model_.predict(self._inputs(eps, deps, P)))

@@ -8,7 +8,8 @@ do beside, such as say their predictions as formulas, is a protocol, and asked f
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 from .errors import IncompatibleError
@@ -87,7 +88,13 @@ def formulas_of(model: Any, signals: Mapping[str, Any]) -> dict[str, tuple[str, 
     >>> formulas_of(object(), {})
     {}
     """
-    return model.formulas(signals) if isinstance(model, WithFormulas) else {}
+    kind: Hashable = type(model)
+    return model.formulas(signals) if _writes_formulas(kind) else {}
+
+
+@cache  # a protocol takes longer to ask than a formula on one row
+def _writes_formulas(kind: Hashable) -> bool:
+    return isinstance(kind, type) and issubclass(kind, WithFormulas)
 
 
 def last_step(model: Any) -> Any:
