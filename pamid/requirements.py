@@ -88,7 +88,7 @@ def formulas_of(model: Any, signals: Mapping[str, Any]) -> dict[str, tuple[str, 
     >>> formulas_of(object(), {})
     {}
     """
-    kind: Hashable = type(model)
+    kind: Any = type(model)
     return model.formulas(signals) if _writes_formulas(kind) else {}
 
 
