@@ -23,7 +23,6 @@ _TOP = 5e5
 _PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 _GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
-_MOTOR = {True: "viscous_friction", False: "back_emf"}
 _GEOMETRY = {"bladder_elasticity"}
 
 
@@ -221,7 +220,7 @@ def _placed(
     for p in effect.parameters:
         plain = [("s", unit_powers(p.unit).get("s", 0))]
         if hook in ("force", "flow"):
-            words = {"N": target, "m": "", "kg": target}
+            words = {"N": target, "m": "", "kg": target, "rad": signal if signal != "-" else "rad"}
             if hook == "flow" and target == "kg/s" and signal in _PASCAL:
                 words = {"Pa": signal}  # a flow of mass under a pressure is what the library's units are of
             plain = [(words.get(w, w), n) for w, n in unit_powers(p.unit).items()]
@@ -303,8 +302,8 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         follows = {"position": joint.position or f"{joint.name}.path", "velocity": joint.velocity}
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
         for name, (kind, effect) in port_effects().items():
-            if kind == "joint" and name == _MOTOR.get(joint.unit == "V"):
-                continue  # in volts a viscous friction and a motor's back-EMF are one and the same
+            if name == "back_emf" and joint.unit != "V":
+                continue  # in volts it is one and the same as a viscous friction: both are said
             if kind != "joint" or ("pressure" in effect.roles and not _without_pressure(effect)):
                 continue
             scale = 1.0 if effect.site == "joint" else span / _STRAIN

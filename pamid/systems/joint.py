@@ -9,6 +9,7 @@ import numpy as np
 
 from ..effects.spec import EffectLike
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
+from ..signals.resting import at_rest, resting_rows
 from ..signals.savgol import rate_over
 from .base import FIT, Choice, Input, Problem, Quantity, System
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
+_TELLING = 0.02  # of a lever's moment: a smaller change of cos q over the log cannot be told from an offset
 _STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters
 
 
@@ -97,9 +99,12 @@ class Joint(System):
             raise ExcitationError(
                 f"{int(usable.sum())} rows say what drives the joint.", "at least 50", "Check gain, limit and enabled."
             )
-        nominal, said = self._nominal(q, dq, ddq, drive, usable)
         if (left := int((~usable).sum())) > 0:
             notes.append(f"{100 * left / len(log):.1f} % of the rows are left out: the drive is off or at its limit.")
+        if (resting := self._resting(log) & usable).any():
+            usable &= ~resting
+            notes.append(at_rest("q", float(resting.mean())))
+        nominal, said = self._nominal(q, dq, ddq, drive, usable)
         load = np.abs(nominal - np.mean(nominal[usable]))
         X = pd.DataFrame({"time": log["time"].to_numpy(dtype=float), "q": q, "dq": dq, "load": load})[usable]
         X["nominal"] = X["transmitted"] = nominal[usable]
@@ -149,6 +154,15 @@ class Joint(System):
             parts.append(rate_over(run["q"].to_numpy(dtype=float), dt, half, order))
         return np.concatenate(parts)
 
+    @staticmethod
+    def _resting(log: pd.DataFrame) -> np.ndarray:
+        """Return the rows in which the joint rests."""
+        steps = np.diff(log["time"].to_numpy(dtype=float))
+        dt = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 1.0
+        return resting_rows(
+            log["q"].to_numpy(dtype=float), dt, log.groupby("trajectory", sort=False).ngroup().to_numpy()
+        )
+
     def _nominal(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, drive: np.ndarray, usable: np.ndarray
     ) -> tuple[np.ndarray, str]:
@@ -157,7 +171,11 @@ class Joint(System):
         given = {name: self.number(name) for name in columns if self.values[name] != FIT}
         known = sum((value * columns[name] for name, value in given.items()), np.zeros(len(q)))
         fitted = {name: x for name, x in columns.items() if name not in given}
-        fitted |= {"level": np.cos(q), "offset": np.ones(len(q))}
+        fitted["offset"] = np.ones(len(q))
+        others = np.column_stack([*(columns[name] for name in fitted if name in columns), fitted["offset"]])[usable]
+        level = np.cos(q)[usable]
+        if np.std(level - others @ np.linalg.lstsq(others, level, rcond=None)[0]) > _TELLING:
+            fitted = {"level": np.cos(q), **fitted}
         A = np.column_stack([*fitted.values(), np.tanh(dq / _STILL), dq])
         found, *_ = np.linalg.lstsq(A[usable], (drive - known)[usable], rcond=None)
         n = len(fitted)

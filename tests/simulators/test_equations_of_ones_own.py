@@ -138,3 +138,45 @@ def test_a_log_without_a_clock_and_a_state_that_is_not_logged(tmp_path, capsys):
     assert main(["evaluate", str(tmp_path / "tank.csv"), *page, "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["equations"]
     assert found["nrmse"] < 0.05
+
+
+@pytest.fixture
+def axis(tmp_path):
+    """A driven axis of 2 kg with 3 N of dry and 4 N s/m of viscous friction, which stops between its moves."""
+    rows, rng, dt = [], np.random.default_rng(0), 0.005
+    for k in range(5):
+        wanted = np.cumsum(rng.uniform(-0.3, 0.3, 5))
+        x = v = 0.0
+        log = []
+        for i in range(1000):
+            ahead = wanted[i // 200]
+            force = float(np.clip(60.0 * (ahead - x) - 12.0 * v, -12.0, 12.0))
+            log.append((k, i * dt, x + 1e-6 * rng.standard_normal(), force))
+            for _ in range(20):
+                free = force - 4.0 * v
+                if v == 0.0 and abs(free) <= 3.0:
+                    break
+                way = np.sign(v) or np.sign(free)
+                new = v + (free - 3.0 * way) / 2.0 * dt / 20
+                v = 0.0 if new * v < 0.0 else new
+                x += v * dt / 20
+        rows.append(pd.DataFrame(log, columns=["run", "time", "x", "force"]))
+    pd.concat(rows).to_csv(tmp_path / "axis.csv", index=False)
+    return tmp_path
+
+
+def test_dry_friction_of_an_axis_that_stops_is_no_dead_zone_of_its_drive(axis, capsys):
+    log, page = str(axis / "axis.csv"), axis / "setup"
+    equations = ["--equation", "dx/dt = v", "--equation", "dv/dt = force/m", "--set", "m=2 kg"]
+    signals = ["--signal", "x=x:m", "--signal", "force=force:N", "--signal", "trajectory=run"]
+    assert main(["init", log, *equations, *signals, "--yes", "--out", str(page), "--quiet"]) == 0
+    library = "coulomb_friction,viscous_friction,actuator_dead_zone,actuator_gain"
+    files = ["--columns", str(page / "columns.toml"), "--sim", str(page / "sim.toml"), "--out", str(axis / "diagnosis")]
+    capsys.readouterr()
+    assert main(["diagnose", log, *files, "--effects", library, "--json", "--quiet"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    found = {cause["effects"][0]: cause["parameters"] for cause in answer["causes"]}
+    assert found["coulomb_friction"]["amplitude"]["value"] == pytest.approx(3.0, rel=0.05)
+    assert found["viscous_friction"]["coefficient"]["value"] == pytest.approx(4.0, rel=0.05)
+    assert found["viscous_friction"]["coefficient"]["unit"] == "N s/m"
+    assert any("x rests in" in note for note in answer["notes"])

@@ -20,6 +20,7 @@ from ...equations.windows import average, span, starts
 from ...errors import ShortTrajectoryError
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
+from ...signals.resting import at_rest, resting_rows
 from ...simulators.base import Simulator
 from ...simulators.catalogue import ParameterDeviation, SignalSizes
 from ...simulators.port_log import PortLog
@@ -168,13 +169,14 @@ class DirectEvidence(PortEvidence):
     def _lay_windows(self) -> None:
         log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
         self._first: list[list[np.ndarray]] = []
-        self.windows = []
+        self.windows, resting = [], self._resting()
         for b in self.balances:
             firsts, rows, centres, measured = [], [], [], []
             for a, e in log.spans:
                 first = starts(e - a - b.order, self.n, b.order + 1)
                 reach = span(self.n, b.order + 1) + b.order
-                kept = np.array([not log.lost[a + f : a + f + reach].any() for f in first], dtype=bool)
+                without = log.lost[a:e] | resting[b.name][a:e] if b.name in resting else log.lost[a:e]
+                kept = np.array([not without[f : f + reach].any() for f in first], dtype=bool)
                 first = first[kept] if len(first) else first
                 firsts.append(first)
                 rows.append(a + first)
@@ -190,6 +192,18 @@ class DirectEvidence(PortEvidence):
             raise ShortTrajectoryError(
                 f"No run of the log holds a window of {self.n} samples.", "longer runs", "Record longer runs."
             )
+
+    def _resting(self) -> dict[str, np.ndarray]:
+        """Return the rows in which each joint that is driven rests, by its name, where there are any."""
+        log, found = self.log, {}
+        codes = np.repeat(np.arange(len(log.spans)), [e - a for a, e in log.spans])
+        for joint in self.joints:
+            if joint.position in log.channels and any(b.name == joint.name for b in self.balances):
+                rows = resting_rows(log.channels[joint.position], log.dt, codes)
+                if rows.any():
+                    found[joint.name] = rows
+                    self.notes.append(at_rest(joint.position, float(rows.mean())))
+        return found
 
     def _skew(self) -> None:
         """Let the clocks of positions and velocities be half a step apart, and velocities bend, within tolerances."""

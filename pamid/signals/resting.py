@@ -1,0 +1,71 @@
+"""Rows in which a position rests: there friction takes up whatever drives it, and the drive tells nothing."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from .noise import noise_level
+
+DURATION = 0.1
+"""Shortest rest, s."""
+ROWS = 20
+"""Least rows of a rest."""
+SLOW = 0.01
+"""Share of the fastest motion below which a position may rest."""
+NOISE = 8.0
+"""Range of what noise alone does to a resting position within that time, in standard deviations: a hundred samples."""
+
+
+def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
+    """Return the rows in which a position rests that moves elsewhere.
+
+    It rests where it changes by no more than its noise over `DURATION`, if that is less than `SLOW` of what the fastest
+    motion takes it in that time. Where noise hides so little motion, nothing counts as rest.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_samples,)
+        A position, in any unit.
+    dt : float
+        Sampling interval, s.
+    codes : ndarray, shape (n_samples,)
+        Trajectory of each sample; contiguous.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_samples,)
+        The rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.resting import resting_rows
+    >>> t = np.arange(0.0, 4.0, 0.01)
+    >>> x = np.where(t < 2.0, np.sin(np.pi * t), 0.0)  # it moves for two seconds, then rests
+    >>> rows = resting_rows(x, 0.01, np.zeros(len(t), dtype=int))
+    >>> int(rows[:190].sum()), bool(rows[210:].all())
+    (0, True)
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    n = max(ROWS, round(DURATION / dt))
+    out = np.zeros(len(x), dtype=bool)
+    borders = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(x)]])
+    runs = [(a, b) for a, b in pairwise(borders.tolist()) if b - a > n]
+    moved = {(a, b): maximum_filter1d(x[a:b], n) - minimum_filter1d(x[a:b], n) for a, b in runs}
+    if not moved:
+        return out
+    fastest = float(np.quantile(np.concatenate(list(moved.values())), 0.99))
+    for (a, b), over in moved.items():
+        noise = NOISE * noise_level(x[a:b])
+        if noise <= SLOW * fastest:
+            # All rows of a window at rest are at rest, not only that at its centre.
+            out[a:b] = maximum_filter1d((over <= noise).astype(np.int8), n, origin=0 if n % 2 else -1) > 0
+    return out
+
+
+def at_rest(name: str, share: float) -> str:
+    """Word that rows at rest are left out."""
+    return f"{name} rests in {100 * share:.1f} % of the rows, which are left out: friction takes up whatever drives it."
