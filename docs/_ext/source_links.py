@@ -18,7 +18,7 @@ _PAPERS = {
     "benchmarks": "benchmarks/figures.md",
     "adaptation-study": "benchmarks/adaptation.md",
     "measured-study": "benchmarks/measured.md",
-    "paper-status": "benchmarks/papers.md",
+    "papers": "benchmarks/papers.md",
     "withheld-benches": "benchmarks/withheld/README.md",
 }
 """Pages of the site whose text is a paper outside the docs."""

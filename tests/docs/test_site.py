@@ -121,7 +121,7 @@ def test_pages_outside_the_docs_link_as_from_their_own_folder() -> None:
     moved = links.from_docs(text, "benchmarks/adaptation.md")
     expected = "[a](logs.md#units) ![b](images/x.png) [c](../benchmarks/papers.md) [d](#here) [e](https://x.org/a.md)"
     assert moved == expected
-    assert "[c](paper-status.md)" in links.rewritten(moved)
+    assert "[c](papers.md)" in links.rewritten(moved)
     assert links.from_docs("[x](docs/simulators.md)", "CHANGELOG.md") == "[x](simulators.md)"
 
 
