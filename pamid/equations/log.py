@@ -53,6 +53,7 @@ class BenchLog:
     def __init__(self, table: pd.DataFrame) -> None:
         self.table = table
         self._held: dict[str, bool] = {}
+        self._views: dict[str, np.ndarray | None] = {}
 
     @classmethod
     def of(cls, log: pd.DataFrame | BenchLog) -> BenchLog:
@@ -109,6 +110,11 @@ class BenchLog:
 
     def numbers(self, column: str, rows: slice = slice(None)) -> np.ndarray:
         """Return rows of a column as numbers, NaN where nothing was measured."""
+        if column not in self._views:
+            whole = self.table[column]
+            self._views[column] = whole.to_numpy() if whole.dtype == np.float64 else None
+        if (view := self._views[column]) is not None:
+            return view[rows]
         series = self.table[column].iloc[rows]
         try:
             return series.to_numpy(dtype=float, na_value=np.nan)

@@ -186,7 +186,10 @@ def pool_noise(found: Sequence[Stretch]) -> None:
 # --- clocks -------------------------------------------------------------------------------------------------
 def _period(steps: np.ndarray) -> float:
     """Return the sampling interval: the median step, or what most steps are whole multiples of."""
-    median, small = float(np.median(steps)), float(np.quantile(steps, 0.1))
+    median = float(np.median(steps))
+    if float(steps.max()) <= 1.5 * float(steps.min()):  # nothing is lost
+        return median
+    small = float(np.quantile(steps, 0.1))
     ratio = steps / small
     whole = np.abs(ratio - np.rint(ratio)) <= JITTER
     return small if median > 1.5 * small and np.mean(whole) > 0.95 else median
