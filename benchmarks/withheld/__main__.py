@@ -40,7 +40,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path, metavar="DIR", help="write logs, simulators and keys there, too")
     parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
     parser.add_argument(
-        "--pool", type=int, action="append", default=[], metavar="SEED", help="count that run's cases, too"
+        "--pool",
+        type=int,
+        action="append",
+        default=[],
+        metavar="SEED",
+        help="count that run's cases, too, also to fit trust",
     )
     parser.add_argument(
         "--develop", action="store_true", help="name causes however little is to be trusted, and fit what trust is"
@@ -76,6 +81,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0 if len(there) == len(names) else 1
     if args.develop:
         runs = [_written(f) for f in sorted(args.out.glob("develop-*/cases"))]
+        runs += [_written(args.out / f"seed-{seed}" / "cases") for seed in args.pool]
         print(trust.report([case for run in runs for case in trust.told(run)], TRUSTED if args.write else None))
         return 0 if len(there) == len(names) else 1
     learned = [r for kind in ("learn", "develop") for f in args.out.glob(f"{kind}-*/cases") for r in _written(f)]

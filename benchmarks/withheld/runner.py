@@ -88,6 +88,8 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
             said = d.as_dict()
             out["diagnosis"], out["out_of_form"] = said, judge.checked(said)
             out["answers"]["ours"] = asdict(_ours(case, params, true, d, said, seconds))
+            if diagnose is named_always and len(said["causes"]) > 1:
+                out["reduced"] = reduced_always(case.log, params, names, case.spec.index).as_dict()
         except Exception as error:
             out["error"] = f"{type(error).__name__}: {error}"
             out["traceback"] = traceback.format_exc()
@@ -134,6 +136,14 @@ def ours(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> A
 def named_always(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> Any:
     """Diagnose with pamid, names being said however little is to be trusted in them: what trust is measured on."""
     with mock.patch("pamid.gap.diagnosis.open_set.TRUSTED", -1.0):
+        return ours(log, params, effects, seed)
+
+
+def reduced_always(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> Any:
+    """Diagnose with pamid, faint causes being given up as ever, and what is left being named in any case."""
+    from pamid.gap.diagnosis.decide import kind_of
+
+    with mock.patch("pamid.gap.diagnosis.decide._kind", kind_of):
         return ours(log, params, effects, seed)
 
 

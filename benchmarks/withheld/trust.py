@@ -58,9 +58,12 @@ def right(result: Mapping[str, Any]) -> bool:
 
 
 def told(results: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the cases in which something was named and that can be decided."""
+    """Return the cases in which something was named and that can be decided, also as they are with causes given up."""
     known = decidable(results)
-    return [r for r in results if r.get("diagnosis", {}).get("causes") and r["name"] in known]
+    found = [r for r in results if r["name"] in known and r.get("diagnosis", {}).get("causes")]
+    reduced = [{**r, "diagnosis": r["reduced"]} for r in found if r.get("reduced", {}).get("causes")]
+    answers = [*found, *(r for r in reduced if r["diagnosis"]["signs"]["given_up"])]
+    return [r for r in answers if r["diagnosis"]["signs"]]
 
 
 def design(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
