@@ -68,7 +68,7 @@ class LateFriction(CoulombFriction):
     onset: float
 
     def start(self, s: Signals, plant: Any, dt: float) -> Any:
-        """Return unbent bristles and no time passed."""
+        """Return bristles at zero deflection and no time passed."""
         return np.zeros((2, *np.shape(s.position)))
 
     def step(self, x: Any, s0: Signals, s1: Signals, dt: float, plant: Any) -> Any:

@@ -27,7 +27,7 @@ def next_run(
     codes: np.ndarray,
     nominal_of: Callable[[int], Callable[[Any], np.ndarray]],
 ) -> Any:
-    """Return the run that would tell the two likeliest explanations apart; the nominal model is made for n rows."""
+    """Return the run that would distinguish the two likeliest explanations; the nominal model is made for n rows."""
     from pamid.gap.design.one_equation import evidence_maker, next_for_equation
 
     def nominal(made: dict[str, np.ndarray]) -> np.ndarray:

@@ -166,7 +166,7 @@ class StreamMemory:
 
     # --- what an estimator may say of itself --------------------------------------------------------------------
     def _stream_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> tuple[Rows, bool]:
-        """Validate a batch; say also whether its rows are told apart by trajectories."""
+        """Validate a batch; say also whether its rows are distinguished by trajectories."""
         table, target = self._stream_table(X, y)
         weight = row_weights(sample_weight, table)
         codes = self._stream_codes(X, table, groups)

@@ -1,4 +1,4 @@
-"""Adaptation by physical scales: length, diameter and dead volume, as far as the data can tell them apart."""
+"""Adaptation by physical scales: length, diameter and dead volume, as far as the data can distinguish them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WEAK = 0.1
 """Relative standard uncertainty from which on data do not tell a scale; a dead volume's is relative to the muscle's."""
 
 ALIKE = 1e4
-"""Condition of the Gauss–Newton Hessian, its columns of one length, from which on data do not tell scales apart."""
+"""Condition of the Gauss–Newton Hessian, its columns of one length, from which on data do not distinguish scales."""
 
 
 class _Solution(NamedTuple):
@@ -41,7 +41,7 @@ class ScaleAdapter(AdaptedModel):
 
     with the ratios of lengths :math:`Q_L` and diameters :math:`Q_D` and the volume :math:`V_d` of tubes and fittings.
     Force does not see the length (of the volume and of the lever it acts on, one divides the other) nor a dead volume;
-    flow sees length and diameter only as the product of both; together they tell them apart. The problem is linear and
+    flow sees length and diameter only as the product of both; together they distinguish them. The problem is linear and
     solved at once. Scales that the data cannot tell are refused.
 
     Parameters
@@ -50,7 +50,7 @@ class ScaleAdapter(AdaptedModel):
         The fitted hybrid model of the muscle whose data are plenty, best in a `sklearn.frozen.FrozenEstimator`, so that
         clones keep its fit. It stays untouched.
     scales : "auto" or tuple of str, default="auto"
-        Any of ``"length"``, ``"diameter"``, ``"dead_volume"``. ``"auto"`` takes those that the data tell apart: the
+        Any of ``"length"``, ``"diameter"``, ``"dead_volume"``. ``"auto"`` takes those that the data distinguish: the
         diameter always, the length where force and flow are measured. The others keep the ratio of `rest_length` and
         `rest_diameter` to the source's.
     base : str or Adapter, default="frozen"
@@ -280,7 +280,7 @@ class ScaleAdapter(AdaptedModel):
     def _largest(
         self, parts: Any, wanted: Sequence[str], weight: np.ndarray, codes: Any, model: HybridModel
     ) -> tuple[tuple[str, ...], _Solution]:
-        """Leave out scales, the dead volume first, until the data tell the others apart."""
+        """Leave out scales, the dead volume first, until the data distinguish the others."""
         left = tuple(wanted)
         while True:
             solution = self._solve(parts, left, weight, codes)

@@ -6,7 +6,7 @@ import os
 import resource
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -20,6 +20,8 @@ SLOW = Path(__file__).with_name("slow.txt")
 """Tests that take more than `SECONDS`, by name; `pytest --renew-slow` lists those that it runs anew."""
 SECONDS = 1.0
 """CPU seconds of a test, without its fixtures, above which it is slow."""
+FIXTURE_SECONDS = 5.0
+"""CPU seconds of a fixture above which all tests that need it are slow."""
 
 
 @pytest.fixture(scope="session")
@@ -72,7 +74,23 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     return result
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any], request: pytest.FixtureRequest) -> Iterator[None]:
+    start = _cpu_seconds()
+    result = yield
+    times = request.config.stash.setdefault(_FIXTURES, {})
+    times[fixturedef.argname, fixturedef.baseid] = _cpu_seconds() - start
+    return result
+
+
 _TIMES = pytest.StashKey[dict[str, float]]()
+_FIXTURES = pytest.StashKey[dict[tuple[str, str], float]]()
+
+
+def _waits(item: pytest.Item, slow: set[tuple[str, str]]) -> bool:
+    """Tell whether a test needs a slow fixture."""
+    names = getattr(item, "fixturenames", ())
+    return any(fixture in names and item.nodeid.startswith(base) for fixture, base in slow)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -81,7 +99,11 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     times = session.config.stash.get(_TIMES, {})
     kept = {name for name in slow_tests() if name not in times}
     found = {name for name, seconds in times.items() if seconds > SECONDS and "\n" not in name}
+    fixtures = session.config.stash.get(_FIXTURES, {})
+    slow = {fixture for fixture, seconds in fixtures.items() if seconds > FIXTURE_SECONDS}
+    found |= {_short(item) for item in session.items if _short(item) in times and _waits(item, slow)}
     head = (
-        f"# Tests that take more than {SECONDS:g} CPU s. Measured anew, for the tests that run, by pytest --renew-slow."
+        f"# Tests that take more than {SECONDS:g} CPU s, or need a fixture that takes more than {FIXTURE_SECONDS:g}. "
+        "Measured anew, for the tests that run, by pytest --renew-slow."
     )
     SLOW.write_text("\n".join([head, *sorted(kept | found)]) + "\n", encoding="utf-8")

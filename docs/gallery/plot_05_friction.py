@@ -5,7 +5,7 @@ Six kinds of friction have six shapes
 Six effects that all widen the loop of force over contraction, each alone on the twin, under a slow and a fast sine.
 The picture shows what the effect adds to the force: dry friction jumps at the reversal and does not care for speed,
 viscous friction opens with it, Bouc–Wen hysteresis turns gradually, creep follows the time that passes. A diagnosis
-tells them apart by these shapes, and only as far as a log shows them.
+distinguishes them by these shapes, and only as far as a log shows them.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""What the joint is told to do: the trajectories of the study and those that tell effects apart."""
+"""What the joint is told to do: the trajectories of the study and those that distinguish effects."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def prepare(
     Notes
     -----
     A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
-    share would hide what tells them apart.
+    share would hide what distinguishes them.
 
     Examples
     --------

@@ -223,7 +223,7 @@ def _weighted(
     size[size == 0] = 1.0
     counted = np.any(A, axis=1) | (target != 0)
     lower, upper = (np.array([getattr(known[name], bound) for name in names]) * size for bound in ("lower", "upper"))
-    # A pinch of ridge keeps terms that the log cannot tell apart from growing against each other.
+    # A pinch of ridge keeps terms that the log cannot distinguish from growing against each other.
     ridge = 1e-3 * float(np.linalg.norm(target)) / max(np.sqrt(counted.sum()), 1.0) * np.eye(len(names))
     stacked = np.vstack([A[counted] / size, ridge])
     w = lsq_linear(stacked, np.append(target[counted], np.zeros(len(names))), bounds=(lower, upper)).x / size

@@ -12,7 +12,7 @@ class BackEmf(Effect):
 
     .. math:: \Delta U = -k_e\,\dot q
 
-    On one log it is the same as a viscous friction; the data sheet of the motor tells them apart.
+    On one log it is the same as a viscous friction; the data sheet of the motor distinguishes them.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class CoulombFriction(Effect):
     exponent: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return unbent bristles."""
+        """Return bristles at zero deflection."""
         return np.zeros((1, *np.shape(s.position)))
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:

@@ -36,7 +36,7 @@ class Hysteresis(Effect):
     M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of Computational Methods
     in Engineering 16, 2009. https://doi.org/10.1007/s11831-009-9031-8; F. Al-Bender, V. Lampaert, J. Swevers, "The
     generalized Maxwell-slip model: a novel model for friction simulation and compensation", IEEE Transactions on
-    Automatic Control 50(11), 2005, for elements that slip. https://doi.org/10.1109/TAC.2005.858676
+    Automatic Control 50(11), 2005, for Maxwell-slip elements. https://doi.org/10.1109/TAC.2005.858676
 
     Examples
     --------

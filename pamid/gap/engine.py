@@ -32,7 +32,7 @@ def diagnose(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Say where a simulator and a log part, which effect is the cause, and how far the gap closes once it is added.
+    """Say where a simulator and a log disagree, which effect is the cause, and how far the gap closes once it is added.
 
     The parameters that have a tolerance are refitted within it together with every candidate, so that a parameter that
     is a little off is no gap. Residuals are those of `pamid.equations`, over windows of 20 ms.
@@ -61,7 +61,7 @@ def diagnose(
     UnknownOptionError
         The library has no effect of a name.
     ExcitationError
-        The log excites nothing that could tell effects apart.
+        The log excites nothing that could distinguish effects.
     MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
         The log cannot be used as it is.
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart by every kind of colour vision, and by their grey values.
+# Okabe and Ito's colours, distinguishable with every kind of colour vision, and by their grey values.
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9"
 INK, GREY, FAINT = "#222222", "#7F7F7F", "#CFCFCF"
 

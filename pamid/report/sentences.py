@@ -119,7 +119,7 @@ def where(d: Diagnosis) -> str:
         return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)}).{_left_out(d)}"
     held = sorted(d.equations, key=lambda e: -e.share)
     if not held:
-        return f"Simulator and log part ({probability(d.p_value)}).{_left_out(d)}"
+        return f"Simulator and log disagree ({probability(d.p_value)}).{_left_out(d)}"
     told, total = [], 0.0
     for finding in held:
         told.append(finding)

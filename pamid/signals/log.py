@@ -58,7 +58,7 @@ def read_log(
     ----------
     paths : str, Path or iterable of them
         A file, several, a folder (all logs in it, not below it; JSON only where there is nothing else) or a pattern
-        such as ``"data/*.mat"``. Text (CSV), parquet, MATLAB 5 to 7.3, HDF5 and JSON are told apart by content.
+        such as ``"data/*.mat"``. Text (CSV), parquet, MATLAB 5 to 7.3, HDF5 and JSON are distinguished by content.
     mapping : LogMapping, dict, path of a TOML file, optional
         Names, units, references and constants of the log, see `LogMapping`. Without it the columns must have their
         names of the frame (``time``, ``P1``, ``q``, ...) and SI units, or the unit in brackets: ``P1 [bar]``.
@@ -335,7 +335,7 @@ def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd
 
 
 def labels_of(paths: list[Path]) -> list[str]:
-    """Shortest ends of the paths that tell all files apart."""
+    """Shortest ends of the paths that distinguish all files."""
     for depth in range(1, max(len(p.parts) for p in paths) + 1):
         labels = ["/".join([*p.parts[-depth:-1], p.stem]) for p in paths]
         if len(set(labels)) == len(paths):

@@ -247,7 +247,7 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
 
 
 def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, outward: bool) -> np.ndarray:
-    """Return which first and last readings of runs are off: they cannot jump there and back, and so are told apart.
+    """Return which first and last readings of runs are off: they cannot jump there and back, which gives them away.
 
     Such a reading lies farther from all the others than these are apart, or leaps from the one beside it by 10 times
     what all but 1 % of the steps that are any do. Where only leaps `outward` count, a run that begins or ends at rest

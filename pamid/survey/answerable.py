@@ -29,7 +29,7 @@ class Answerable:
     Parameters
     ----------
     question : str
-        In words: what the effects are, or which are to be told apart.
+        In words: what the effects are, or which are to be distinguished.
     effects : tuple of str
         Their names in the library.
     answer : str

@@ -94,7 +94,7 @@ def _pictures(found: Survey, log: pd.DataFrame) -> list[dict[str, Any]]:
         (
             "coverage",
             coverage_picture(log, found.coverage),
-            "What the log covers: a thin line here tells little apart.",
+            "What the log covers: a thin line here distinguishes little.",
         ),
         ("speed", speed_picture(log, found.coverage), "How long it moves how fast; orange is the way back."),
     ]

@@ -1,4 +1,4 @@
-"""Which effects of the library a log of the bench would show, and which it could not tell apart, by its simulator."""
+"""Which effects of the library a log of the bench would show, and which it could not distinguish, by its simulator."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Separation:
 
 
 def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
-    """Return what a log says about each effect, and the run that would tell most of the others apart.
+    """Return what a log says about each effect, and the run that would distinguish most of the others.
 
     Each effect is added to the simulator at its typical size; what the parameters within their tolerances explain is
     taken off, and then what each other effect of any size explains.
@@ -70,7 +70,7 @@ def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation]
     Returns
     -------
     found : list of Separation
-        One an effect of the equations that the log allows, the loudest first.
+        One an effect of the equations that the log allows, the strongest first.
     best : dict or None
         Kind and parameters of the run to record next, the effects that it would show or split in ``splits``; None where
         none would.

@@ -45,7 +45,7 @@ class Survey:
     separations : list of Separation
         For a bench with a simulator: each effect of the library.
     next_run : dict or None
-        For a bench with a simulator: the run that would tell most apart.
+        For a bench with a simulator: the run that would distinguish most.
     warnings : list of str
         What is wrong or doubtful.
     record : list of str
@@ -74,7 +74,7 @@ class Survey:
     notes: list[str] = field(default_factory=list)
 
     def classes(self) -> list[tuple[str, ...]]:
-        """Return groups of effects that this log could not tell apart, the largest first."""
+        """Return groups of effects that this log could not distinguish, the largest first."""
         seen = {s.effect: set(s.alike) for s in self.separations if s.seen}
         groups: list[set[str]] = []
         for name, others in seen.items():

@@ -44,7 +44,7 @@ def zero_of_force(log: pd.DataFrame, zeros: Sequence[float] = (0.0, ATMOSPHERIC_
     -------
     float or None
         The candidate that holds, Pa: 0 where the reading is gauge, the ambient pressure where it is absolute; None
-        where the log does not tell the two apart.
+        where the log does not distinguish the two.
 
     Examples
     --------

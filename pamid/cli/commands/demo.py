@@ -147,7 +147,7 @@ def _diagnosis(folder: Path) -> list[Step]:
 
 
 def second_round(folder: Path) -> list[Step]:
-    """Return the steps of a second round; none where the first diagnosis left nothing to tell apart."""
+    """Return the steps of a second round; none where the first diagnosis left nothing to distinguish."""
     first, last = folder / "diagnosis", folder / "diagnosis-2"
     found = json.loads((first / "diagnosis.json").read_text(encoding="utf-8"))
     if all(len(cause["effects"]) < 2 for cause in found["causes"]):

@@ -1,4 +1,4 @@
-"""``pamid diagnose``: where simulator and log part, which missing effect is the cause, how far the gap shrinks."""
+"""``pamid diagnose``: where simulator and log disagree, which missing effect is the cause, how far the gap shrinks."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
     if history is not None and d.gap and len(d.rivals) > 1:
-        print(_paragraph("next", f"'pamid next {folder}' designs the run that tells the explanations apart."))
+        print(_paragraph("next", f"'pamid next {folder}' designs the run that distinguishes the explanations."))
     print()
     for file in files:
         print(f"wrote {file}")

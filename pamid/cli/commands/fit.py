@@ -175,7 +175,7 @@ def _of_page(page: BenchParameters | System | None) -> str:
         raise ParameterError(
             "Neither --estimator nor --sim is given.",
             "an estimator, or the page of a system, which has one of its own",
-            "Add --estimator NAME (pamid compare tells them apart), or --sim SIM.toml ('pamid init' writes one).",
+            "Add --estimator NAME (pamid compare distinguishes them), or --sim SIM.toml ('pamid init' writes one).",
         )
     return str(getattr(page, "estimator", "GeometricForce"))
 

@@ -1,4 +1,4 @@
-"""``pamid next``: the run, or a few, that best tell apart what a diagnosis left undecided."""
+"""``pamid next``: the run, or a few, that best distinguish what a diagnosis left undecided."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TELLS = 3.0
-"""Expected difference in log-likelihood, in nats, from which a run tells two explanations apart: odds of twenty."""
+"""Expected difference in log-likelihood, in nats, from which a run distinguishes two explanations: odds of twenty."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,14 @@ class Plan:
     expected : list of Expected
         Each pair of explanations, either one true.
     clarity : float
-        What the runs were chosen by, in nats: about the expected difference of the pair that is hardest to tell apart;
+        What the runs were chosen by, in nats: about the expected difference of the pair that is hardest to distinguish;
         for parameters, half the gain in the logarithm of the determinant of their precision.
     tells : bool
-        Whether the runs would tell the explanations apart.
+        Whether the runs would distinguish the explanations.
     alike : list of (tuple of str, tuple of str)
-        Pairs that no run within the limits tells apart.
+        Pairs that no run within the limits distinguishes.
     needed : float
-        Seconds that such runs would have to last to tell them apart; NaN where they would not.
+        Seconds that such runs would have to last to distinguish them; NaN where they would not.
     shrinks : dict of str to float
         For parameters, how much narrower their intervals become, as a factor.
     designs : int

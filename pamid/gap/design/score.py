@@ -1,4 +1,4 @@
-r"""How clearly runs would tell explanations apart, before they are recorded.
+r"""How clearly runs would distinguish explanations, before they are recorded.
 
 A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. Beside what the
 earlier logs say of its parameters, the expected difference in log-likelihood is
@@ -323,10 +323,10 @@ class Discrimination:
 
 
 def clarity(between: np.ndarray, beliefs: np.ndarray) -> float:
-    """Return what runs are chosen by: how clearly they would tell explanations apart, in nats.
+    """Return what runs are chosen by: how clearly they would distinguish explanations, in nats.
 
     It is −4 times the logarithm of the bound on the probability of a wrong choice: the expected difference in
-    log-likelihood of the pair that is hardest to tell apart, or a little less where several are as hard.
+    log-likelihood of the pair that is hardest to distinguish, or a little less where several are as hard.
 
     Parameters
     ----------

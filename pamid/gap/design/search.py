@@ -32,7 +32,7 @@ BEST = 5
 FINAL = 3
 """Designs that are compared with forms and with each explanation being the true one."""
 RIVALS = 4
-"""Explanations that are told apart at once."""
+"""Explanations that are distinguished at once."""
 CHANNELS = ("q", "P", "F", "mdot")
 Z80 = 1.2816
 

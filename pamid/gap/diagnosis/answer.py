@@ -169,10 +169,10 @@ def _equations(
         ]
     else:
         # A few windows far out are a gap that a robust scale does not hear of.
-        loud = [
+        ratios = [
             max(s, float(np.sqrt(np.mean(np.square(before[p]))))) for p, s in zip(evidence.parts, sizes, strict=True)
         ]
-        gains = [len(before[p]) * max(np.log(s), 0.0) + 1e-3 for p, s in zip(evidence.parts, loud, strict=True)]
+        gains = [len(before[p]) * max(np.log(s), 0.0) + 1e-3 for p, s in zip(evidence.parts, ratios, strict=True)]
     found = [
         EquationFinding(name, float(share), e.p_value, float(np.sqrt(max(s**2 - 1.0, 0.0))))
         for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)

@@ -206,10 +206,10 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
 
 
 def main_equation(evidence: ResidualSource, effect: str, contribution: np.ndarray) -> str:
-    """Return the equation in which an effect is loudest."""
-    loud = {
+    """Return the equation in which an effect is strongest."""
+    strength = {
         name: float(np.mean(np.square(contribution[part])))
         for name, part in zip(evidence.equations, evidence.parts, strict=True)
     }
     allowed = evidence.touched([effect]) or evidence.equations
-    return max(allowed, key=lambda e: loud[e])
+    return max(allowed, key=lambda e: strength[e])

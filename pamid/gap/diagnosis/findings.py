@@ -278,7 +278,7 @@ class NextExperiment:
     trajectory : dict
         ``kind`` and its numbers, as ``pamid simulate`` takes them.
     separates : tuple of str
-        The two explanations that it would tell apart.
+        The two explanations that it would distinguish.
     expected : float
         Expected logarithm of their likelihood ratio after one such run, each refitted.
     reason : str

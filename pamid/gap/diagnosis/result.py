@@ -1,4 +1,4 @@
-"""What a diagnosis says: where a simulator and a log part, which effect is the cause, how much of the gap it closes."""
+"""What a diagnosis says: where simulator and log disagree, which effect is the cause, how much of the gap it closes."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Diagnosis:
 
     @property
     def gap(self) -> bool:
-        """Whether simulator and log part beyond the noise; False as well where nothing could be tested."""
+        """Whether simulator and log disagree beyond the noise; False as well where nothing could be tested."""
         return self.verdict not in ("none", "untested")
 
     def as_dict(self) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from ..settings import EXCESS, NU
 from .closure import Clusters, closures
 
 OCTAVES = 5
-"""Octaves of rates that are told apart, a window being 20 ms."""
+"""Octaves of rates that are distinguished, a window being 20 ms."""
 LAGS = 8
 """Windows back to which what is left is held against its own past."""
 

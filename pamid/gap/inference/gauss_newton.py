@@ -139,7 +139,7 @@ class Fitter:
         return self._exact({}, np.zeros(self.n))
 
     def unwhitened(self, fit: Fit) -> Fit:
-        """Refit the tolerances to the windows as they are, which is how far off a simulator is taken to be.
+        """Refit the tolerances to unwhitened windows, which is how far off a simulator is taken to be.
 
         In what makes the noise independent, slow errors weigh more: a fit there may leave more in one equation to have
         less in another.

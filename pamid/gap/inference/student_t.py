@@ -1,7 +1,7 @@
 r"""The likelihood that candidates compete by, and the robust fit that maximises it.
 
 Residuals in units of their noise follow Student's t with a scale of its own in each equation, never less than the
-noise itself. The scale is maximised out, so that an equation speaks the louder the better it is explained, and the few
+noise itself. The scale is maximised out, so that an equation weighs the more the better it is explained, and the few
 windows in which a command jumps do not decide:
 
 .. math:: \ell = -\sum_e \Big[n_e \log s_e + \tfrac{\nu + 1}{2} \sum_{w \in e} \log\big(1 + z_w^2 / (\nu s_e^2)\big)

@@ -34,7 +34,7 @@ REPLICATES = 6
 NEAR = 12
 """Windows to either side over which the noise of one is averaged."""
 LAGS = 3
-"""Neighbouring windows whose noise is told apart."""
+"""Neighbouring windows whose noise is distinguished."""
 MOST_KEPT = 600
 _LEAST = 1e-6
 ALIKE, NEARLY = 0.05, 0.5

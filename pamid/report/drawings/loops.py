@@ -99,7 +99,7 @@ def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple
     noise = 2 * factor * float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     ax.axhspan(-noise, noise, color=FAINT, alpha=0.6, linewidth=0, label="noise, ± 2 σ")
     ax.axhline(0.0, color=GREY, linewidth=0.5)
-    for name, colour, width in zip(names, (ORANGE, BLUE), (0.9, 1.6), strict=False):  # told apart in grey as well
+    for name, colour, width in zip(names, (ORANGE, BLUE), (0.9, 1.6), strict=False):  # distinguishable in grey as well
         y = np.where(broken, np.nan, factor * part[name].to_numpy(dtype=float))
         ax.plot(x, y, color=colour, linewidth=width, label=name if len(names) > 1 else "error")
     ax.set_ylim(_ends(part, names, factor))

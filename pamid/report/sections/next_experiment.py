@@ -9,7 +9,7 @@ from .base import Section
 
 
 class NextExperimentSection(Section):
-    """The run that would tell the two likeliest explanations apart."""
+    """The run that would distinguish the two likeliest explanations."""
 
     name: ClassVar[str] = "next"
     title: ClassVar[str] = "What to record next"
