@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step, triangle
+from pamid.effects import Parameter
 from pamid.gap import diagnose
 from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.discrepancy import pasts
 from pamid.gap.inference.flexible import Flexible
-from pamid.gap.inference.sensitivity import Template
+from pamid.gap.inference.sensitivity import Template, grid
 from pamid.gap.inference.subsets import Subsets
 from pamid.gap.residuals.bench import Evidence
 
@@ -137,3 +138,10 @@ def test_the_same_log_has_the_same_outcome() -> None:
     evidence = Evidence(log_with(("leakage", {"conductance": 1e-10})), NOMINAL)
     first, second = (Competition(evidence, ["leakage", "flow_bias", "heat_transfer"]).run() for _ in range(2))
     assert first.best.score == second.best.score and first.best.fit.spec == second.best.fit.spec
+
+
+@pytest.mark.parametrize("top", [160.82864963258967, 1.0, 7.3])
+def test_a_grid_stays_within_its_bounds(top):
+    # 160.8 less 152.8 comes out below 8.04 by a rounding.
+    limit = Parameter("limit", "N", 0.05 * top, top, 0.6 * top, "largest value", idle=True)
+    assert all(limit.lower <= value <= limit.upper for value in grid(limit, 1))
