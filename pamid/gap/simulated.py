@@ -125,8 +125,9 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
     if derived is None:
         return ShootingEvidence(at_ports, simulator, refit=refit)
     found = DirectEvidence(at_ports, simulator, derived, refit)
-    # Where noise hides the accelerations of positions, the paths that they add up to still show them.
-    return ShootingEvidence(at_ports, simulator, refit=refit) if derived and found.buried() else found
+    # Where noise or steps hide the motion of positions from row to row, the paths that they add up to still show it.
+    hidden = derived and (found.buried() or found.coarse())
+    return ShootingEvidence(at_ports, simulator, refit=refit) if hidden else found
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

@@ -179,7 +179,7 @@ class Competition:
         if about is None:
             return Outcome(self.base, self.base, {})
         nothing = about.fit(()).score
-        for subset in screen.contenders:
+        for subset in self._promising(about, screen.contenders):
             if len(subset.templates) > 1 and self.evidence.bends and self._enough(best):
                 break
             if best is self.base and self._hopeless(about, subset):
@@ -190,7 +190,11 @@ class Competition:
             alone = self.evidence.bends and len(subset.templates) == 1
             if best is self.base or alone or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
                 self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
-                best = max(best, self._purged(self._refitted(about, subset, self.base)), key=self._ranked)
+                behind = -np.inf
+                if alone and best is not self.base:
+                    behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0)
+                trial = self._refitted(about, subset, self.base, behind=behind)
+                best = max(best, self._purged(trial), key=self._ranked)
         for left in reversed(range(ROUNDS)):
             best = self._pruned(self._merged(self._improved(best)))
             if best.fit.spec:
@@ -331,8 +335,28 @@ class Competition:
             self.fitter.weights,
         )
 
-    def _refitted(self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = ()) -> Hypothesis:
+    def _refitted(
+        self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = (), behind: float = -np.inf
+    ) -> Hypothesis:
         """Return a set of effects refitted exactly, on top of those of a hypothesis that are kept."""
+        return self._refined(self._start(about, subset, at, keep), at, behind)
+
+    def _promising(self, about: Subsets, contenders: Sequence[Subset]) -> list[Subset]:
+        """Return what may be the cause in the order of what it promises where it would begin, where each fit is runs.
+
+        The first is then most likely the best, and the others need not be followed to their ends.
+        """
+        if not self.evidence.bends:
+            return list(contenders)
+        one = [s for s in contenders if len(s.templates) == 1 and not self._hopeless(about, s)]
+        x = self.base.fit.x
+        order = {id(s): self.fitter.promise(self._start(about, s, self.base), x) for s in one}
+        return sorted(one, key=lambda s: -order[id(s)]) + [s for s in contenders if len(s.templates) > 1]
+
+    def _start(
+        self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = ()
+    ) -> dict[str, dict[str, float]]:
+        """Return where an exact refit of a set begins, on top of the effects of a hypothesis that are kept."""
         kept = {name: at.fit.spec[name] for name in keep}
         offset, starts = about.fixed.shape[1], [kept]
         for t in subset.templates:
@@ -344,7 +368,7 @@ class Competition:
         x0 = at.fit.x
         if len(starts) > 1:
             starts = sorted(starts, key=lambda s: -self.fitter.approximate(s, x0))
-        return self._refined(starts[0], at)
+        return starts[0]
 
     def _improved(self, best: Hypothesis, rounds: int = 3) -> Hypothesis:
         """Add an effect, or put another in the place of one, as long as that has more evidence."""
@@ -404,9 +428,9 @@ class Competition:
             h = self._refined({k: v for k, v in h.fit.spec.items() if k != out}, h)
         return h
 
-    def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis) -> Hypothesis:
+    def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:
         """Return effects refitted from where they are."""
-        found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x))
+        found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x, behind=behind))
         if (free := _unsettled(found.fit.spec)) is not None:
             found = max(found, self.hypothesis(self.fitter.refine(free, near=found.fit.x)), key=lambda h: h.score)
         if found.names not in self._done or found.score > self._done[found.names].score:

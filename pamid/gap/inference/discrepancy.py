@@ -66,11 +66,10 @@ class Discrepancy:
         """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
         key, J = f"{fit.spec!r} {fit.x.tobytes()!r}", self.evidence.J
         if key not in self._contributions:
-            whole = self.evidence.tangent(fit.spec, fit.x)
             found = {}
             for name in fit.spec:
                 rest = {k: v for k, v in fit.spec.items() if k != name}
-                d = whole - self.evidence.tangent(rest, fit.x)
+                d = -self.evidence.change(rest, fit.spec, fit.x)
                 found[name] = d, d - J @ np.linalg.lstsq(J, d, rcond=None)[0] if J.shape[1] else d
             self._contributions = {**dict(list(self._contributions.items())[-7:]), key: found}
         return self._contributions[key]

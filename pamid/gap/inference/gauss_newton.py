@@ -159,7 +159,14 @@ class Fitter:
 
     def approximate(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood of effects at their values, the tolerances near deviations x."""
-        return self._fit({k: dict(v) for k, v in spec.items()}, self.evidence.tangent(spec, x), x).loglik
+        z = self.evidence.tangent({}, x) + self.evidence.change(spec, {}, x)
+        return self._fit({k: dict(v) for k, v in spec.items()}, z, x).loglik
+
+    def promise(self, spec: Spec, x: np.ndarray) -> float:
+        """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
+        slots = slots_of(spec)
+        phi, z = np.array([spec[name][p.name] for name, p in slots]), self.evidence.tangent(spec, x)
+        return self.linear(z, *self.jacobian(slots, phi, z, x), iterations=6, start=x).loglik
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, the linear model of them laid where the fit ends."""
@@ -172,6 +179,7 @@ class Fitter:
         gain: float = 0.3,
         least: float = -np.inf,
         near: np.ndarray | None = None,
+        behind: float = -np.inf,
     ) -> Fit:
         """Fit everything, beginning from a spec.
 
@@ -187,18 +195,21 @@ class Fitter:
             Likelihood without what is tried: a fit that stays far below it after three steps is given up.
         near : array, shape (n_free,), optional
             Deviations of the tolerances to begin from.
+        behind : float, optional
+            Likelihood that a fit must promise to first order to be continued, where each residual is a run.
         """
         x = np.zeros(self.n) if near is None else near
-        found = self._refined(spec, x, steps, gain, least)
+        found, x = self._refined(spec, x, steps, gain, least, behind)
         for _ in range(ROUNDS - 1):
-            if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < least - LOST:
+            if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < max(least - LOST, behind):
                 break
-            x = found.x
-            found = self._refined(found.spec, x, 2, gain, least)
+            found, x = self._refined(found.spec, found.x, 2, gain, least, behind)
         return found
 
-    def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float) -> Fit:
-        """Fit everything with a linear model of the tolerances, laid at deviations x."""
+    def _refined(
+        self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float, behind: float
+    ) -> tuple[Fit, np.ndarray]:
+        """Fit everything with a linear model of the tolerances, laid at deviations x; also where it was laid last."""
         slots = slots_of(spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         z = self.evidence.tangent(spec, x)
@@ -210,28 +221,33 @@ class Fitter:
                 break
             found_D, lower, upper = self.jacobian(slots, phi, z, x, None if anew else ())
             D = found_D if anew else _turned(D, moved, changed, slots)
-            step = self.linear(
+            solved = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
-            ).x[self.n :]
+            )
+            if self.evidence.bends and solved.loglik < max(behind, best.loglik + gain):
+                break
+            step, at = solved.x[self.n :], x
             while True:
                 trial = np.array(
                     [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
                 )
-                z_trial = self.evidence.tangent(_spec(slots, trial), x)
+                if self.evidence.bends:  # each is a run: it is made where the tolerances will be, too
+                    at = best.x + damping * (solved.x[: self.n] - best.x)
+                z_trial = self.evidence.tangent(_spec(slots, trial), at)
                 found = self._fit(_spec(slots, trial), z_trial, best.x)
-                if found.loglik > best.loglik or damping < 0.1:
+                if found.loglik > best.loglik or damping < (0.3 if self.evidence.bends else 0.1):
                     break
                 damping *= 0.35
             if found.loglik <= best.loglik:
                 break
             moved, changed = trial - phi, z_trial - z
-            added, best, phi, z = found.loglik - best.loglik, found, trial, z_trial
+            added, best, phi, z, x = found.loglik - best.loglik, found, trial, z_trial, at
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
             # Where each residual is a run of a simulator, a step that got far says how sensitivities change.
             anew = not self.evidence.bends or added < FAR_ENOUGH * gain
-        return best
+        return best, x
 
     def _fit(
         self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6
@@ -249,7 +265,7 @@ class Fitter:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, of some parameters alone if wanted, and how far a step may go."""
         D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
-        spec, alone = _spec(slots, phi), {}
+        spec = _spec(slots, phi)
         for k, (name, p) in enumerate(slots):
             v = phi[k]
             h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
@@ -267,13 +283,11 @@ class Fitter:
             if only is not None and k not in only:
                 continue
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
-            if len(spec) > 1 and all(adds(n) for n in spec):
+            if len(spec) > 1 and not self.evidence.bends and all(adds(n) for n in spec):
                 # What is added to an equation changes by itself as it does beside other effects.
-                if name not in alone:
-                    alone[name] = self.evidence.tangent({name: spec[name]}, x)
-                D[:, k] = (self.evidence.tangent({name: moved}, x) - alone[name]) / h
+                D[:, k] = self.evidence.change({name: moved}, {name: spec[name]}, x) / h
             else:
-                D[:, k] = (self.evidence.tangent({**spec, name: moved}, x) - z) / h
+                D[:, k] = self.evidence.change({**spec, name: moved}, spec, x) / h
         return D, lower, upper
 
 

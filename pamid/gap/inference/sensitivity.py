@@ -83,12 +83,11 @@ def _columns(
     beside: Spec | None = None,
 ) -> np.ndarray:
     """Return what a unit of each linear parameter of an effect changes, or the effect as it stands, beside others."""
-    spec = dict(beside or {})
-    z, columns = evidence.z(spec) if spec else evidence.z0, []
+    spec, x, columns = dict(beside or {}), np.zeros(len(evidence.free)), []
     for p in linear:
         alone = {q.name: _unit(p) if q is p else 0.0 for q in linear}
-        columns.append((evidence.z({**spec, name: {**fixed, **alone}}) - z) / _unit(p))
-    return np.column_stack(columns or [evidence.z({**spec, name: dict(fixed)}) - z])
+        columns.append(evidence.change({**spec, name: {**fixed, **alone}}, spec, x) / _unit(p))
+    return np.column_stack(columns or [evidence.change({**spec, name: dict(fixed)}, spec, x)])
 
 
 def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec) -> list[Template]:
@@ -144,7 +143,7 @@ def _unit(p: Parameter) -> float:
 def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Template]:
     """Return the template of a parameter that changes the equations themselves, to first order."""
     h = 0.1 * p.nominal if p.nominal else 0.01 * p.upper
-    D = (evidence.z({name: {p.name: h}}) - evidence.z0) / h
+    D = evidence.change({name: {p.name: h}}, {}, np.zeros(len(evidence.free))) / h
     if not np.any(D):
         return []
     return [Template(name, {}, (p.name,), D[:, None], np.array([p.lower]), np.array([p.upper]))]

@@ -172,6 +172,10 @@ class Evidence:
             found.add(part, correlations, step)
         return found
 
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others, at deviations x."""
+        return self.tangent(spec, x) - self.tangent(about, x)
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals, or changes of them, as the windows have them, in units of each window's noise."""
         return self._whitening.raw(z)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...equations.windows import average, span, starts
 from ...errors import ShortTrajectoryError
+from ...signals.noise import quantisation_step
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest, resting_rows
@@ -142,6 +143,17 @@ class DirectEvidence(PortEvidence):
         return any(
             float(np.median(self.noise[p])) > float(np.sqrt(np.mean(np.square(modelled[b.row])))) for p, b in second
         )
+
+    def coarse(self) -> bool:
+        """Tell whether a velocity is derived from a position that moves by less than its resolution from row to row.
+
+        Such a reading stands still and jumps: what follows the velocity, as the sign of a friction does, is not seen.
+        """
+        for position, velocity in self.derived.items():
+            way = np.abs(self._table[velocity]) * self.log.dt
+            if float(np.sqrt(np.mean(np.square(way)))) < quantisation_step(self.log.channels[position]):
+                return True
+        return False
 
     # --- the equations --------------------------------------------------------------------------------------
     def _balances(self) -> list[Balance]:

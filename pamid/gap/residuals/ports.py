@@ -163,8 +163,12 @@ class PortEvidence(Settled, ABC):
 
     def _slopes_of(self, step: float) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter."""
-        columns = [(self._deviated(step * e) - self.z0) / step for e in np.eye(len(self.free))]
+        columns = [self._nudged(np.zeros(len(e)), step * e) / step for e in np.eye(len(self.free))]
         return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def _nudged(self, x: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by a step of the tolerances from deviations x."""
+        return self._deviated(x + step) - self._deviated(x)
 
     def _deviated(self, x: np.ndarray) -> np.ndarray:
         return self.z({}, dict(zip(self.free, map(float, x), strict=True)))
@@ -185,7 +189,7 @@ class PortEvidence(Settled, ABC):
             if _rms(moved - linear) <= STRAIGHT * _rms(linear):
                 break
             x, z, least = x + share * step, there, value
-            J = np.column_stack([(self._deviated(x + SMALL * e) - z) / SMALL for e in np.eye(len(x))])
+            J = np.column_stack([self._nudged(x, SMALL * e) / SMALL for e in np.eye(len(x))])
         if not np.any(x):
             return False
         self._begin_from(x)
@@ -406,6 +410,10 @@ class PortEvidence(Settled, ABC):
         """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
         return self.z(spec, dict(zip(self.free, map(float, x), strict=True))) - self.J @ x
 
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others, at deviations x."""
+        return self.tangent(spec, x) - self.tangent(about, x)
+
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""
         found: set[str] = set()
@@ -419,7 +427,7 @@ class PortEvidence(Settled, ABC):
         place = self.placements[name]
         values = {p.name: p.nominal or (0.1 * p.upper if p.linear else p.nominal) for p in place.effect.parameters}
         try:
-            change = np.abs(self.raw(self.z({name: values}) - self.z0))
+            change = np.abs(self.raw(self.change({name: values}, {}, np.zeros(len(self.free)))))
         except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
             return []
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]

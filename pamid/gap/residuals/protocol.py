@@ -93,6 +93,13 @@ class ResidualSource(Protocol):
         """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
         ...
 
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others nearby, at deviations x.
+
+        To first order will do, where a simulator would have to run for more.
+        """
+        ...
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
         ...

@@ -19,26 +19,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects import Effect
-from ...signals.paths import steady_path
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
-from ...simulators.integrate import Runner, substeps_for
-from ...simulators.placement import Placement
+from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from .ports import Active, PortWindows
+from .predictions import MOST_RUNS, PredictedEvidence, named
+from .protocol import Spec
+from .response import Drive
 from .states import integral, roles_of
-from .stretches import ROUNDS, StretchEvidence, power
+from .stretches import ROUNDS, SHORTEST, power
 from .window_length import LEAST_WINDOWS
 
-MOST_RUNS = 200
-"""Runs that are kept for the case that they are asked for again."""
-MOST_STATES = 12
-"""The same of simulators of states, whose runs are larger: enough for readings that faults of sensors change."""
 
-
-class ShootingEvidence(StretchEvidence):
+class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log.
 
     Parameters
@@ -55,133 +50,21 @@ class ShootingEvidence(StretchEvidence):
 
     def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
         super().__init__(log, simulator, whole, refit)
-        self._u = log.inputs(simulator)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
-        self.n = max(1, min(log.n // LEAST_WINDOWS, min(b - a for a, b in log.spans) // 12))
         self.pushes: dict[tuple[str, str], float] = {}
-        self.substeps = 1
-        self.simulated = 0.0
-        self._kept_runs: dict[int, list[np.ndarray]] = {}
-        self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
+        self._from: dict[str, np.ndarray] = {}
+        self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
+        # A stretch holds enough windows for its initial state to leave something to compare.
+        shortest = min(s.stop - s.first for s in self.stretches)
+        self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST))
         self._look()
         self._blocks()
+        self._skew()
         self._settle()
-
-    # --- prediction -----------------------------------------------------------------------------------------
-    def _predict(
-        self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
-    ) -> list[np.ndarray]:
-        """Return the predicted channels, shape (n_shown, length) a stretch."""
-        shown = self.shown if shown is None else shown
-        log, simulator = self.log, self.simulator
-        u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
-        for place, made in active:
-            if place.enters == "parameter":
-                k = list(simulator.parameters).index(place.at)
-                p[k] = made.adjust({"value": p[k], "along": log.along})["value"]
-            elif place.enters == "input" and not place.acts:
-                k, u = simulator.inputs.index(place.at), u.copy()
-                u[k] = place.drive(made, u[k], log.dt, log.starts)
-            elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
-                k, u = simulator.inputs.index(place.at), u.copy()
-                u[k] += self._force(place, made)
-        if simulator.form == "run":
-            outputs = self._ran(x0, u, p)
-            states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
-        else:
-            states, outputs = self._simulate(x0, u, p, [(pl, m) for pl, m in active if pl.acts])
-        found = self._shown(states, outputs, shown)
-        for place, made in active:
-            if place.enters == "output" and place.at in shown:
-                k = list(shown).index(place.at)
-                for rows in found:
-                    rows[k] = place.reading(made, rows[k], log.dt, np.array([0]))
-        return found
-
-    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
-        if self.simulator.form != "ode":
-            return [self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)]
-        many = len(starts)
-        wide = [np.repeat(p[:, None], self.log.n, axis=1) for p in numbers]
-        states, outputs = self._simulate(np.hstack(starts), self._u, np.stack(wide), [], many)
-        rows = self._shown(states, outputs, self.shown)
-        return [rows[k * len(self.stretches) : (k + 1) * len(self.stretches)] for k in range(many)]
-
-    def _shown(self, states: list[np.ndarray], outputs: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
-        """Return the channels that are wanted, of what was simulated."""
-        names, found = (*self.simulator.outputs, *self.simulator.states), []
-        for x, y in zip(states, outputs, strict=True):
-            signals = dict(zip(names, (*y, *x), strict=False))
-            found.append(np.stack([np.asarray(signals[n], dtype=float) for n in shown]))
-        return found
-
-    def _force(self, place: Placement, made: Effect) -> np.ndarray:
-        """Return what an effect adds to an input along the log."""
-        log, found = self.log, dict(self.log.channels)
-        for role, name in place.follows.items():
-            if role == "position":
-                if name not in found:
-                    joint = next(j for j in self.joints if f"{j.name}.path" == name)
-                    found[name] = integral(found[joint.velocity], log)
-                elif place.effect.path_dependent:
-                    found[name] = steady_path(found[name], log.starts, self.sigma.get(name, 0.0), max(self.n, 5))
-        s = place.signals(found, log.t)
-        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
-        return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
-
-    def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
-        """Return the outputs of the simulator over each stretch; runs that were asked for before are kept."""
-        key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
-        if key not in self._kept_runs:
-            if len(self._kept_runs) >= MOST_RUNS:
-                self._kept_runs.clear()
-            t = self.log.t
-            lengths = np.array([s.stop - s.first for s in self.stretches])
-            found: dict[int, np.ndarray] = {}
-            for length in np.unique(lengths):  # runs of one length are asked for together
-                mine = np.flatnonzero(lengths == length)
-                spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
-                drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
-                starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
-                times = t[spans[0]] - t[spans[0]][0]
-                found |= dict(zip(mine, self.simulator.runs(times, drive, numbers, starts), strict=True))
-            self.simulated += float(np.sum(lengths)) / self.log.n
-            self._kept_runs[key] = [found[k] for k in range(len(lengths))]
-        return self._kept_runs[key]
-
-    def _simulate(
-        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
-        key = hash((x0.tobytes(), u.tobytes(), p.tobytes(), repr([(a.key, m.values) for a, m in acting])))
-        if key in self._kept_states:
-            return self._kept_states[key]
-        simulator, log = self.simulator, self.log
-        length = max(s.stop - s.first for s in self.stretches)
-        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
-        copies = p[None] if p.ndim == 2 else p
-        t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
-        numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
-        runner = Runner(simulator, log.dt, self.joints, self.substeps)
-        x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
-        self.simulated += many
-        stretches = self.stretches * many
-        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
-        outputs = [np.zeros((0, s.stop - s.first)) for s in stretches]
-        if simulator.outputs:
-            for k, (s, own) in enumerate(zip(stretches, states, strict=True)):
-                at = slice(s.first, s.stop)
-                with np.errstate(all="ignore"):
-                    outputs[k] = simulator.output(log.t[at], own, u[:, at], copies[k // len(self.stretches)][:, at])
-        while len(self._kept_states) >= MOST_STATES:
-            self._kept_states.pop(next(iter(self._kept_states)))
-        self._kept_states[key] = states, outputs
-        return states, outputs
 
     def _look(self) -> None:
         """See how the simulator moves: its states along the log, its joints, and what its inputs do."""
@@ -213,7 +96,8 @@ class ShootingEvidence(StretchEvidence):
     def _again(self) -> None:
         """Forget what was kept of the simulator with other parameters."""
         self._x0 = self._fitted_starts()
-        self._moved.clear()
+        for kept in (self._moved, self._done, self._from, self._last, self._responses):
+            kept.clear()
         self._blocks()
 
     # --- residuals ------------------------------------------------------------------------------------------
@@ -235,6 +119,25 @@ class ShootingEvidence(StretchEvidence):
             for s, slope in enumerate(slopes)
         ]
 
+    def _skew(self) -> None:
+        """Let the clocks of commands and readings be half a step apart, within a tolerance.
+
+        Whether a command acts from the row on that holds it, or while the next one is computed, a log does not say.
+        """
+        driven = [n for n, u in zip(self.simulator.inputs, self._u, strict=True) if np.ptp(u) > 0.0]
+        if not driven:
+            return
+        known = self.simulator.numbers
+        base = self._drive([], known)
+        late = self._u.copy()
+        late[:, 1:] = 0.5 * (self._u[:, 1:] + self._u[:, :-1])
+        late[:, self.log.starts] = self._u[:, self.log.starts]
+        column = self._compared([], [], *self._near(self._x0, base, Drive(late, base.p, [])))
+        if np.any(column):
+            self.skews[f"skew of {', '.join(driven)}"] = column
+        self.free = [*self.free, *self.skews]
+        self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
+
     def _means(self, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
         sums = np.concatenate([[0.0], np.cumsum(x)])
         return (sums[rows + self.n] - sums[rows]) / self.n
@@ -249,10 +152,8 @@ class ShootingEvidence(StretchEvidence):
     ) -> np.ndarray:
         readings = channels or self.log.channels
         changed = bool(active) or not np.array_equal(numbers, self.simulator.numbers)
-        # A change much like the last one of its kind has its initial states near those.
         kind = tuple(place.key for place, _ in active)
-        moved = self._moved.get(kind) if changed and channels is None else None
-        x0 = self._x0 if moved is None else self._x0 + moved
+        x0 = self._started(kind, active, numbers) if changed and channels is None else self._x0
         predicted = self._predict(x0, active, numbers) if changed else self._plain
         left = self._left(readings, predicted)
         shift = self._explained(left)
@@ -265,10 +166,65 @@ class ShootingEvidence(StretchEvidence):
             shift = self._explained(left)
         if changed and channels is None and shift.size:
             self._moved[kind] = x0 + shift - self._x0
+            while len(self._from) >= MOST_RUNS:
+                self._from.pop(next(iter(self._from)))
+            self._from[named(active, numbers)] = x0
+            self._last[kind] = active, numbers
         for k in range(len(left)):
             if shift.size:
                 left[k] = left[k] - np.tensordot(shift[:, k], self._O[k], axes=1)
         return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+
+    def _started(self, kind: tuple[str, ...], active: Active, numbers: np.ndarray) -> np.ndarray:
+        """Return initial states that a change will have, to first order from the last one of its kind."""
+        if not len(self._x0) or self.simulator.form == "run":  # of which the response may itself be a run
+            return self._x0 + self._moved.get(kind, 0.0)
+        about, known = self._last.get(kind, (self._own, self.simulator.numbers))
+        # How the run without a change responds is known, and near enough for where to begin.
+        there, before = (
+            self._near(self._x0, self._drive(self._own, self.simulator.numbers), self._drive(a, p))[1]
+            for a, p in ((active, numbers), (about, known))
+        )
+        left = [-rows for rows in self._means_of_change(about, active, before, there)]
+        return self._x0 + self._moved.get(kind, 0.0) + self._explained(left)
+
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others, to first order: nothing is run anew."""
+        numbers = self.numbers(dict(zip(self.free, map(float, x), strict=True)))
+        found = self._changed(self.active(spec), numbers, self.active(about), numbers)
+        return self._whitening.white(found / self.noise)
+
+    def _nudged(self, x: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by a step of the tolerances from deviations x, to first order."""
+        numbers = [self._numbers_at(v) for v in (x, x + step)]
+        found = np.zeros(len(self.noise))
+        if np.any(numbers[1] != numbers[0]):
+            found = found + self._changed(self._own, numbers[1], self._own, numbers[0])
+        for name, column in self.skews.items():
+            found = found + column * step[self.free.index(name)]
+        return self._whitening.white(found / self.noise)
+
+    def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals under effects and numbers near others, whose run is known."""
+        x0 = self._from.get(named(about, known), self._x0)
+        return self._compared(about, active, *self._near(x0, self._drive(about, known), self._drive(active, numbers)))
+
+    def _compared(self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]) -> np.ndarray:
+        """Return the change of the residuals from predictions to others, what initial states explain taken out."""
+        left = [-rows for rows in self._means_of_change(about, active, base, there)]
+        if (shift := self._explained(left)).size:
+            left = [rows - np.tensordot(shift[:, k], self._O[k], axes=1) for k, rows in enumerate(left)]
+        return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+
+    def _means_of_change(
+        self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        """Return by how much predictions differ as sensors read them, means over the windows of each stretch."""
+        before, after = (self._read(a, rows, self.shown) for a, rows in ((about, base), (active, there)))
+        return [
+            self._cut_means(np.clip(np.nan_to_num(z - y), -1e12, 1e12), k)
+            for k, (y, z) in enumerate(zip(before, after, strict=True))
+        ]
 
     def _left(self, readings: Mapping[str, np.ndarray], predicted: list[np.ndarray]) -> list[np.ndarray]:
         found = []

@@ -198,6 +198,10 @@ class SignalEvidence:
         """Return the residuals with effects added, in units of the noise; there are no tolerances."""
         return self.z(spec) if spec else self.z0
 
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others, at deviations x."""
+        return self.tangent(spec, x) - self.tangent(about, x)
+
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 

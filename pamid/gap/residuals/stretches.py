@@ -17,6 +17,10 @@ FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
 ROUNDS = 6
 """Rounds of fitting the initial states."""
+GOES = 8
+"""Times as long as predictions are within that share from a start that is off, they may be from a better one."""
+ASTRAY = 10.0
+"""Standard deviations of a signal by which a prediction that runs away misses it."""
 SHORTEST = 24
 """Least samples of a stretch."""
 
@@ -68,21 +72,34 @@ class StretchEvidence(PortEvidence):
         """Choose the longest stretches that the simulator can follow, and fit where each begins."""
         longest = max(b - a for a, b in self.log.spans)
         best: tuple[float, list[Segment], np.ndarray] | None = None
-        length = longest
+        length, rising = longest, False
         while True:
             self.stretches = self._cut(length)
-            x0 = self._fitted_starts()
-            missed = self._missed(self._error(x0))
-            if missed >= FOLLOWS and length == longest and self.free and self.refit:
+            x0 = self._starts()
+            error = self._error(x0)
+            if not self._runs_away(error):
+                x0 = self._fitted_starts()
+                error = self._error(x0)
+            missed = self._missed(error)
+            if FOLLOWS <= missed < ASTRAY and length == longest and self.free and self.refit:
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
                     self._begin_from(x)
                     missed, x0 = there, others
-            if best is None or missed < 0.7 * best[0]:
+            follows = missed < FOLLOWS
+            if best is None or (follows if rising else missed < 0.7 * best[0]):
                 best = missed, self.stretches, x0
-            if missed < FOLLOWS or length // 2 < SHORTEST or self.simulator.form == "run" or self.whole:
+            if self.simulator.form == "run" or self.whole or (follows if length == longest else rising and not follows):
                 break
-            length //= 2
+            if follows:  # where the length was guessed, twice as much may do
+                rising, length = True, 2 * length
+                if length > longest // 2:
+                    break
+                continue
+            if length // 2 < SHORTEST:
+                break
+            # What goes astray at once is not tried over half as long, and half of that.
+            length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
         length = max(s.stop - s.first for s in self.stretches)
         whole = length >= longest
@@ -117,8 +134,10 @@ class StretchEvidence(PortEvidence):
             better = np.array([np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)])
             if not better.any():
                 break
-            x0 = np.where(better, trial, x0)
+            x0, before = np.where(better, trial, x0), power(error)
             error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
+            if before - power(error) < len(x0):  # no more than noise alone would make of as many initial states
+                break
         return x0
 
     def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -131,10 +150,7 @@ class StretchEvidence(PortEvidence):
         error = self._error(x)
         for _ in range(LAYINGS):
             slopes = self._slopes(x, self._numbers_at(d))
-            steps = [self._numbers_at(d + e) for e in 0.01 * np.eye(len(d))]
-            there = self._errors([x] * len(steps), steps)
-            moved = [[(a - b) / 0.01 for a, b in zip(error, t, strict=True)] for t in there]
-            columns = [np.stack([m[k] for m in moved]).reshape(len(d), -1) for k in range(len(error))]
+            columns = [c.reshape(len(d), -1) for c in self._slopes_of_numbers(x, d)]
             A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
             left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
             size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
@@ -160,6 +176,18 @@ class StretchEvidence(PortEvidence):
 
     def _numbers_at(self, x: np.ndarray) -> np.ndarray:
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
+
+    def _runs_away(self, error: list[np.ndarray]) -> bool:
+        """Tell whether predictions leave all that was measured long before their end: no initial state mends that."""
+        if self.simulator.form == "run" or self.whole:
+            return False
+        return self._missed(error) > ASTRAY and GOES * self._followed(error) < max(e.shape[1] for e in error)
+
+    def _followed(self, error: list[np.ndarray]) -> int:
+        """Return for how many samples predictions usually stay within what counts as followed."""
+        most = np.array([FOLLOWS * float(np.std(self.log.channels[n])) / self.sigma[n] for n in self.shown])
+        astray = [np.flatnonzero(np.any(~(np.abs(e) <= most[:, None]), axis=0)) for e in error]
+        return int(np.median([a[0] if len(a) else e.shape[1] for a, e in zip(astray, error, strict=True)]))
 
     def _missed(self, error: list[np.ndarray]) -> float:
         """Return the largest share of a signal's deviation that predictions miss."""
@@ -194,6 +222,12 @@ class StretchEvidence(PortEvidence):
             else np.zeros((0, *base[j].shape))
             for j in range(len(base))
         ]
+
+    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
+        """Return what each tolerance does to the predictions, in noise, shape (n_free, n_shown, length)."""
+        steps = [self._numbers_at(d), *(self._numbers_at(d + e) for e in 0.01 * np.eye(len(d)))]
+        base, *there = self._errors([x0] * len(steps), steps)
+        return [np.stack([(base[j] - m[j]) / 0.01 for m in there]) for j in range(len(base))]
 
     def _shift(self, slopes: list[np.ndarray], error: list[np.ndarray]) -> np.ndarray:
         """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""

@@ -187,6 +187,10 @@ class StackedEvidence:
             ]
         )
 
+    def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
+        """Return by how much the residuals change from effects to others, at deviations x."""
+        return self.tangent(spec, x) - self.tangent(about, x)
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
         return self._gathered([log.evidence.raw(z[p]) for log, p in zip(self.logs, self.places, strict=True)])

@@ -1,0 +1,287 @@
+"""What a simulator predicts over stretches of a log, and what small changes do to it; runs are kept and reused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...effects import Effect
+from ...signals.paths import steady_path
+from ...simulators.base import Simulator
+from ...simulators.integrate import Runner
+from ...simulators.placement import Placement
+from ...simulators.port_log import PortLog
+from .ports import Active
+from .response import Drive, Response
+from .states import integral
+from .stretches import StretchEvidence
+
+MOST_RUNS = 200
+"""Runs that are kept for the case that they are asked for again."""
+ALREADY = 0.03
+"""Share of a change of inputs or parameters that may be new for its response to follow from those that are known."""
+MOST_RESPONSES = 6
+"""The same of what runs respond to small changes."""
+MOST_STATES = 12
+"""The same of simulators of states, whose runs are larger: enough for readings that faults of sensors change."""
+
+
+class PredictedEvidence(StretchEvidence):
+    """Predictions over stretches, simulated where they must be, else to first order about those that were.
+
+    Parameters
+    ----------
+    log : PortLog
+        The log.
+    simulator : Simulator
+        Of the form ``"ode"`` or ``"run"``.
+    whole, refit : bool, default=False
+        See `StretchEvidence`.
+
+    Attributes
+    ----------
+    simulated : float
+        Runs of the simulator so far, each over the length of the log; rates asked for along a run count by their
+        number.
+    """
+
+    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
+        super().__init__(log, simulator, whole, refit)
+        self._u = log.inputs(simulator)
+        self.n = self.substeps = 1
+        self.simulated = 0.0
+        self._kept_runs: dict[int, list[np.ndarray]] = {}
+        self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
+        self._responses: dict[int, Response] = {}
+        self._done: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
+
+    def _predict(
+        self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
+    ) -> list[np.ndarray]:
+        """Return the predicted channels, shape (n_shown, length) a stretch."""
+        shown = self.shown if shown is None else shown
+        drive = self._drive(active, numbers)
+        if self.simulator.form == "run":
+            outputs = self._ran(x0, drive.u, drive.p)
+            states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+        else:
+            states, outputs = self._simulate(x0, drive.u, drive.p, drive.acting)
+        return self._read(active, self._shown(states, outputs, shown), shown)
+
+    def _drive(self, active: Active, numbers: np.ndarray) -> Drive:
+        """Return the inputs and parameters as effects change them, with those that act like forces."""
+        log, simulator = self.log, self.simulator
+        u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
+        for place, made in active:
+            if place.enters == "parameter":
+                k = list(simulator.parameters).index(place.at)
+                p[k] = made.adjust({"value": p[k], "along": log.along})["value"]
+            elif place.enters == "input" and not place.acts:
+                k, u = simulator.inputs.index(place.at), u.copy()
+                u[k] = place.drive(made, u[k], log.dt, log.starts)
+            elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
+                k, u = simulator.inputs.index(place.at), u.copy()
+                u[k] += self._force(place, made)
+        return Drive(u, p, active)
+
+    def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
+        """Return channels as faulty sensors read them, in place."""
+        for place, made in active:
+            if place.enters == "output" and place.at in shown:
+                k = list(shown).index(place.at)
+                for one in rows:
+                    one[k] = place.reading(made, one[k], self.log.dt, np.array([0]))
+        return rows
+
+    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
+        if self.simulator.form != "ode":
+            return [self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)]
+        many = len(starts)
+        wide = [np.repeat(p[:, None], self.log.n, axis=1) for p in numbers]
+        states, outputs = self._simulate(np.hstack(starts), self._u, np.stack(wide), [], many)
+        rows = self._shown(states, outputs, self.shown)
+        return [rows[k * len(self.stretches) : (k + 1) * len(self.stretches)] for k in range(many)]
+
+    def _shown(self, states: list[np.ndarray], outputs: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
+        """Return the channels that are wanted, of what was simulated."""
+        names, found = (*self.simulator.outputs, *self.simulator.states), []
+        for x, y in zip(states, outputs, strict=True):
+            signals = dict(zip(names, (*y, *x), strict=False))
+            found.append(np.stack([np.asarray(signals[n], dtype=float) for n in shown]))
+        return found
+
+    def _force(self, place: Placement, made: Effect) -> np.ndarray:
+        """Return what an effect adds to an input along the log."""
+        log, found = self.log, dict(self.log.channels)
+        for role, name in place.follows.items():
+            if role == "position":
+                if name not in found:
+                    joint = next(j for j in self.joints if f"{j.name}.path" == name)
+                    found[name] = integral(found[joint.velocity], log)
+                elif place.effect.path_dependent:
+                    found[name] = steady_path(found[name], log.starts, self.sigma.get(name, 0.0), max(self.n, 5))
+        s = place.signals(found, log.t)
+        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
+        return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
+
+    def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        """Return the outputs of the simulator over each stretch; runs that were asked for before are kept."""
+        key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
+        if key not in self._kept_runs:
+            if len(self._kept_runs) >= MOST_RUNS:
+                self._kept_runs.clear()
+            t = self.log.t
+            lengths = np.array([s.stop - s.first for s in self.stretches])
+            found: dict[int, np.ndarray] = {}
+            for length in np.unique(lengths):  # runs of one length are asked for together
+                mine = np.flatnonzero(lengths == length)
+                spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
+                drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
+                starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
+                times = t[spans[0]] - t[spans[0]][0]
+                found |= dict(zip(mine, self.simulator.runs(times, drive, numbers, starts), strict=True))
+            self.simulated += float(np.sum(lengths)) / self.log.n
+            self._kept_runs[key] = [found[k] for k in range(len(lengths))]
+        return self._kept_runs[key]
+
+    def _simulate(
+        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
+        key = hash((x0.tobytes(), u.tobytes(), named(acting, p)))
+        if key in self._kept_states:
+            return self._kept_states[key]
+        simulator, log = self.simulator, self.log
+        length = max(s.stop - s.first for s in self.stretches)
+        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
+        copies = p[None] if p.ndim == 2 else p
+        t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
+        numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
+        runner = Runner(simulator, log.dt, self.joints, self.substeps)
+        x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
+        self.simulated += many
+        stretches = self.stretches * many
+        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
+        outputs = [np.zeros((0, s.stop - s.first)) for s in stretches]
+        if simulator.outputs:
+            for k, (s, own) in enumerate(zip(stretches, states, strict=True)):
+                at = slice(s.first, s.stop)
+                with np.errstate(all="ignore"):
+                    outputs[k] = simulator.output(log.t[at], own, u[:, at], copies[k // len(self.stretches)][:, at])
+        while len(self._kept_states) >= MOST_STATES:
+            self._kept_states.pop(next(iter(self._kept_states)))
+        self._kept_states[key] = states, outputs
+        return states, outputs
+
+    def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the channels under a drive, and to first order under one near it."""
+        if self.simulator.form == "run":
+            known = self._ran(x0, base.u, base.p)
+            near = self._combined(x0, base, drive)
+            none = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+            return self._shown(none, known, self.shown), self._shown(none, near, self.shown)
+        states, outputs = self._simulate(x0, base.u, base.p, base.acting)
+        response = self._response(x0, base, states)
+        before = response.evaluations
+        change = response.to(drive)
+        self.simulated += (response.evaluations - before) / (4.0 * self.substeps)
+        return self._shown(states, outputs, self.shown), self._shown(
+            *self._moved_states(states, change, drive), self.shown
+        )
+
+    def _moved_states(
+        self, states: list[np.ndarray], change: np.ndarray, drive: Drive
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the states of each stretch with a change, and the outputs that belong to them."""
+        near = [x + change[:, s.first : s.stop] for x, s in zip(states, self.stretches, strict=True)]
+        shows = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+        if self.simulator.outputs:
+            for k, (s, own) in enumerate(zip(self.stretches, near, strict=True)):
+                at = slice(s.first, s.stop)
+                with np.errstate(all="ignore"):
+                    shows[k] = self.simulator.output(self.log.t[at], own, drive.u[:, at], drive.p[:, at])
+        return near, shows
+
+    def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> list[np.ndarray]:
+        """Return the outputs under a drive near another: responses add up, and only to what is new a run is made.
+
+        What an input or a parameter does is straight to first order, so that a change that is a sum of others, such as
+        one lag between two of which the responses are known, needs no run of its own.
+        """
+        known = self._ran(x0, base.u, base.p)
+        spread = np.array([np.ptp(u) or 1.0 for u in self._u])[:, None]
+        size = np.array([abs(v) or 1.0 for v in self.simulator.numbers])
+        changes = []
+        for s in self.stretches:
+            at = slice(s.first, s.stop)
+            numbers = np.mean((drive.p - base.p)[:, at], axis=1) / size * np.sqrt(s.stop - s.first)
+            changes.append(np.concatenate([((drive.u - base.u)[:, at] / spread).ravel(), numbers]))
+        most = max(float(np.linalg.norm(c)) for c in changes)
+        if not most > 0.0:
+            return known
+        found = []
+        for k, change in enumerate(changes):
+            if not (self._done and np.any(change)):
+                found.append(known[k])
+                if np.any(change):
+                    break
+                continue
+            columns = np.stack([w[k] for w, _ in self._done], axis=1)
+            share = np.linalg.lstsq(columns, change, rcond=1e-6)[0]
+            if np.linalg.norm(change - columns @ share) > ALREADY * max(float(np.linalg.norm(change)), 0.1 * most):
+                break
+            found.append(known[k] + np.tensordot(share, np.stack([y[k] for _, y in self._done]), axes=1))
+        else:
+            return found
+        rows = self._ran(x0, drive.u, drive.p)
+        self._done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
+        return rows
+
+    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
+        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
+        if self.simulator.form != "ode" or not len(x0):
+            return super()._slopes(x0, numbers)
+        base = self._drive([], self.simulator.numbers if numbers is None else numbers)
+        states, outputs = self._simulate(x0, base.u, base.p, [])
+        response, before = self._response(x0, base, states), self._shown(states, outputs, self.shown)
+        found = []
+        for k, row in enumerate(x0):
+            h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
+            there = self._shown(*self._moved_states(states, h * response.of_start(k), base), self.shown)
+            found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
+        return self._in_noise(found)
+
+    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
+        """Return what each tolerance does to the predictions, in noise, shape (n_free, n_shown, length)."""
+        if self.simulator.form != "ode":
+            return super()._slopes_of_numbers(x0, d)
+        base, found = self._drive([], self._numbers_at(d)), []
+        for e in 0.01 * np.eye(len(d)):
+            before, there = self._near(x0, base, self._drive([], self._numbers_at(d + e)))
+            found.append([(a - b) / 0.01 for a, b in zip(there, before, strict=True)])
+        return self._in_noise(found)
+
+    def _in_noise(self, found: list[list[np.ndarray]]) -> list[np.ndarray]:
+        """Return changes of the channels of every stretch, one after the other, in units of the noise."""
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        return [np.stack([f[j] for f in found]) / sigma for j in range(len(self.stretches))]
+
+    def _response(self, x0: np.ndarray, drive: Drive, states: list[np.ndarray]) -> Response:
+        """Return how runs respond to small changes; kept for the latest ones."""
+        key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p)))
+        if key not in self._responses:
+            while len(self._responses) >= MOST_RESPONSES:
+                self._responses.pop(next(iter(self._responses)))
+            firsts = np.array([s.first for s in self.stretches])
+            joints = self.joints if drive.acting else ()
+            found = Response(self.simulator, self.log, firsts, np.concatenate(states, axis=1), drive, joints)
+            self.simulated += found.evaluations / (4.0 * self.substeps)
+            self._responses[key] = found
+        return self._responses[key]
+
+
+def named(active: Active, numbers: np.ndarray) -> str:
+    """Return what effects and numbers are known by."""
+    return repr(([(place.key, made.values) for place, made in active], numbers.tobytes()))

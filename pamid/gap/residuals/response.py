@@ -1,0 +1,212 @@
+r"""What a small change does to runs of a simulator, to first order, from its rates along them: nothing is run anew.
+
+Along a run a change of the inputs, parameters or forces changes the rates by :math:`\delta f`, and the states follow
+
+.. math:: \delta\dot x = A(t)\,\delta x + \delta f, \qquad A = \partial f/\partial x
+
+solved from sample to sample with A and :math:`\delta f` held at their values in between.
+
+References
+----------
+H. K. Khalil, "Nonlinear Systems", 3rd ed., Prentice Hall, 2002, section 3.3 (sensitivity equations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.placement import Placement
+from ...simulators.port_log import PortLog
+from ...simulators.structure import JointPort
+from .ports import Active
+
+_TERMS, _SMALL = 8, 0.25
+_MOST = 1e12
+
+
+class Drive:
+    """What effects and numbers do to the inputs, parameters and forces along a run.
+
+    Parameters
+    ----------
+    u, p : array, shape (n_inputs, n), (n_parameters, n)
+        Inputs and parameters under the effects that act on them.
+    active : list of (Placement, Effect)
+        All effects; those that act like forces do so along the states.
+    """
+
+    def __init__(self, u: np.ndarray, p: np.ndarray, active: Active) -> None:
+        self.u, self.p = u, p
+        self.acting = [(place, made) for place, made in active if place.acts]
+
+
+class Response:
+    """Changes of the states along one run of every stretch.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    log : PortLog
+        The log, which the stretches fill.
+    firsts : array of int, shape (n_stretches,)
+        First row of each stretch.
+    states : array, shape (n_states, n)
+        The states along them.
+    drive : Drive
+        What drives them.
+    joints : sequence of JointPort
+        Joints: those without a position have a path.
+    """
+
+    def __init__(
+        self, simulator: Simulator, log: PortLog, firsts: np.ndarray, states: np.ndarray, drive: Drive,
+        joints: Sequence[JointPort] = (),
+    ) -> None:  # fmt: skip
+        self.simulator, self.log, self.firsts = simulator, log, firsts
+        self.x = np.nan_to_num(states)
+        self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+        ends = np.append(firsts[1:], log.n)
+        self.length = int(np.max(ends - firsts))
+        self.before = np.concatenate([np.arange(a, b - 1) for a, b in zip(firsts, ends, strict=True)]).astype(int)
+        rows = firsts[None] + np.arange(max(self.length - 1, 0))[:, None]
+        # Where each step of each stretch stands among all steps; stretches that end earlier stay where they are.
+        count = np.concatenate([[0], np.cumsum(ends - firsts - 1)])
+        self.at = np.where(rows < ends - 1, rows - firsts + count[:-1], -1)
+        self.evaluations = 0.0
+        """Times that the rates were asked for at every row."""
+        self.drive = drive
+        self._slopes: dict[int, np.ndarray | None] = {}
+        self._base = self._pushed(drive, self.x)
+        self.rates = self._asked(self.x, self._base[0], drive.p) + self._base[1]
+        self._steps = self._transitions(drive)
+
+    def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the inputs amid each step, and what effects add to the rates themselves."""
+        before, simulator = self.before, self.simulator
+        u, added = drive.u[:, before].copy(), np.zeros((len(x), len(before)))
+        for place, made in drive.acting:
+            force = self._force(place, made, x, drive.u)
+            force = 0.5 * (force[before] + force[before + 1])
+            if place.enters == "input":
+                u[simulator.inputs.index(place.at)] += force
+            else:
+                place.add(made, force, simulator.states, added)
+        return u, added
+
+    def _rates(self, drive: Drive, moved: np.ndarray | None = None) -> np.ndarray:
+        """Return the rates amid each step, shape (n_states, n_steps), the states changed by as much if wanted."""
+        x = self.x if moved is None else self.x + moved[:, None]
+        u, added = self._pushed(drive, x)
+        return self._asked(x, u, drive.p) + added
+
+    def _asked(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the simulator's own rates amid each step."""
+        log, before = self.log, self.before
+        middle = 0.5 * (x[:, before] + x[:, before + 1])
+        self.evaluations += 1.0
+        with np.errstate(all="ignore"):
+            found = self.simulator.rate(log.t[before] + 0.5 * log.dt, middle, u, p[:, before])
+        return np.clip(np.nan_to_num(found), -_MOST, _MOST)
+
+    def _force(self, place: Placement, made: object, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return what an effect adds at each row, its memory that of the states as they were."""
+        s0 = place.signals(self._signals(self.x, u), self.log.t)
+        memory = made.trace(s0, place.plant, self.log.dt * place.scales.time, self.firsts)  # type: ignore[attr-defined]
+        s = s0 if x is self.x else place.signals(self._signals(x, u), self.log.t)
+        return np.broadcast_to(place.force(made, s, memory), (self.log.n,)).astype(float)  # type: ignore[arg-type]
+
+    def _signals(self, x: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+        table = dict(zip((*self.simulator.states, *self.simulator.inputs), (*x, *u), strict=True))
+        for name, speed in self.paths.items():
+            v, path = table[speed], np.zeros(self.log.n)
+            for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
+                path[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * self.log.dt
+            table[name] = path
+        return table
+
+    def _transitions(self, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
+        r"""Return :math:`e^{A h}` and :math:`\int_0^h e^{A s} \mathrm{d}s` of each step, matrices of the states."""
+        n, dt = len(self.x), self.log.dt
+        A = np.empty((len(self.before), n, n))
+        for j in range(n):
+            h = 1e-6 * (float(np.ptp(self.x[j])) or float(np.max(np.abs(self.x[j]))) or 1.0)
+            A[:, :, j] = ((self._rates(drive, h * np.eye(n)[j]) - self.rates) / h).T
+        A = np.clip(A, -_MOST, _MOST) * dt
+        norm = float(np.max(np.sum(np.abs(A), axis=2), initial=0.0))
+        halvings = int(np.clip(np.ceil(np.log2(max(norm, 1e-300) / _SMALL)), 0, 40))
+        A = A / 2.0**halvings
+        identity = np.broadcast_to(np.eye(n), A.shape)
+        # The series of (e^A - 1) / A, and from it that of e^A; both doubled as often as A was halved.
+        integral, term = identity.copy(), identity
+        for k in range(2, _TERMS):
+            term = term @ A / k
+            integral = integral + term
+        step = identity + A @ integral
+        for _ in range(halvings):
+            integral = 0.5 * (integral + integral @ step)
+            step = step @ step
+        return np.clip(step, -_MOST, _MOST), np.clip(integral, -_MOST, _MOST) * dt
+
+    def to(self, drive: Drive, start: np.ndarray | None = None) -> np.ndarray:
+        """Return by how much the states change under another drive, shape (n_states, n).
+
+        Parameters
+        ----------
+        drive : Drive
+            Inputs, parameters and forces.
+        start : array, shape (n_states, n_stretches), optional
+            Changes of the initial states.
+        """
+        return self._followed(
+            self._change(drive), np.zeros((len(self.x), len(self.firsts))) if start is None else start
+        )
+
+    def _change(self, drive: Drive) -> np.ndarray:
+        """Return by how much the rates change under another drive; of inputs alone from what each does to them."""
+        if not np.array_equal(drive.p, self.drive.p):
+            return self._rates(drive) - self.rates
+        u, added = self._pushed(drive, self.x)
+        out = added - self._base[1]
+        for k, change in enumerate(u - self._base[0]):
+            if np.any(change):
+                slope = self._slope(k)
+                if slope is None:
+                    return self._rates(drive) - self.rates
+                out = out + slope * change
+        return out
+
+    def _slope(self, k: int) -> np.ndarray | None:
+        """Return what an input does to the rates amid each step; None where they are not straight in it."""
+        if k not in self._slopes:
+            u, size = self._base[0], float(np.ptp(self.drive.u[k])) or 1.0
+            own = self.rates - self._base[1]
+            there = [
+                self._asked(self.x, u + share * size * np.eye(len(u))[k][:, None], self.drive.p) for share in (1, -0.4)
+            ]
+            slope = (there[0] - own) / size
+            reach = np.max(np.abs(slope), axis=1, keepdims=True) * size
+            straight = np.all(np.abs(there[1] - own + 0.4 * size * slope) <= 1e-6 * reach + 1e-12)
+            self._slopes[k] = slope if straight else None
+        return self._slopes[k]
+
+    def of_start(self, state: int) -> np.ndarray:
+        """Return by how much the states change for a unit of an initial state, shape (n_states, n)."""
+        start = np.zeros((len(self.x), len(self.firsts)))
+        start[state] = 1.0
+        return self._followed(np.zeros((len(self.x), len(self.before))), start)
+
+    def _followed(self, change: np.ndarray, start: np.ndarray) -> np.ndarray:
+        steps, integrals = self._steps
+        pushed = np.einsum("kij,jk->ki", integrals, change)
+        out, x = np.zeros_like(self.x), start.T.copy()
+        out[:, self.firsts] = start
+        with np.errstate(all="ignore"):
+            for k, at in enumerate(self.at):
+                going = at >= 0
+                x = np.where(going[:, None], (steps[at] @ x[:, :, None])[:, :, 0] + pushed[at], x)
+                out[:, self.firsts[going] + k + 1] = x[going].T
+        return np.clip(np.nan_to_num(out), -_MOST, _MOST)

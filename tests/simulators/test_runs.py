@@ -1,0 +1,93 @@
+"""How often a simulator runs: what small changes do follows from runs that were made, of states or of whole runs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import simulated
+from pamid.gap.residuals.shooting import ShootingEvidence
+from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.port_log import port_log
+
+DT = 2.0
+
+
+def rates(t, x, u, p):
+    one, two = np.sqrt(np.maximum(x.h1, 0.0)), np.sqrt(np.maximum(x.h2, 0.0))
+    return [p.k1 * u.pump - p.k2 * one, p.k2 * one - p.k3 * two]
+
+
+def ported():
+    ports = [
+        Port("pump", "input", "V"), Port("h1", "state", "cm", start=3.0, column="not logged"),
+        Port("h2", "state", "cm", column="level"),
+    ]  # fmt: skip
+    return ports, {"k1": (0.06, 0.05), "k2": (0.05, 0.05), "k3": (0.05, 0.05)}
+
+
+def tanks():
+    return FunctionSimulator(rates, *ported())
+
+
+def whole(u, p, x0):
+    h, out = x0.copy(), []
+    for pump in u["pump"]:
+        out.append(h[1])
+        for _ in range(2):
+            one, two = np.sqrt(np.maximum(h, 0.0))
+            h = h + DT / 2 * np.array([p.k1 * pump - p.k2 * one, p.k2 * one - p.k3 * two])
+    return [np.array(out)]
+
+
+def whole_tanks():
+    ports, numbers = ported()
+    states = [Port("h1", "state", "cm", start=3.0), Port("h2", "state", "cm", start=3.0)]
+    return FunctionSimulator(whole, [ports[0], Port("level", "output", "cm"), *states], numbers)
+
+
+def tank_log(k3=0.05, dead=0.0):
+    """Two tanks, the lower one read, whose outlet may be another and whose pump may start late."""
+    rng, runs = np.random.default_rng(1), []
+    for run in range(3):
+        h, rows = np.array([3.0, 3.0]), []
+        pump = np.repeat(rng.uniform(1.2, 3.6, 10), 20)
+        for u in pump:
+            rows.append(h[1])
+            for _ in range(8):
+                one, two = np.sqrt(np.maximum(h, 0.0))
+                h = h + DT / 8 * np.array([0.06 * max(u - dead, 0.0) - 0.05 * one, 0.05 * one - k3 * two])
+        level = np.array(rows) + 0.01 * rng.standard_normal(len(pump))
+        table = {"trajectory": str(run), "time": DT * np.arange(len(pump)), "pump": pump, "level": level}
+        runs.append(pd.DataFrame(table))
+    return pd.concat(runs, ignore_index=True)
+
+
+@pytest.mark.parametrize("make", [tanks, whole_tanks])
+def test_what_small_changes_do_follows_without_runs(make):
+    evidence = ShootingEvidence(port_log(tank_log(), make()), make())
+    about = np.zeros(len(evidence.free))
+    small = {
+        "actuator_gain@pump": {"deviation": 0.01}, "actuator_lag@pump": {"time_constant": 0.5},
+        "parameter_deviation@k3": {"deviation": 0.01}, "parameter_drift@k3": {"drift": 0.01},
+    }  # fmt: skip
+    changes = {name: evidence.change({name: values}, {}, about) for name, values in small.items()}
+    before = evidence.simulated
+    for name, values in small.items():
+        exact = evidence.z({name: values}) - evidence.z0
+        assert np.linalg.norm(changes[name] - exact) < 0.06 * np.linalg.norm(exact), name
+    assert evidence.simulated - before >= 3.0
+    # Another size of the same, and a sum of what is known, are no runs any more.
+    before = evidence.simulated
+    evidence.change({"actuator_gain@pump": {"deviation": 0.02}}, {}, about)
+    evidence.change({"parameter_deviation@k3": {"deviation": -0.02}}, {}, about)
+    assert evidence.simulated - before < 1.0
+
+
+@pytest.mark.parametrize(("make", "most"), [(tanks, 240.0), (whole_tanks, 140.0)])
+def test_one_cause_takes_not_too_many_runs(make, most, monkeypatch):
+    kept, of = [], simulated.evidence_of
+    monkeypatch.setattr(simulated, "evidence_of", lambda *a, **k: kept.append(of(*a, **k)) or kept[-1])
+    found = simulated.diagnose_simulator(tank_log(k3=0.06), make())
+    named = zip(found.causes[0].effects, found.causes[0].where, strict=True)  # a gain of the pump says the same
+    assert ("parameter_deviation", "k3") in named
+    assert kept[0].simulated <= most
