@@ -14,8 +14,25 @@ if TYPE_CHECKING:
 
 MODELS = (".xml", ".fmu")
 """Endings of models that --sim may name itself, with a page of the same name beside them or without."""
-CORRECTED = ("corrected.toml", "corrected.xml", "start_values.json")
+CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "start_values.json")
 """What a corrected simulator may consist of."""
+_CALLBACK = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
+
+model, acting = load()
+data = mujoco.MjData(model)
+with acting:
+    mujoco.mj_step(model, data)
+"""
+
+from pathlib import Path
+
+from pamid.simulators.mujoco_callback import corrected
+
+
+def load():
+    """Return the model, and the effects of corrected.toml that act while they are a context."""
+    return corrected(Path(__file__).with_name("corrected.toml"))
+'''
 
 
 def add_trust_option(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +155,8 @@ def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
         page = page_text(simulator.with_({}, rest), folder)
         home = page.split('model = "', 1)[1].split('"', 1)[0]
         write_whole(stage / "corrected.toml", page.replace(f'model = "{home}"', 'model = "corrected.xml"', 1))
+        if rest:
+            write_whole(stage / "corrected.py", _CALLBACK)
         return
     if isinstance(simulator, FmuSimulator):
         write_whole(stage / "start_values.json", json.dumps(simulator.start_values(), indent=1) + "\n")

@@ -1,0 +1,149 @@
+"""Effects that MJCF has no element for, as callbacks of MuJoCo: forces on joints, faults of actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ..effects import Effect
+from ..effects.base import Signals
+from ..effects.plant import Surroundings
+from ..errors import SimulatorTypeError
+from .catalogue import port_effects
+from .mujoco_model import MujocoSimulator
+from .page import read_simulator
+
+_PLANT: Any = Surroundings(0.0)
+
+
+class _Remembered:
+    """An effect with what it remembers of one simulation, advanced as its time goes on."""
+
+    def __init__(self, effect: Effect) -> None:
+        self.effect = effect
+        self._time, self._before, self._memory = np.inf, Signals(), np.zeros((0,))
+
+    def memory(self, s: Signals, time: float, step: float) -> Any:
+        """Return the memory at a time; a time before the last one begins anew."""
+        if time < self._time:
+            self._memory = self.effect.start(s, _PLANT, step)
+        elif time > self._time:
+            self._memory = self.effect.step(self._memory, self._before, s, time - self._time, _PLANT)
+        self._time, self._before = time, s
+        return self._memory
+
+
+class MujocoCallbacks:
+    """Effects at joints and actuators of a MuJoCo model, which act while it is a context.
+
+    They hold for one ``MjData`` at a time: callbacks of MuJoCo are the process's.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        The model.
+    effects : sequence of (str, str, mapping)
+        Name, port (a joint or an actuator), values in the units of the port. Faults of sensors do not act: they are
+        of readings.
+
+    Raises
+    ------
+    UnknownOptionError
+        No effect has a name.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> from pamid.simulators.mujoco_callback import MujocoCallbacks
+    >>> xml = "<mujoco><option gravity='0 0 0'/><worldbody><body><joint name='rail' type='slide'/>"
+    >>> model = mujoco.MjModel.from_xml_string(xml + "<geom size='0.1' mass='2'/></body></worldbody></mujoco>")
+    >>> data = mujoco.MjData(model)
+    >>> data.qvel[0] = 1.0
+    >>> with MujocoCallbacks(model, [("quadratic_drag", "rail", {"coefficient": 4.0})]):  # N s2/m2
+    ...     mujoco.mj_step(model, data, nstep=500)  # 1 s: v = 1 / (1 + 2 t)
+    >>> round(float(data.qvel[0]), 2)
+    0.33
+    """
+
+    def __init__(self, model: Any, effects: Sequence[tuple[str, str, Mapping[str, float]]]) -> None:
+        import mujoco
+
+        self._mujoco, self._joints, self._actuators = mujoco, [], []
+        known = port_effects()
+        for name, where, values in effects:
+            kind, cls = known[name]
+            made = {p.name: p.nominal for p in cls.parameters if "Pa" in p.unit} | dict(values)
+            effect = cls.in_units(**made)
+            if kind == "joint":
+                at = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, where)
+                places = int(model.jnt_qposadr[at]), int(model.jnt_dofadr[at])
+                self._joints.append((*places, _Remembered(effect)))
+            elif kind == "input":
+                at = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, where)
+                self._actuators.append((int(at), _Remembered(effect)))
+        self._asked = np.full(model.nu, np.nan)
+        self._given = np.full(model.nu, np.nan)
+
+    def __enter__(self) -> Self:
+        self._mujoco.set_mjcb_passive(self._push)
+        self._mujoco.set_mjcb_control(self._drive)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._mujoco.set_mjcb_passive(None)
+        self._mujoco.set_mjcb_control(None)
+
+    def _push(self, model: Any, data: Any) -> None:
+        for q, dof, kept in self._joints:
+            s = Signals(position=np.array([data.qpos[q]]), velocity=np.array([data.qvel[dof]]))
+            s.time = np.array([data.time])
+            x = kept.memory(s, data.time, model.opt.timestep)
+            hooks = kept.effect.hooks()
+            for hook in ("force", "torque"):
+                if hook in hooks:
+                    data.qfrc_passive[dof] += float(np.ravel(getattr(kept.effect, hook)(s, x, _PLANT))[0])
+
+    def _drive(self, model: Any, data: Any) -> None:
+        # What was written here before is not what the controller asks for.
+        self._asked = np.where(data.ctrl == self._given, self._asked, data.ctrl)
+        u = self._asked.copy()
+        for at, kept in self._actuators:
+            value = u[at : at + 1]
+            s, effect = Signals(command=value), kept.effect
+            x = kept.memory(s, data.time, model.opt.timestep)
+            faulty = effect.command(value, s, x, _PLANT) if "command" in effect.hooks() else effect.measure(value, x)
+            u[at] = float(np.ravel(faulty)[0])
+        data.ctrl[:] = u
+        self._given = u
+
+
+def corrected(page: str | Path) -> tuple[Any, MujocoCallbacks]:
+    """Return the model of a page, and its effects as callbacks.
+
+    Parameters
+    ----------
+    page : path-like
+        A page of the kind ``"mujoco"``, such as the ``corrected.toml`` of a diagnosis.
+
+    Returns
+    -------
+    model : mujoco.MjModel
+        The model.
+    acting : MujocoCallbacks
+        What acts beside it, within ``with acting:``.
+
+    Raises
+    ------
+    SimulatorTypeError
+        The page is of another kind.
+    """
+    import mujoco
+
+    simulator = read_simulator(page)
+    if not isinstance(simulator, MujocoSimulator):
+        raise SimulatorTypeError(f"{page} is a {simulator.kind}.", "a MuJoCo model", "Name its page.")
+    model = mujoco.MjModel.from_xml_path(str(simulator.path))
+    return model, MujocoCallbacks(model, simulator.effects)
