@@ -38,9 +38,11 @@ def network_of(model: HybridModel) -> NeuralVolume:
 def jets(model: HybridModel, seen: Seen, alone: bool = False) -> Iterator[tuple[slice, State, VolumeJet]]:
     """Yield rows, their state and their volume (its slope in the contraction alone, if so), some rows at a time."""
     network, anchor = network_of(model), model.anchor_
-    for i in range(0, len(seen.inputs), CHUNK):
-        rows = slice(i, i + CHUNK)
-        state, x = State(*(s[rows] for s in seen.state)), seen.inputs[rows]
+    n = len(seen.inputs)
+    for i in range(0, n, CHUNK):
+        rows, state, x = slice(i, i + CHUNK), seen.state, seen.inputs
+        if n > CHUNK:
+            state, x = State(*(s[rows] for s in state)), x[rows]
         if alone:
             slope = network.slope_at_inputs(x)
             yield rows, state, VolumeJet(0.0, slope if anchor is None else slope + slope_of(anchor, state), 0.0)

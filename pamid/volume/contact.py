@@ -121,10 +121,10 @@ class ContactVolume:
         stretch = self.stretch
         at = eps[:, None] * POINTS
         x, u = self._arguments(at, p[:, None])
-        braid, phi = self._braid(at), _contact(x, u)
+        braid, (phi, phi_slope) = self._braid(at), _contact_jet(x, u)
         through, left = braid * phi, stretch * (1.0 - eps)
         V = self.rest_volume + left * p + eps * (through @ SHARES)
-        rise = (braid * _contact_slope(x, u, phi)) @ SHARES / self.contact_width
+        rise = (braid * phi_slope) @ SHARES / self.contact_width
         return VolumeJet(V, through[:, -1] - stretch * p, left + eps * rise)
 
 
@@ -147,14 +147,16 @@ def _contact(x: Array, u: Array) -> Array:
     return np.where(small, m + a * odd * u**2 / 24.0 * (1.0 + (1.0 - 12.0 * a) * u**2 / 80.0), phi)
 
 
-def _contact_slope(x: Array, u: Array, phi: Array) -> Array:
-    """Return ∂φ/∂u."""
+def _contact_jet(x: Array, u: Array) -> tuple[Array, Array]:
+    """Return φ and ∂φ/∂u."""
     small = np.abs(u) < _SMALL
-    near = small.any()
-    slope = (_logistic(x + u) - phi) / (np.where(small, 1.0, u) if near else u)
-    if not near:
-        return slope
+    if not small.any():
+        end = x + u
+        phi = (np.logaddexp(0.0, end) - np.logaddexp(0.0, x)) / u
+        return phi, (_logistic(end) - phi) / u
+    phi = _contact(x, u)
+    slope = (_logistic(x + u) - phi) / np.where(small, 1.0, u)
     m = _logistic(x + u / 2.0)
     a, odd = m * (1.0 - m), 1.0 - 2.0 * m
     even = 0.5 + (1.0 - 6.0 * a) * u**2 / 48.0 + (1.0 - 30.0 * a + 120.0 * a * a) * u**4 / 3840.0
-    return np.where(small, a * (even + odd * u * (1.0 / 12.0 + (1.0 - 12.0 * a) * u**2 / 480.0)), slope)
+    return phi, np.where(small, a * (even + odd * u * (1.0 / 12.0 + (1.0 - 12.0 * a) * u**2 / 480.0)), slope)

@@ -83,7 +83,7 @@ class InputScale:
         else:
             past = np.tanh((z - inside) / self.fade)
             bounded, slope = inside + self.fade * past, 1.0 - past * past
-        if self.saturated.any():
+        if any(self.saturated):  # of a handful, faster than numpy
             root = np.sqrt(1.0 + z * z)
             bounded = np.where(self.saturated, z / root, bounded)
             slope = np.where(self.saturated, 1.0 / (root * root * root), slope)
