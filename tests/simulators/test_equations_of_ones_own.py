@@ -142,7 +142,7 @@ def test_a_log_without_a_clock_and_a_state_that_is_not_logged(tmp_path, capsys):
 
 @pytest.fixture
 def axis(tmp_path):
-    """A driven axis of 2 kg with 3 N of dry and 4 N s/m of viscous friction, which stops between its moves."""
+    """A driven axis of 2 kg with 3 N of dry and 4 N s/m of viscous friction, 0.1 N aside, which stops between moves."""
     rows, rng, dt = [], np.random.default_rng(0), 0.005
     for k in range(5):
         wanted = np.cumsum(rng.uniform(-0.3, 0.3, 5))
@@ -153,7 +153,7 @@ def axis(tmp_path):
             force = float(np.clip(60.0 * (ahead - x) - 12.0 * v, -12.0, 12.0))
             log.append((k, i * dt, x + 1e-6 * rng.standard_normal(), force))
             for _ in range(20):
-                free = force - 4.0 * v
+                free = force + 0.1 - 4.0 * v
                 if v == 0.0 and abs(free) <= 3.0:
                     break
                 way = np.sign(v) or np.sign(free)

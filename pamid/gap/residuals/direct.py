@@ -34,6 +34,7 @@ from ...simulators.structure import (
     some_instants,
     spread_numbers,
 )
+from ..settings import OF_ITS_OWN
 from .kinematic import bent, both_measured, nuisances
 from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
@@ -218,16 +219,25 @@ class DirectEvidence(PortEvidence):
         return found
 
     def _skew(self) -> None:
-        """Let the clocks of positions and velocities be half a step apart, and velocities bend, within tolerances."""
+        """Let what is no cause by itself vary within tolerances.
+
+        Clocks of positions and velocities are half a step apart, velocities bend, and what drives a joint has an offset
+        too small to be told from the inexact forms of causes.
+        """
         ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
+        driven, plain = {j.name for j in self.joints}, self._residual([], self.simulator.numbers)
         for k, b in enumerate(self.balances):
+            part, found = slice(ends[k], ends[k + 1]), {}
             if b.velocity:
-                found = nuisances(self._table[b.velocity], self.log, self.n, self._first[k])
-                for name, own in found.items():
-                    column = np.zeros(ends[-1])
-                    column[ends[k] : ends[k + 1]] = own
-                    if np.any(column):
-                        self.skews[f"{name} of {b.velocity}"] = column
+                rates = nuisances(self._table[b.velocity], self.log, self.n, self._first[k])
+                found = {f"{name} of {b.velocity}": own for name, own in rates.items()}
+            elif b.name in driven and np.all(np.isfinite(plain[part])):
+                small = OF_ITS_OWN * float(np.sqrt(np.mean(np.square(plain[part])))) if ends[k + 1] > ends[k] else 0.0
+                found = {f"offset of {b.name}": np.full(ends[k + 1] - ends[k], small)}
+            for name, own in found.items():
+                if np.any(own):
+                    self.skews[name] = np.zeros(ends[-1])
+                    self.skews[name][part] = own
         self.free = [*self.free, *self.skews]
         self.about = np.zeros(len(self.free))
 
