@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 MODELS = (".xml", ".fmu")
 """Endings of models that --sim may name itself, with a page of the same name beside them or without."""
-CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "start_values.json")
+CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "corrected.fmu", "start_values.json")
 """What a corrected simulator may consist of."""
 _CALLBACK = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
 
@@ -147,7 +148,9 @@ def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
     folder : Path
         Where they will lie: what the page refers to is named from there.
     """
+    from ..errors import ExportError
     from ..simulators import FmuSimulator, MujocoSimulator, page_text
+    from ..simulators.fmu_wrapper import wrapped
 
     if isinstance(simulator, MujocoSimulator):
         text, rest = simulator.corrected_xml()
@@ -160,6 +163,8 @@ def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
         return
     if isinstance(simulator, FmuSimulator):
         write_whole(stage / "start_values.json", json.dumps(simulator.start_values(), indent=1) + "\n")
+        with contextlib.suppress(ExportError):  # the page does without
+            write_whole(stage / "corrected.fmu", wrapped(simulator))
     write_whole(stage / "corrected.toml", page_text(simulator, folder))
 
 

@@ -61,6 +61,8 @@ class Symbol:
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Symbol:
         if ufunc is np.square:
             return inputs[0] * inputs[0]
+        if ufunc is np.sign:
+            return node("where", inputs[0] > 0.0, 1.0, node("where", inputs[0] < 0.0, -1.0, 0.0))
         if method != "__call__" or ufunc not in _UFUNCS or kwargs.get("out") is not None:
             raise ExportError(f"The formula uses numpy.{ufunc.__name__}.", _KNOWN, "Write the formula with these.")
         return node(_UFUNCS[ufunc], *inputs)
@@ -149,7 +151,9 @@ def _interpolated(x: Symbol, knots: Any, values: Any) -> Symbol:
     return total
 
 
-_KNOWN = "arithmetic, abs, exp, log, sin, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
+_KNOWN = (
+    "arithmetic, abs, sign, exp, log, sin, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
+)
 
 
 _FOLD: dict[str, Callable[..., Any]] = {

@@ -162,6 +162,10 @@ class FmuSimulator(Simulator):
                     found[_plain(v["name"])] = ModelParameter(float(v["start"]), unit=v["unit"])
         return found
 
+    def name_of(self, port: str) -> str:
+        """Return the FMU's own name of a port or parameter."""
+        return self._names[port]
+
     def start_values(self) -> dict[str, float]:
         """Return the values of the parameters under the FMU's own names, for any importer."""
         return {self._names[k]: float(v.value) for k, v in self.parameters.items()}

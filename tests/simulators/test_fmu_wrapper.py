@@ -1,0 +1,85 @@
+"""A corrected FMU comes back as an FMU: the original inside, its inputs and outputs with what was found."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("fmpy")
+
+from pamid.errors import ExportError
+from pamid.export.ode_fmu import ode_fmu
+from pamid.simulators import FmuSimulator, Port
+from pamid.simulators.fmu_wrapper import wrapped
+
+DT, SAMPLES = 0.02, 200
+T = DT * np.arange(SAMPLES)
+U = 4 * np.sin(T) + 3 * np.sin(2.3 * T)
+
+
+@pytest.fixture(scope="module")
+def motor(tmp_path_factory):
+    """A motor of FMI 2.0 whose load nothing drives."""
+
+    def rates(t, x, u, p):
+        return [x.speed, (p.k * u.voltage + u.load) / p.J]
+
+    shown = {"angle": "rad", "omega": "rad/s"}
+    fmu = ode_fmu(
+        "motor", rates, {"position": 0.0, "speed": 0.0}, {"voltage": 0.0, "load": 0.0}, {"k": 0.05, "J": 2e-3},
+        lambda t, x, u, p: {"angle": x.position, "omega": x.speed},
+        units={"voltage": "V", "load": "N m", "k": "N m/V", "J": "kg m^2", **shown},
+    )  # fmt: skip
+    path = tmp_path_factory.mktemp("fmu") / "motor.fmu"
+    path.write_bytes(fmu)
+    return path
+
+
+def simulator(path, effects=()):
+    shaft = Port("shaft", "joint", "N m", position="angle", velocity="omega", through="load")
+    return FmuSimulator(path, [shaft], {"J": 1.8e-3}, effects, trust=True)
+
+
+def run(fmu, inertia=None):
+    """Return the readings of a run; parameters as they are in the FMU unless said."""
+    plain = FmuSimulator(fmu, (), {} if inertia is None else {"J": inertia}, trust=True)
+    u = np.stack([U, np.zeros(SAMPLES)])
+    return plain.run(T, u, plain.numbers, np.zeros(0))
+
+
+def truth(friction, gain, dead):
+    """The same motor with friction and a faulty amplifier, in a code of its own, without steps of an FMU."""
+    speed = angle = 0.0
+    rows, h = [], DT / 200
+    for voltage in U:
+        rows.append((angle, speed))
+        voltage = gain * np.sign(voltage) * max(abs(voltage) - dead, 0.0)
+        for _ in range(200):
+            angle += h * speed
+            speed += h * (0.05 * voltage - friction * speed * abs(speed)) / 1.8e-3
+    return np.array(rows).T
+
+
+def test_the_wrapper_is_what_the_report_said(motor, tmp_path):
+    dead = {"width": 0.4, "stretch": 0.0, "skew": 0.0, "rounding": 0.0}
+    effects = [
+        ("actuator_dead_zone", "voltage", dead), ("actuator_gain", "voltage", {"deviation": 0.2}),
+        ("quadratic_drag", "shaft", {"coefficient": 3e-4}), ("sensor_bias", "omega", {"offset": 1.5}),
+    ]  # fmt: skip
+    path = tmp_path / "corrected.fmu"
+    path.write_bytes(wrapped(simulator(motor, effects)))
+    angle, omega = truth(3e-4, 1.2, 0.4)
+    expected = np.stack([angle, omega + 1.5])
+    found, plain = run(path), run(motor, 1.8e-3)
+    off = [np.sqrt(np.mean(np.square(y - expected), axis=1)) for y in (plain, found)]
+    assert np.all(off[1] < 0.02 * off[0])
+
+
+def test_without_effects_the_wrapper_is_the_original_with_its_parameters(motor, tmp_path):
+    path = tmp_path / "corrected.fmu"
+    path.write_bytes(wrapped(simulator(motor)))
+    assert np.allclose(run(path), run(motor, 1.8e-3), rtol=1e-6, atol=1e-9)
+
+
+def test_what_remembers_stays_in_the_page(motor):
+    lagging = simulator(motor, [("actuator_lag", "voltage", {"time_constant": 0.1})])
+    with pytest.raises(ExportError, match="remembers"):
+        wrapped(lagging)
