@@ -236,6 +236,8 @@ class Effect(ABC):
     """Whether the memory depends on the path of the position alone, not on time: it then takes one step a reversal."""
     sampled: ClassVar[bool] = False
     """Whether the memory moves once a control period rather than continuously."""
+    on_braid: ClassVar[bool] = False
+    """Whether its force grows with the pressure that presses on the braid, which another effect may hold back."""
     channel: ClassVar[str] = ""
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
 
@@ -385,6 +387,10 @@ class Effect(ABC):
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what is added to the tension, N."""
         return 0.0
+
+    def braid_pressure(self, s: Signals, plant: Plant) -> Array:
+        """Return the pressure that presses on the braid, Pa absolute; the muscle's where nothing is held back."""
+        return s.pressure
 
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
         """Return what is unknown when a run begins: equation, time constant of its decay (s), standard deviation.

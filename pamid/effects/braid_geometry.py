@@ -13,8 +13,8 @@ class BraidGeometry(Effect):
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)
 
-    with the gauge pressure p. A geometry that was fitted to a log without the other causes holds part of them, and is
-    corrected beside them.
+    with the gauge pressure p that presses on the braid. A geometry that was fitted to a log without the other causes
+    holds part of them, and is corrected beside them.
 
     Parameters
     ----------
@@ -38,6 +38,7 @@ class BraidGeometry(Effect):
     equations = ("force",)
     roles = ("position", "pressure")
     kinds = ("muscle",)
+    on_braid = True
     source = "10.1109/70.481753"
     parameters = (
         Parameter("pulling", "N/Pa", -0.1, 0.1, 1e-4, "change of the area that pulls", linear=True),

@@ -53,13 +53,15 @@ class ThresholdPressure(Effect):
     growth: float
     onset: float
 
-    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return the tension at the pressure that is left for the braid less that at the whole one, N."""
-        p = s.pressure - plant.atmospheric_pressure
+    def braid_pressure(self, s: Signals, plant: Plant) -> Array:
+        """Return the pressure that is left for the braid, Pa absolute."""
         angle = math.acos(min(plant.rest_length / plant.thread_length, 1.0))
         # A thread of fixed length that winds less steeply encloses a wider tube.
         lying = np.clip((1.0 - np.asarray(s.position)) * math.cos(angle), -1.0, 1.0)
         wider = np.sqrt(1.0 - lying**2) / math.sin(angle) - 1.0
-        over = p - self.pressure - self.growth * wider
-        left = 0.5 * (over + np.sqrt(over**2 + self.onset**2))
-        return (left - p) * plant.volume_slope(s.position) / plant.rest_length
+        over = s.pressure - plant.atmospheric_pressure - self.pressure - self.growth * wider
+        return plant.atmospheric_pressure + 0.5 * (over + np.sqrt(over**2 + self.onset**2))
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the tension at the pressure that is left for the braid less that at the whole one, N."""
+        return (self.braid_pressure(s, plant) - s.pressure) * plant.volume_slope(s.position) / plant.rest_length

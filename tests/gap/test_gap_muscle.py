@@ -107,3 +107,15 @@ def test_what_is_remembered_has_an_end():
     for k in (0, 1, 0, 2, 1):
         kept.get(k, lambda k=k: make(k))
     assert made == [0, 1, 2, 1]  # 1 was the oldest when 2 came
+
+
+def test_areas_that_the_model_lacks_act_with_what_a_threshold_leaves(evidence):
+    spec = {"threshold_pressure": {"pressure": 6e4, "growth": 1e6, "onset": 1e3}}
+    more = {"braid_geometry": {"pulling": -1e-4, "pushing": -2e-4}}
+    left = evidence.added(spec | more) - evidence.added(spec)
+    s = Signals(**{role: evidence.table[role] for role in ("position", "pressure")})
+    pressing = make_effect("threshold_pressure", **spec["threshold_pressure"]).braid_pressure(s, PLANT)
+    areas = -1e-4 * (1.0 - s.position) ** 2 + 2e-4
+    np.testing.assert_allclose(left, (pressing - PLANT.atmospheric_pressure) * areas, atol=1e-9)
+    alone = evidence.added(more)
+    assert np.abs(left).max() < 0.95 * np.abs(alone).max()

@@ -235,8 +235,12 @@ class SignalEvidence:
             table[role] = np.asarray(effect.restore(table[role], self.dt, self.borders), dtype=float)
         if faults:
             base = np.asarray(self.nominal(table), dtype=float)
-        parts = (self._remembered.get((faults, e), partial(self._hooks, e, table, faults)) for e in effects)
-        total = base + sum(parts, start=np.zeros(len(base)))
+        holding = tuple(e for e in effects if type(e).braid_pressure is not Effect.braid_pressure)
+        braid = self._on_braid(holding, table) if any(e.on_braid for e in effects) else table
+        total = np.array(base, dtype=float)
+        for effect in effects:
+            seen, through = (braid, (*faults, *holding)) if effect.on_braid else (table, faults)
+            total += self._remembered.get((through, effect), partial(self._hooks, effect, seen, through))
         for effect in effects:
             channel, role = OUTPUT[self.kind]
             if effect.channel == channel:
@@ -245,6 +249,13 @@ class SignalEvidence:
                     x = effect.trace(Signals(**{role: total}), self.plant, self.dt, self.borders)
                 total = np.asarray(effect.measure(total, x), dtype=float)
         return total - self.predicted
+
+    def _on_braid(self, holding: Sequence[Effect], table: Table) -> Table:
+        """Return the signals with the pressure that is left for the braid."""
+        for effect in holding:
+            s = Signals(position=table["position"] / self.scale, pressure=table["pressure"])
+            table = {**table, "pressure": np.asarray(effect.braid_pressure(s, self.plant), dtype=float)}
+        return table
 
     def reach(self, spec: Spec) -> np.ndarray:
         """Return what share of a small addition to the model reaches each window's reading, such as none if slack."""
