@@ -32,13 +32,11 @@ def split_equations(texts: list[str]) -> dict[str, str]:
     return found
 
 
-def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
-    """Give a draft the signals and the page of equations: states, outputs, and what right sides name beside numbers.
+def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
+    """Give a draft the signals of equations: states, outputs, and what right sides name beside numbers.
 
     Raises
     ------
-    MissingColumnError
-        A name is neither a number nor a column.
     ParameterError
         A number stands in no equation.
     """
@@ -52,14 +50,27 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
             f"--set gives {', '.join(surplus)}, which no equation names.", f"some of {', '.join(sorted(named))}",
             "Remove it, or name it in an equation.",
         )  # fmt: skip
-    starts = {name: text for name, text in numbers.items() if name in rates}
-    numbers = {name: text for name, text in numbers.items() if name not in rates}
     inputs = sorted(named - set(rates) - set(numbers))
     draft.ports = (
         *(Input(name, "", "state", needed=False) for name in rates),
         *(Input(name, "", "output") for name in outputs),
         *(Input(name, "", "input") for name in inputs),
     )
+
+
+def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
+    """Give a draft the columns of its signals and the page of equations.
+
+    Raises
+    ------
+    MissingColumnError
+        A name is neither a number nor a column.
+    """
+    from ..simulators.equation_model import sides
+
+    rates, outputs = sides(equations)
+    starts = {name: text for name, text in numbers.items() if name in rates}
+    numbers = {name: text for name, text in numbers.items() if name not in rates}
     columns = {str(g.column) for g in draft.guesses} if draft.table.named else set()
     given = {g.signal for g in draft.guesses if g.why == "given"}
     for port in draft.ports:

@@ -109,7 +109,7 @@ def tidy(
             keep &= np.isin(values, how.allowed)
         if how.range is not None:
             keep &= (values >= how.range[0]) & (values <= how.range[1])
-        if not how.check:
+        if how.own or not how.check:
             unchecked.add(signal)
         zero = _zero(zero_run, position, raw, signal, path, mapping) if how.subtract_zero_run else 0.0
         columns[signal] = _to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
@@ -276,7 +276,7 @@ def _to_si(
                 "Add rest_length to constants, for instance rest_length = '200 mm'.",
             )
         return (rest - values) / rest if how.source == "length" else values / rest
-    pressure = unit.dimension == "pressure" if unit else dimension_of(signal) == "pressure"
+    pressure = (unit.dimension if unit else how.dimension(signal)) == "pressure"
     if pressure:
         source_gauge, wants_gauge = how.is_gauge(signal), is_gauge_name(signal)
         if source_gauge and not wants_gauge:

@@ -58,6 +58,8 @@ class Guess:
         What has to be answered before the column can be used at all; empty where nothing has to.
     settled : bool
         For pressures: whether gauge or absolute is said by the name, the unit or the user rather than by the range.
+    own : bool
+        Whether its signal is a name of a simulator's own, which elsewhere stands for a quantity of another unit.
     """
 
     column: str | int
@@ -73,12 +75,13 @@ class Guess:
     high: float = float("nan")
     question: str = ""
     settled: bool = False
+    own: bool = False
 
     def settings(self) -> dict[str, Any]:
         """Return the entry of a mapping."""
         plain = Guess(self.column)
         entry: dict[str, Any] = {"column": self.column}
-        for key in ("unit", "gauge", "source", "scale", "allowed"):
+        for key in ("unit", "gauge", "source", "scale", "allowed", "own"):
             if (value := getattr(self, key)) != getattr(plain, key):
                 entry[key] = list(value) if isinstance(value, tuple) else value
         return entry
@@ -173,6 +176,8 @@ def with_unit(guess: Guess, column: pd.Series) -> Guess:
         return guess
     low, high = (float(v) for v in np.quantile(values, [0.002, 0.998], method="inverted_cdf"))
     guess = replace(guess, low=float(values.min()), high=float(values.max()))
+    if guess.own:
+        return guess
     unit, sure, scale = (guess.unit, True, 1.0) if guess.unit else _unit_of(guess, values, low, high)
     guess = replace(guess, unit=unit, sure=guess.sure and sure, scale=scale if scale != 1.0 else guess.scale)
     if not guess.is_pressure:

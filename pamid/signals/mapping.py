@@ -54,6 +54,8 @@ class SignalMapping:
         Range of the raw column; rows outside are corrupt and left out.
     check : bool
         Whether the values must look like their unit; False overrules the check.
+    own : bool
+        Whether the name is a simulator's own and says nothing of the unit, such as ``u`` for a force.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class SignalMapping:
     allowed: tuple[float, ...] | None = None
     range: tuple[float, float] | None = None
     check: bool = True
+    own: bool = False
 
     @classmethod
     def from_value(cls, signal: str, value: Any) -> SignalMapping:
@@ -117,8 +120,9 @@ class SignalMapping:
     def validate(self, signal: str) -> None:
         """Raise where what is said of a signal does not agree."""
         unit = self.si_unit(signal)
-        pressure = unit.dimension == "pressure" if unit else dimension_of(signal) == "pressure"
-        if self.gauge is not None and not pressure and dimension_of(signal) is not None:
+        known = self.dimension(signal)
+        pressure = unit.dimension == "pressure" if unit else known == "pressure"
+        if self.gauge is not None and not pressure and known is not None:
             raise MappingError(f"gauge is given for {signal}.", "gauge for pressures only", "Remove it.")
         if unit is not None and unit.gauge is not None and self.gauge not in (None, unit.gauge):
             raise MappingError(
@@ -150,10 +154,14 @@ class SignalMapping:
         """
         if self.unit is None:
             return None
+        if self.own:
+            return find_unit(self.unit)
         return find_unit(self.unit, signal if self.source == "value" else "length")
 
     def dimension(self, signal: str) -> str | None:
         """Name the physical dimension of the source column; None where the signal's name says nothing."""
+        if self.own:
+            return None
         return dimension_of(signal) if self.source == "value" else "length"
 
     def is_gauge(self, signal: str) -> bool:

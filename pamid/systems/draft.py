@@ -15,7 +15,7 @@ from ..signals.log import find_logs, read_log
 from ..signals.mapping import SignalMapping
 from ..signals.mapping_text import mapping_text
 from ..signals.unit_names import unit_name
-from ..signals.units import UNITS, parse_quantity
+from ..signals.units import UNITS, dimension_of, parse_quantity
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
@@ -173,6 +173,7 @@ class Draft:
         name: str | int = str(self.table.frame.columns[position]) if self.table.named else position
         stated = unit or (self._own_unit(name, signal, source) if scale == 1.0 else "")
         told = Guess(name, signal, stated or None, gauge, source, scale, why="given", settled=gauge is not None)
+        told = replace(told, own=self._is_own(signal, stated))
         SignalMapping.from_value(signal, told.settings())
         guess = with_unit(replace(told, unit=unit_name(stated) if stated else None), self.column(name))
         if scale != 1.0 and not unit:  # a calibration that ends in SI
@@ -183,9 +184,15 @@ class Draft:
     def _own_unit(self, name: str | int, signal: str, source: str) -> str:
         """Return the unit in the header of a column, where it suits the signal that the column is said to be."""
         unit = read_header(name).unit if isinstance(name, str) else None
-        wanted = SignalMapping(source=source).dimension(signal)
+        wanted = None if self.ports else SignalMapping(source=source).dimension(signal)
         unit = unit_name(unit, wanted) if unit else None
         return unit if unit and wanted in (None, UNITS[unit].dimension) else ""
+
+    def _is_own(self, signal: str, unit: str) -> bool:
+        """Tell whether a simulator's own name means another quantity than it does elsewhere, such as ``u`` a force."""
+        known, found = dimension_of(signal), unit_name(unit)
+        own = signal in {port.name for port in self.ports} - {"time"}
+        return own and known is not None and (found is None or UNITS[found].dimension != known)
 
     def _position(self, column: str, signal: str) -> int | None:
         names = [str(c) for c in self.table.frame.columns]

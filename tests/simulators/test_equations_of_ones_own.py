@@ -180,3 +180,48 @@ def test_dry_friction_of_an_axis_that_stops_is_no_dead_zone_of_its_drive(axis, c
     assert found["viscous_friction"]["coefficient"]["value"] == pytest.approx(4.0, rel=0.05)
     assert found["viscous_friction"]["coefficient"]["unit"] == "N s/m"
     assert any("x rests in" in note for note in answer["notes"])
+
+
+@pytest.fixture
+def spring(tmp_path):
+    """A mass on a spring that hardens, shaken; its force is called u, as the valve's command is elsewhere."""
+    rng, dt, rows = np.random.default_rng(0), 0.002, []
+    for k in range(4):
+        t = np.arange(2000) * dt
+        force = sum(
+            20.0 * np.sin(2 * np.pi * f * t + a) for f, a in zip(range(2, 30), rng.uniform(0, 6, 28), strict=True)
+        )
+        y = v = 0.0
+        log = []
+        for i, u in enumerate(force):
+            log.append((k, i * dt, y + 1e-6 * rng.standard_normal(), u))
+            for _ in range(10):
+                v += dt / 10 * (u - 10.0 * v - 2e4 * y - 4e8 * y**3) / 2.0
+                y += dt / 10 * v
+        rows.append(pd.DataFrame(log, columns=["run", "time", "y", "u"]))
+    pd.concat(rows).to_csv(tmp_path / "spring.csv", index=False)
+    return tmp_path
+
+
+def test_names_of_equations_mean_what_they_say_and_a_hardening_spring_is_named(spring, capsys):
+    log, page = str(spring / "spring.csv"), spring / "setup"
+    equations = ["--equation", "dy/dt = v", "--equation", "dv/dt = (u - c*v - k*y)/m"]
+    numbers = ["--set", "m=2 kg", "--set", "c=10 N s/m", "--set", "k=2e4 N/m ± 5 %"]
+    signals = ["--signal", "y=y:m", "--signal", "u=u:N", "--signal", "trajectory=run"]
+    assert main(["init", log, *equations, *numbers, *signals, "--yes", "--out", str(page), "--quiet"]) == 0
+    assert 'u = { column = "u", unit = "N", own = true }' in (page / "columns.toml").read_text()
+    files = [
+        "--columns",
+        str(page / "columns.toml"),
+        "--sim",
+        str(page / "sim.toml"),
+        "--out",
+        str(spring / "diagnosis"),
+    ]
+    capsys.readouterr()
+    library = "nonlinear_stiffness,viscous_friction,hysteresis,actuator_saturation"
+    assert main(["diagnose", log, *files, "--effects", library, "--json", "--quiet"]) == 0
+    [cause] = json.loads(capsys.readouterr().out)["causes"]
+    assert cause["effects"] == ["nonlinear_stiffness"]
+    assert cause["parameters"]["cubic"]["value"] == pytest.approx(4e8, rel=0.05)
+    assert cause["parameters"]["cubic"]["unit"] == "N/m^3"

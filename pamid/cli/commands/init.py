@@ -199,13 +199,14 @@ def _run(args: argparse.Namespace) -> int:
 def _of_equations(args: argparse.Namespace) -> int:
     """Write the page of equations, and the mapping of their log."""
     from ...systems.draft import draft_for
-    from .._equations import settle_equations, split_equations
+    from .._equations import declare_equations, settle_equations, split_equations
 
     if args.kind:
         raise ParameterError("--kind and --equation are given.", "one of them", "Leave --kind out.")
     folder, equations, numbers = checked_folder(args), split_equations(args.equation), pairs(args.set, "--set")
     draft, ask = draft_for(args.log), Asker(False)
     draft.clear()
+    declare_equations(draft, equations, numbers)  # names mean what the equations say
     for pair in args.signal:
         assign(draft, pair)
     hold(draft, pairs(args.constant, "--constant"))
