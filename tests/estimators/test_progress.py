@@ -145,6 +145,7 @@ def test_scoring_monitor_of_grouped_rows(table):
     assert "_codes_of_fit" not in vars(model)
 
 
+@pytest.mark.slow  # its processes outlive it, so that their time is not counted to it
 def test_progress_and_scores_of_a_search_in_two_processes(table, capsys):
     X, y = table
     monitor = ScoringMonitor(scoring="r2")

@@ -66,6 +66,7 @@ def client(folder):
         yield client
 
 
+@pytest.mark.slow  # of the workers, whose time is not counted to a test
 def test_a_search_that_loses_a_worker_is_the_search_on_one(client, folder):
     X, y, groups = data()
     alone = search(StaticPIHM).fit(X, y, groups=groups)
@@ -83,6 +84,7 @@ def test_a_search_that_loses_a_worker_is_the_search_on_one(client, folder):
     assert np.array_equal(spread.predict(X), alone.predict(X))
 
 
+@pytest.mark.slow
 def test_a_comparison_on_workers_is_that_of_one(client):
     X, y, groups = data()
     table = X[["eps", "P"]].assign(F=y, trajectory=groups, time=np.tile(np.arange(100) * 1e-3, 6))
