@@ -23,6 +23,8 @@ MIX = 0.4
 """How far a share of another form may go in one step."""
 FAR_ENOUGH = 10.0
 """How many times what ends a fit a step must gain for the next to do without differences anew."""
+PROMISED = 0.1
+"""Share of what ends a fit that a step must promise to first order to be a run."""
 LOST = 300.0
 """Log-likelihood below that without an effect at which a fit with it does not come back."""
 
@@ -224,7 +226,7 @@ class Fitter:
             solved = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
             )
-            if self.evidence.bends and solved.loglik < max(behind, best.loglik + gain):
+            if self.evidence.bends and solved.loglik < max(behind, best.loglik + PROMISED * gain):
                 break
             step, at = solved.x[self.n :], x
             while True:
@@ -235,7 +237,7 @@ class Fitter:
                     at = best.x + damping * (solved.x[: self.n] - best.x)
                 z_trial = self.evidence.tangent(_spec(slots, trial), at)
                 found = self._fit(_spec(slots, trial), z_trial, best.x)
-                if found.loglik > best.loglik or damping < (0.3 if self.evidence.bends else 0.1):
+                if found.loglik > best.loglik or damping < 0.1:
                     break
                 damping *= 0.35
             if found.loglik <= best.loglik:
