@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
 _TELLING = 0.02  # of a lever's moment: a smaller change of cos q over the log cannot be told from an offset
+_LEAST = 50  # rows of motion that say what drives a joint
 _STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters
 
 
@@ -95,13 +96,16 @@ class Joint(System):
         q = log["q"].to_numpy(dtype=float)
         dq, ddq = self._rate(log, 1), self._rate(log, 2, 1.5)
         usable &= np.isfinite(drive) & np.isfinite(q)
-        if usable.sum() < 50:
+        if usable.sum() < _LEAST:
             raise ExcitationError(
-                f"{int(usable.sum())} rows say what drives the joint.", "at least 50", "Check gain, limit and enabled."
+                f"{int(usable.sum())} rows say what drives the joint.",
+                f"at least {_LEAST}",
+                "Check gain, limit and enabled.",
             )
         if (left := int((~usable).sum())) > 0:
             notes.append(f"{100 * left / len(log):.1f} % of the rows are left out: the drive is off or at its limit.")
-        if (resting := self._resting(log) & usable).any():
+        resting = self._resting(log) & usable
+        if resting.any() and (usable & ~resting).sum() >= _LEAST:
             usable &= ~resting
             notes.append(at_rest("q", float(resting.mean())))
         nominal, said = self._nominal(q, dq, ddq, drive, usable)

@@ -40,6 +40,8 @@ from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
 from .window_length import Rate, samples
 
+LEAST_MOVING = 20
+"""Windows of motion that a joint must have for those at rest to be left out."""
 MOST_ASKED = 12
 """Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
 
@@ -213,7 +215,7 @@ class DirectEvidence(PortEvidence):
         for joint in self.joints:
             if joint.position in log.channels and any(b.name == joint.name for b in self.balances):
                 rows = resting_rows(log.channels[joint.position], log.dt, codes)
-                if rows.any():
+                if rows.any() and np.sum(~rows) >= LEAST_MOVING * self.n:
                     found[joint.name] = rows
                     self.notes.append(at_rest(joint.position, float(rows.mean())))
         return found
