@@ -145,3 +145,13 @@ def test_a_grid_stays_within_its_bounds(top):
     # 160.8 less 152.8 comes out below 8.04 by a rounding.
     limit = Parameter("limit", "N", 0.05 * top, top, 0.6 * top, "largest value", idle=True)
     assert all(limit.lower <= value <= limit.upper for value in grid(limit, 1))
+
+
+def test_less_than_the_noise_is_no_evidence() -> None:
+    log = log_with()
+    competition = Competition(Evidence(log, NOMINAL), ["viscous_friction"])
+    left = np.minimum(competition.base.left, 1.0)
+    assert competition._below_noise(competition.base.left) == 0.0
+    assert competition._below_noise(1.2 * competition.base.left) == 0.0
+    windows = np.array([part.stop - part.start for part in competition.evidence.parts]) * competition.fitter.weights
+    assert competition._below_noise(0.9 * left) == pytest.approx(-np.log(0.9) * windows.sum())

@@ -98,7 +98,15 @@ class Competition:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
+        if spread is not None and not evidence.exact:
+            score -= self._below_noise(left)
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
+
+    def _below_noise(self, left: np.ndarray) -> float:
+        """Return what residuals gain in nats by becoming smaller than their noise: a fault undone filters that, too."""
+        sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
+        quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
+        return float(sizes @ np.maximum(quiet, 0.0))
 
     @staticmethod
     def _unlikely(fit: Fit) -> float:
