@@ -82,7 +82,8 @@ def main(argv: list[str] | None = None) -> int:
     if args.develop:
         runs = [_written(f) for f in sorted(args.out.glob("develop-*/cases"))]
         runs += [_written(args.out / f"seed-{seed}" / "cases") for seed in args.pool]
-        print(trust.report([case for run in runs for case in trust.told(run)], TRUSTED if args.write else None))
+        every = [{**r, "name": f"{r['name']}@{k}"} for k, run in enumerate(runs) for r in run]
+        print(trust.report(every, TRUSTED if args.write else None))
         return 0 if len(there) == len(names) else 1
     learned = [r for kind in ("learn", "develop") for f in args.out.glob(f"{kind}-*/cases") for r in _written(f)]
     for name, answers in novelty.judged(novelty.known(learned), results).items():

@@ -95,10 +95,15 @@ def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], folds: int = 1
     return out
 
 
-def weights(results: Sequence[Mapping[str, Any]]) -> np.ndarray:
-    """Return what each case counts for, such that causes beyond the library have their share; 1 for those in it."""
-    beyond = np.array([r["key"]["suite"] == "off-library" for r in results])
-    return np.where(beyond, BEYOND / (1.0 - BEYOND) * np.sum(~beyond) / max(int(beyond.sum()), 1), 1.0)
+def weight_beyond(results: Sequence[Mapping[str, Any]]) -> float:
+    """Return what a case beyond the library counts for, one in it counting 1, such that its share of all gaps is right.
+
+    Gaps count that can be decided, whether something was named or not: of those that were named fewer are beyond it.
+    """
+    known = decidable(results)
+    gaps = [r["key"]["suite"] for r in results if r["name"] in known and r["key"]["suite"] != "none"]
+    beyond = gaps.count("off-library")
+    return BEYOND / (1.0 - BEYOND) * (len(gaps) - beyond) / max(beyond, 1)
 
 
 def bar(p: np.ndarray, y: np.ndarray, weight: np.ndarray, alpha: float = ALPHA) -> float:
@@ -109,10 +114,12 @@ def bar(p: np.ndarray, y: np.ndarray, weight: np.ndarray, alpha: float = ALPHA) 
     return float(p[order][np.flatnonzero(holds)[-1]]) if holds.any() else 1.0
 
 
-def report(cases: Sequence[Mapping[str, Any]], module: Path | None = None) -> str:
-    """Fit weights and bar to cases that `told` gave, write them as a module if one is named; return them as text."""
+def report(results: Sequence[Mapping[str, Any]], module: Path | None = None) -> str:
+    """Fit weights and bar to the cases of `told`, write them as a module if one is named; return them as text."""
+    cases = told(results)
     names = sorted(cases[0]["diagnosis"]["signs"])
-    S, y, weight = design(cases, names), np.array([right(r) for r in cases]), weights(cases)
+    S, y = design(cases, names), np.array([right(r) for r in cases])
+    weight = np.where([r["key"]["suite"] == "off-library" for r in cases], weight_beyond(results), 1.0)
     p = held_out(S, y, ["+".join(sorted(r["key"]["effects"])) for r in cases])
     low = bar(p, y, weight)
     found = dict(zip(["constant", *names], fitted(S, y).round(2).tolist(), strict=True))
