@@ -104,9 +104,13 @@ class Competition:
 
     def _below_noise(self, left: np.ndarray) -> float:
         """Return what residuals gain in nats by becoming smaller than their noise: a fault undone filters that, too."""
-        sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
         quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
-        return float(sizes @ np.maximum(quiet, 0.0))
+        return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
+
+    @property
+    def _counts(self) -> np.ndarray:
+        """Windows of each equation."""
+        return np.array([part.stop - part.start for part in self.evidence.parts])
 
     @staticmethod
     def _unlikely(fit: Fit) -> float:
@@ -172,14 +176,13 @@ class Competition:
 
     def _enough(self, h: Hypothesis) -> bool:
         """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""
-        sizes = np.array([part.stop - part.start for part in self.evidence.parts])
-        return bool(h.fit.spec) and bool(np.all(h.left <= 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(sizes, 1))))
+        wide = 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1))
+        return bool(h.fit.spec) and bool(np.all(h.left <= wide))
 
-    def _hopeless(self, about: Subsets, subset: Subset) -> bool:
+    def _hopeless(self, about: Subsets, subset: Subset, nothing: float) -> bool:
         """Tell whether a set explains too little to be a gap, between the points of its grid, too."""
         price = sum(about.cost[self.templates[t].effect] for t in subset.templates)
-        gain = subset.score - about.fit(()).score + price
-        return not self.evidence.bends and gain / GRID - price <= self.evidence.least_gain
+        return (subset.score - nothing + price) / GRID - price <= self.evidence.least_gain
 
     def refit(self, screen: Screen) -> Outcome:
         """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes."""
@@ -190,7 +193,7 @@ class Competition:
         for subset in self._promising(about, screen.contenders):
             if len(subset.templates) > 1 and self.evidence.bends and self._enough(best):
                 break
-            if best is self.base and self._hopeless(about, subset):
+            if best is self.base and not self.evidence.bends and self._hopeless(about, subset, nothing):
                 continue
             # What one effect explains exactly may need several to first order.
             first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
@@ -271,8 +274,7 @@ class Competition:
 
     def _gained(self, h: Hypothesis) -> np.ndarray:
         """Return what a set explains of each equation, in nats."""
-        sizes = np.array([part.stop - part.start for part in self.evidence.parts]) * self.fitter.weights
-        gain = sizes * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
+        gain = self._counts * self.fitter.weights * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
         return np.asarray(np.maximum(gain, 0.0))
 
     def gain_about(self, h: Hypothesis, name: str) -> float:
@@ -356,7 +358,7 @@ class Competition:
         """
         if not self.evidence.bends:
             return list(contenders)
-        one = [s for s in contenders if len(s.templates) == 1 and not self._hopeless(about, s)]
+        one = [s for s in contenders if len(s.templates) == 1]
         x = self.base.fit.x
         order = {id(s): self.fitter.promise(self._start(about, s, self.base), x) for s in one}
         return sorted(one, key=lambda s: -order[id(s)]) + [s for s in contenders if len(s.templates) > 1]
