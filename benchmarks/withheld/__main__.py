@@ -19,7 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[2])  # not this folder, whose modules are a package's
 
-from benchmarks.withheld import metrics, novelty, report, runner, suites, trust
+from benchmarks.withheld import metrics, novelty, report, runner, several, suites, trust
 
 TRUSTED = Path(__file__).resolve().parents[2] / "pamid/gap/diagnosis/trusted.py"
 
@@ -62,6 +62,8 @@ def main(argv: list[str] | None = None) -> int:
         counts = {s: max(1, round(args.cases * n / sum(whole.values()))) for s, n in whole.items()}
     if args.suite:
         counts = {s: n for s, n in counts.items() if s in args.suite}
+        if "several" in args.suite:
+            counts["several"] = args.cases or several.COUNT
     listed = suites.batches(counts, args.seed)
     folder = args.out / f"{'learn' if args.learn else 'develop' if args.develop else 'seed'}-{args.seed}"
     rivals = not (args.no_rivals or args.develop or args.learn)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from . import several
 from .catalogue import VOCABULARY, catalogue
 from .excitation import DT, Reference, draw_plan
 from .loop import Control, as_columns, draw_control, record, told_by
@@ -100,6 +101,8 @@ class Case:
         Row of the log at the centre of each window.
     drawn : object
         The bench itself, for `record_more`.
+    each : dict of str to dict of str to array
+        For each effect what it leaves by itself, like ``contributions``.
     """
 
     spec: Spec
@@ -111,6 +114,7 @@ class Case:
     contributions: dict[str, np.ndarray]
     centres: dict[str, np.ndarray]
     drawn: _Draw
+    each: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
 
 def draw(spec: Spec, runs: int, samples: int) -> _Draw:
@@ -340,6 +344,7 @@ def generate(specs: Sequence[Spec], layout: tuple[int, int]) -> list[Case]:
                 total.contribution,
                 {e: np.concatenate([m[e] + a for m, a in zip(middle, rows, strict=False)]) for e in EQUATIONS},
                 d,
+                {name: s.contribution for name, s in single.items()},
             )
         )
     return cases
@@ -386,6 +391,8 @@ def _key(d: _Draw, total: Strength, single: dict[str, Strength]) -> dict[str, An
             "net": single[name].net,
             "raw": single[name].raw,
             "equation": single[name].equation,
+            "share": several.share_of_gap(single[name].contribution, total.contribution, total.floors),
+            "part": several.part_of_all(single[name].contribution, total.contribution, total.floors),
         }
         for name, p in d.shapes.items()
     }

@@ -81,6 +81,17 @@ def regions(case: Case, found: Sequence[Mapping[str, Any]], equation: str, table
     return agreement(table, queries, centres, true_region(gap)), agreement(table, queries, centres, over)
 
 
+def left_share(case: Case, before: BenchParameters, after: BenchParameters) -> float:
+    """Return the share of the gap's power that a correction leaves on readings without noise, over all equations.
+
+    Each equation counts in units of its noise, and as much as it has windows, as in the remainder of a diagnosis.
+    """
+    weight = {e: case.contributions[e].size / case.key["floors"][e] ** 2 for e in case.contributions}
+    was, now = evaluate_log(case.future_clean, before), evaluate_log(case.future_clean, after)
+    total = [sum(w * found[e].rmse ** 2 for e, w in weight.items()) for found in (was, now)]
+    return total[1] / total[0]
+
+
 SAME_FORM = {
     "pressure_bias": ("offset", "signed"),
     "force_bias": ("offset", "signed"),

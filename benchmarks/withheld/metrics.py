@@ -19,6 +19,8 @@ LOUD = 1.0
 """Strength from which an effect is loud."""
 NAMING = ("cause", "class", "several")
 """Verdicts that name effects of the library."""
+TOGETHER = ("pairs", "several")
+"""Suites of more than one effect."""
 APART = ("none", "unknown")
 """Candidates that are no effects."""
 
@@ -294,9 +296,9 @@ def confusable_first(records: Sequence[Record]) -> Figure:
 
 # --- how sure ------------------------------------------------------------------------------------------------
 def correct(truth: Truth, answer: Answer) -> bool:
-    """Whether the head of the ranking is right; for a pair, either of the two is."""
+    """Whether the head of the ranking is right; of several effects, any of them is."""
     head = answer.ranking[0]
-    return head in truth.effects if truth.suite == "pairs" else head == truth.label
+    return head in truth.effects if truth.suite in TOGETHER else head == truth.label
 
 
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 10) -> float:
@@ -374,10 +376,10 @@ def said(answer: Answer) -> str:
 
 
 def confusion(records: Sequence[Record]) -> dict[str, Counter[str]]:
-    """Return for each true label how often each answer was given; pairs are left out."""
+    """Return for each true label how often each answer was given; several at once are left out."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     for t, a in records:
-        if t.suite != "pairs":
+        if t.suite not in TOGETHER:
             table[t.label][said(a)] += 1
     return dict(table)
 

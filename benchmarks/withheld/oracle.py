@@ -31,30 +31,69 @@ def oracle(case: Case, params: Any) -> float | None:
     """
     if not case.spec.targets:
         return None
-    from pamid.gap.inference.gauss_newton import Fitter
-    from pamid.gap.residuals.bench import Evidence
-
-    evidence = Evidence(case.log, params)
-    fitter = Fitter(evidence)
-    column = evidence.white(_at_windows(case, evidence) / evidence.noise)[:, None]
-    x = np.zeros(len(evidence.free))
-    spread = evidence.spread({}, x)
-    without = fitter.linear(evidence.z0, iterations=20, soft=spread)
-    # What an effect adds to the measured side is in the residual already: the oracle takes it off.
-    bounds = np.array([-3.0]), np.array([3.0])
-    with_it = fitter.linear(evidence.z0, column, *bounds, iterations=20, soft=spread)
-    return float(with_it.loglik - without.loglik - 0.5 * len(case.spec.targets) * np.log(max(len(evidence.z0), 2)))
+    told = _Told(case, params)
+    gain = told.loglik([told.column(case.contributions)]) - told.loglik([])
+    return float(gain - 0.5 * len(case.spec.targets) * np.log(max(told.windows, 2)))
 
 
-def _at_windows(case: Case, evidence: Any) -> np.ndarray:
-    """Return what the effects leave in the windows of the library, from those of the generator by the time of each."""
+def oracle_each(case: Case, params: Any) -> dict[str, float]:
+    """Return the gain in evidence of each true effect in its true form, over the others alone, each free in its size.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    params : BenchParameters
+        Its nominal simulator.
+    """
+    told = _Told(case, params)
+    columns = {name: told.column(part) for name, part in case.each.items()}
+    # What all leave together is exactly known; where the motion was another one, the parts are nearly so.
+    between = told.column(case.contributions) - sum(columns.values())
+    price = 0.5 * float(np.log(max(told.windows, 2)))
+    every = told.loglik([*columns.values(), between])
+    return {
+        name: every - told.loglik([*(c for n, c in columns.items() if n != name), between]) - price for name in columns
+    }
+
+
+class _Told:
+    """A log as the oracle fits it: columns of true forms, each with a factor, beside what has a tolerance."""
+
+    def __init__(self, case: Case, params: Any) -> None:
+        from pamid.gap.inference.gauss_newton import Fitter
+        from pamid.gap.residuals.bench import Evidence
+
+        self.case, self.evidence = case, Evidence(case.log, params)
+        self.fitter = Fitter(self.evidence)
+        self.spread = self.evidence.spread({}, np.zeros(len(self.evidence.free)))
+        self.windows = len(self.evidence.z0)
+
+    def column(self, contributions: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return what effects leave in the windows of the log, in units of the noise."""
+        return np.asarray(
+            self.evidence.white(_at_windows(self.case, self.evidence, contributions) / self.evidence.noise)
+        )
+
+    def loglik(self, columns: Sequence[np.ndarray]) -> float:
+        """Return the likelihood with columns, each times a factor between −3 and 3."""
+        z, n = self.evidence.z0, len(columns)
+        if not n:
+            return float(self.fitter.linear(z, iterations=20, soft=self.spread).loglik)
+        # What an effect adds to the measured side is in the residual already: the oracle takes it off.
+        bounds = np.full(n, -3.0), np.full(n, 3.0)
+        return float(self.fitter.linear(z, np.column_stack(columns), *bounds, iterations=20, soft=self.spread).loglik)
+
+
+def _at_windows(case: Case, evidence: Any, contributions: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return what effects leave in the windows of the library, from those of the generator by the time of each."""
     sizes = case.log.groupby("trajectory", sort=False).size()
     first = dict(zip(sizes.index, np.concatenate([[0], np.cumsum(sizes)[:-1]]), strict=True))
     begin = np.array([first[name] for name in evidence.trajectories])
     rows = begin[evidence.block] + evidence.time / DT
     out = np.zeros(len(evidence.noise))
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
-        centres, found = case.centres[name], case.contributions[name]
+        centres, found = case.centres[name], contributions[name]
         for side in np.unique(evidence.side[part]):
             mine = np.flatnonzero(evidence.side[part] == side) + part.start
             out[mine] = np.interp(rows[mine], centres, found[:, min(int(side), found.shape[1] - 1)])

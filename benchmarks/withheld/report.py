@@ -7,12 +7,13 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from . import metrics as m
-from . import novelty
+from . import novelty, several
 from .metrics import Figure, Record
 from .oracle import decidable
 from .runner import METHODS, records
@@ -140,6 +141,20 @@ def table(results: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def table_of_several(results: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of cases of three to five effects, by how many they have and how they were drawn."""
+    columns = {k: listed for k, listed in several.kinds(results).items() if listed}
+    heads = [f"{k} ({len(listed)})" for k, listed in columns.items()]
+    lines = ["| figure | ask | n | " + " | ".join(heads) + " |", "| --- " * (len(heads) + 3) + "|"]
+    for name, ask, measure, met, style in several.ROWS:
+        measured = [measure(listed) for listed in columns.values()]
+        cells = [shown(measured[0], style), *(shown(replace(f, low=math.nan), style) for f in measured[1:])]
+        if measured[0].n and not met(measured[0].value):
+            cells[0] += " **missed**"
+        lines.append(f"| {name} | {ask} | {measured[0].n} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def matrix(counts: Mapping[str, Counter[str]]) -> str:
     """Return a matrix as CSV, the first column its rows' labels."""
     columns = sorted({c for row in counts.values() for c in row})
@@ -202,10 +217,12 @@ def report(results: Sequence[Mapping[str, Any]], command: str) -> str:
     """Return everything that a check found, in Markdown."""
     suites = Counter(r["key"]["suite"] for r in results)
     counted = ", ".join(f"{n} {s}" for s, n in suites.items())
-    parts = [
-        f"# Withheld check\n\n`{command}`: {len(results)} cases ({counted}), each with a seed of its own.",
-        table(results),
-    ]
+    parts = [f"# Withheld check\n\n`{command}`: {len(results)} cases ({counted}), each with a seed of its own."]
+    together = [r for r in results if r["key"]["suite"] == "several"]
+    if together:
+        parts.append(table_of_several(together))
+    if len(together) < len(results):
+        parts.append(table([r for r in results if r["key"]["suite"] != "several"]))
     parts.append("Shares have Wilson's 95 % interval, other figures that of the bootstrap over cases.")
     if text := wrong_families_close(results):
         parts.append(text)

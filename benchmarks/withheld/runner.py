@@ -23,7 +23,7 @@ import pandas as pd
 
 from .generator import Case, generate
 from .metrics import Answer, Record, Truth
-from .oracle import oracle
+from .oracle import oracle, oracle_each
 from .suites import Batch
 
 METHODS = ("ours", "ranking", "sindy", "black box")
@@ -88,6 +88,9 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
             said = d.as_dict()
             out["diagnosis"], out["out_of_form"] = said, judge.checked(said)
             out["answers"]["ours"] = asdict(_ours(case, params, true, d, said, seconds))
+            if case.spec.suite == "several":
+                out["oracle_each"] = oracle_each(case, params)
+                out["left"] = judge.left_share(case, judge.refitted(case, params), d.corrected)
             if diagnose is named_always and len(said["causes"]) > 1:
                 out["reduced"] = reduced_always(case.log, params, names, case.spec.index).as_dict()
         except Exception as error:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import several
 from .catalogue import CONFUSABLE, FOREIGN, VOCABULARY
 from .generator import Spec
 
-SUITES = ("none", "single", "pairs", "off-library", "confusable")
+SUITES = ("none", "single", "pairs", "off-library", "confusable", "several")
 COUNTS = {"none": 600, "single": 400, "pairs": 100, "off-library": 400, "confusable": 60}
-"""Cases of each suite in a full check."""
+"""Cases of each suite in a full check; that of several effects is run by itself."""
 DEVELOP = {"single": 120, "pairs": 40, "off-library": 120, "confusable": 20}
 """Cases of each suite on which trust in names is measured."""
 LEARN = {"single": 250}
@@ -66,6 +67,8 @@ def _spec(suite: str, index: int, root: int) -> Spec:
             if frozenset((one, two)) not in rivals:
                 break
         return Spec(suite, index, entropy, muscle, {one: _target(rng, True), two: _target(rng, True)})
+    if suite == "several":
+        return Spec(suite, index, entropy, muscle, several.together(rng, index, CONFUSABLE))
     if suite == "off-library":
         # Alternately a name of the vocabulary taken out of the library, and a cause foreign to it.
         if index % 2 == 0:
