@@ -118,7 +118,11 @@ def spread(*parts: tuple[np.ndarray | float, np.ndarray], n_windows: int) -> tup
     for sensitivity, covariances in parts:
         s = np.broadcast_to(sensitivity, (n_windows, sides))
         for lag, covariance in enumerate(covariances):
-            total[lag] = total[lag] + s * np.vstack([s[lag:], np.zeros((min(lag, n_windows), sides))]) * covariance
+            found = s * s * covariance if lag == 0 else s * covariance
+            if lag:  # with the window so many further on, which the last ones lack
+                found[:-lag] *= s[lag:]
+                found[-lag:] = 0.0
+            total[lag] = total[lag] + found
     full = [np.broadcast_to(t, (n_windows, sides)) for t in total]
     return np.sqrt(full[0]), np.array(full[1:]).reshape(order - 1, n_windows, sides)
 

@@ -112,9 +112,10 @@ class BenchLog:
         """Return rows of a column as numbers, NaN where nothing was measured."""
         if column not in self._views:
             whole = self.table[column]
-            self._views[column] = whole.to_numpy() if whole.dtype == np.float64 else None
+            plain = isinstance(whole.dtype, np.dtype) and whole.dtype.kind == "f"
+            self._views[column] = whole.to_numpy() if plain else None
         if (view := self._views[column]) is not None:
-            return view[rows]
+            return np.asarray(view[rows], dtype=float)
         series = self.table[column].iloc[rows]
         try:
             return series.to_numpy(dtype=float, na_value=np.nan)

@@ -82,6 +82,15 @@ def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.n
     return noise._replace(white=least) if least < 0.5 * noise.white else noise
 
 
+def _least(differences: np.ndarray, beyond: float) -> float:
+    """Return the smallest size above a limit, infinity if there is none."""
+    sizes = np.abs(differences)
+    least = float(sizes.min())
+    if least > beyond:
+        return least
+    return float(np.min(sizes[sizes > beyond], initial=np.inf))
+
+
 def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> ChannelNoise:
     r"""Estimate the noise of a channel over one trajectory.
 
@@ -121,13 +130,12 @@ def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> Channe
     if len(x) < 5:
         return ChannelNoise(0.0, 0.0, 0.0)
     steps = np.diff(x)
-    third = third_differences(x, at)
+    changes = np.diff(steps)
+    third = np.diff(changes) if at is None else third_differences(x, at)
     sigma = white_noise(third)
+    most = float(max(x.max(), -x.min()))
     # In steady motion all steps are long: then they differ from each other by the resolution.
-    sizes, change, most = np.abs(steps), np.abs(np.diff(steps)), float(np.max(np.abs(x)))
-    least, finer = (
-        float(np.min(d, initial=np.inf, where=d > r * most)) for d, r in ((sizes, 1e-12), (change, _SINGLE))
-    )
+    least, finer = _least(steps, 1e-12 * most), _least(changes, _SINGLE * most)
     resolution = finer if finer < 0.5 * least else least
     resolution = resolution if np.isfinite(resolution) else 0.0
     rounding = resolution / np.sqrt(12.0)

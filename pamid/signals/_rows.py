@@ -18,6 +18,7 @@ from pamid.errors import (
     TimeOrderError,
 )
 
+from .noise import median
 from .reading_notes import Readings
 
 if TYPE_CHECKING:
@@ -194,6 +195,8 @@ def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, no
     merged = False
     for name, rows in blocks(names):
         steps = np.diff(time[rows])
+        if len(steps) and (steps > 0).all():
+            continue
         _require_forward(steps, time[rows], name, where)
         same = np.flatnonzero(steps == 0) + 1
         if same.size and duplicates != "keep":
@@ -293,10 +296,11 @@ def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
     time = frame["time"].to_numpy(dtype=float)
     for name, rows in blocks(frame["trajectory"].to_numpy(dtype=object)):
         steps = np.diff(time[rows])
-        steps = steps[steps > 0]
+        if not (steps > 0).all():
+            steps = steps[steps > 0]
         if not steps.size:
             continue
-        period = float(np.median(steps))
+        period = median(steps)
         notes.periods[name] = period
         if steps.max() > _GAP * period:
             notes.gaps[name] = float(steps.max())

@@ -216,7 +216,7 @@ def _require_units(part: Part, settings: LogMapping, path: Path) -> None:
     for name in (c for c in part.frame.columns if c not in part.unchecked and c != "trajectory"):
         values = part.frame[name].to_numpy(dtype=float)
         faults = impossible(str(name), values, ambient)
-        checked[str(name)] = values[~faults] if faults.mean() <= _MOST_FAULTS else values
+        checked[str(name)] = values[~faults] if 0.0 < faults.mean() <= _MOST_FAULTS else values
     require_plausible(checked, ambient_pressure=ambient, where=path.name)
 
 

@@ -57,7 +57,17 @@ def white_noise(differences: np.ndarray) -> float:
 
     Third differences remove what is locally quadratic, the median what jumps.
     """
-    return float(np.median(np.abs(differences))) / _MAD / DIFFERENCE
+    return median(np.abs(differences)) / _MAD / DIFFERENCE
+
+
+def median(x: np.ndarray) -> float:
+    """Return the median of a few thousand numbers as `numpy.median` does, in a fifth of its time."""
+    n = len(x)
+    if n < 3 or np.isnan(x @ x):
+        return float(np.median(x))
+    middle = n // 2
+    ordered = np.partition(x, (middle - 1, middle))
+    return float(ordered[middle] if n % 2 else 0.5 * (ordered[middle - 1] + ordered[middle]))
 
 
 def quantisation_step(y: np.ndarray) -> float:

@@ -198,7 +198,8 @@ def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATM
         if base not in _RULES and base not in rates and base != "time":
             continue
         values = np.asarray(table[name], dtype=float).ravel()
-        values = values[np.isfinite(values)]
+        if not (finite := np.isfinite(values)).all():
+            values = values[finite]
         if not values.size:
             continue
         if base == "time":

@@ -6,18 +6,23 @@ The pass is one for all commands: it runs while a log is read, on signals in SI.
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ReadingError
 
+from ._rows import blocks
 from .reading_notes import MISSING, USED, Readings
 from .units import base_name, dimension_of, is_gauge_name
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Rows: TypeAlias = np.ndarray | slice
+"""Rows of a run: a slice where they follow one another, since what it takes is no copy."""
 
 BEYOND = 1e30
 """No quantity of a log is as large in SI; markers of missing values and overflows are."""
@@ -31,6 +36,7 @@ _WIDTHS = (1, 2)  # samples of a glitch
 _OF_JUMPS, _OF_STEPS = 20.0, 10.0
 _RARE = 6  # steps and jumps that a glitch or two make: they do not count as usual in a short log
 _BACK = 0.75  # of the way there
+_ENDS = ((0, 1), (-1, -2))  # the first and the last reading of a run, and the one beside it
 _MOST_GLITCHES = 0.002  # of the rows: what comes more often may belong to the signal
 
 
@@ -67,7 +73,7 @@ def impossible(signal: str, values: np.ndarray, ambient_pressure: float = ATMOSP
         bad |= values <= (-ambient_pressure if is_gauge_name(signal) else 0.0)
     elif base_name(signal) == "eps":
         bad |= values >= 1.0
-    return bad & np.isfinite(values)
+    return bad & np.isfinite(values) if bad.any() else bad
 
 
 def screen(
@@ -85,7 +91,7 @@ def screen(
     Parameters
     ----------
     frame : DataFrame
-        Tidy frame in SI, its time in order.
+        Tidy frame in SI, its time in order, the rows of a run together.
     origin : DataFrame
         The same before rows were sorted or left out, for their numbers.
     nan : {"raise", "drop", "keep"}
@@ -109,7 +115,7 @@ def screen(
     ReadingError
         With ``nan="raise"``, if a reading cannot be.
     """
-    runs = [(str(name), np.asarray(rows)) for name, rows in frame.groupby("trajectory", sort=False).indices.items()]
+    runs = list(blocks(frame["trajectory"].to_numpy(dtype=object)))
     rows_of_runs = [rows for _, rows in runs]
     changed: dict[str, np.ndarray] = {}
     for signal in (str(c) for c in frame.columns if c not in ("trajectory", "time")):
@@ -120,28 +126,34 @@ def screen(
                 raise _refusal(signal, frame, origin, bad, where)
             notes.note(signal, "impossible", frame, bad, MISSING, origin)
         if base_name(signal) in _SENSORS and not signal.endswith(_COMMANDS) and signal not in skip:
-            jumps = glitches(np.where(bad, np.nan, values), rows_of_runs)
+            readings = _without(values, bad)
+            jumps = glitches(readings, rows_of_runs)
             if base_name(signal) == "u":
                 jumps &= np.abs(values) > _FULL_COMMAND
             if jumps.any():
                 rare = nan != "raise" and jumps.sum() <= max(3.0, _MOST_GLITCHES * len(values))
                 notes.note(signal, "glitch", frame, jumps, MISSING if rare else USED, origin)
                 bad |= jumps & rare
-            quick = base_name(signal) in _QUICK
-            ends = _far_ends(np.where(bad, np.nan, values), rows_of_runs, outward=quick)
+                readings = _without(values, bad)
+            ends = _far_ends(readings, rows_of_runs, outward=base_name(signal) in _QUICK)
             if base_name(signal) == "mdot" and ends.any():
                 ends &= ~_of_command(frame, signal, rows_of_runs)
             if ends.any():
                 notes.note(signal, "end", frame, ends, USED, origin)
         if bad.any():
-            changed[signal] = np.where(bad, np.nan, values)
+            changed[signal] = _without(values, bad)
     frame = frame.assign(**changed) if changed else frame
-    _note_still(frame, runs, skip, notes)
-    for name, mark in run_marks(frame).items():
+    sensors = _sensors(frame)
+    _note_still(sensors, runs, skip, notes)
+    for name, mark in _marks(sensors, runs).items():
         if mark in notes.seen:
             notes.repeated.append((name, notes.seen[mark]))
         notes.seen.setdefault(mark, name)
     return frame
+
+
+def _without(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    return np.where(bad, np.nan, values) if bad.any() else values
 
 
 def run_marks(frame: pd.DataFrame) -> dict[str, str]:
@@ -166,16 +178,30 @@ def run_marks(frame: pd.DataFrame) -> dict[str, str]:
     >>> run_marks(log)["a"] == run_marks(log.assign(trajectory="b", time=t + 5))["b"]
     True
     """
+    runs = [(str(k), np.asarray(v)) for k, v in frame.groupby("trajectory", sort=False).indices.items()]
+    return _marks(_sensors(frame), runs)
+
+
+def _sensors(frame: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Return the columns that a sensor reads."""
     names = [str(c) for c in frame.columns if base_name(str(c)) in _SENSORS and not str(c).endswith(_COMMANDS)]
+    return {name: frame[name].to_numpy(dtype=float) for name in names}
+
+
+def _marks(sensors: Mapping[str, np.ndarray], runs: Iterable[tuple[str, Rows]]) -> dict[str, str]:
     found: dict[str, str] = {}
-    table = frame[names].to_numpy(dtype=float)
-    for run, rows in frame.groupby("trajectory", sort=False).indices.items():
-        if len(rows) < _FEW:
-            continue
-        values = table[rows]
-        if np.any(values[1:] != values[:-1]):
-            found[str(run)] = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+    for run, rows in runs:
+        readings = [y[rows] for y in sensors.values()]
+        if readings and len(readings[0]) >= _FEW and any(_moves(y) for y in readings):
+            mark = hashlib.sha256()
+            for y in readings:
+                mark.update(np.ascontiguousarray(y).data)
+            found[run] = mark.hexdigest()
     return found
+
+
+def _moves(y: np.ndarray) -> bool:
+    return bool(np.any(y != y[0]))
 
 
 def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.ndarray, where: str) -> ReadingError:
@@ -188,7 +214,7 @@ def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.nda
     )
 
 
-def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
+def glitches(values: np.ndarray, runs: Sequence[Rows]) -> np.ndarray:
     """Return which readings jump away and back within two samples.
 
     A jump counts if it is 20 times what all but 1 % of the readings do in this way, and 10 times what all but 1 % of
@@ -198,7 +224,7 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
     ----------
     values : array, shape (n,)
         Readings; NaN where there is none.
-    runs : list of array
+    runs : sequence of array or slice
         Rows of each run.
 
     Returns
@@ -216,28 +242,51 @@ def glitches(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:
     array([40])
     """
     found = np.zeros(len(values), dtype=bool)
-    good = np.isfinite(values)
-    kept = [rows[good[rows]] for rows in runs]
-    if int(good.sum()) < _FEW:
+    kept = _kept(values, runs)
+    series = [values[rows] for rows in kept]
+    if sum(map(len, series)) < _FEW:
         return found
-    steps = [np.abs(np.diff(values[rows])) for rows in kept]
-    usual = _OF_STEPS * _level(steps)
-    if all(s.max(initial=0.0) <= usual for s in steps):
+    steps = [np.abs(np.diff(y)) for y in series]
+    largest = max(s.max(initial=0.0) for s in steps)
+    if largest <= _OF_STEPS * _least_level(steps, largest) or largest <= (usual := _OF_STEPS * _level(steps)):
         return found  # no jump is larger than the steps that it is made of
     for width in _WIDTHS:
-        back = [_there_and_back(values[rows], width) for rows in kept]
+        back = [_there_and_back(y, width) for y in series]
         limit = max(usual, _OF_JUMPS * _level(back))
         for rows, jumps in zip(kept, back, strict=True):
             for k in np.flatnonzero(jumps > limit):
-                found[rows[k + 1 : k + 1 + width]] = True
+                found[np.arange(len(values))[rows][k + 1 : k + 1 + width]] = True
     return found
+
+
+def _kept(values: np.ndarray, runs: Sequence[Rows]) -> Sequence[Rows]:
+    """Return the rows of each run that hold a reading."""
+    good = np.isfinite(values)
+    if good.all():
+        return runs
+    return [np.arange(len(values))[rows][good[rows]] for rows in runs]
 
 
 def _level(arrays: list[np.ndarray]) -> float:
     """Return what all but 1 % of the values, and at least a few, stay below."""
     together = np.concatenate(arrays)
-    above = max(0.01, _RARE / max(len(together), 1))
-    return float(np.quantile(together, max(1.0 - above, 0.0), method="lower")) if len(together) else 0.0
+    return float(np.quantile(together, _share(len(together)), method="lower")) if len(together) else 0.0
+
+
+def _share(n: int) -> float:
+    return max(1.0 - max(0.01, _RARE / max(n, 1)), 0.0)
+
+
+def _least_level(arrays: list[np.ndarray], largest: float) -> float:
+    """Return what `_level` of the values above 0 does not fall below, from their mean: no value has to be sorted.
+
+    Those above the level are few and at most the largest; the others are at most the level, so their mean is as well.
+    """
+    n = sum(int(np.count_nonzero(a)) for a in arrays)
+    below = int(_share(n) * (n - 1))  # one fewer than it are, so that rounding has no say
+    if below < 1:
+        return 0.0
+    return max((sum(float(a.sum()) for a in arrays) - (n - below) * largest) / below, 0.0)
 
 
 def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
@@ -250,7 +299,7 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
     return np.where((up * down > 0) & (least > _BACK * most), least, 0.0)
 
 
-def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, outward: bool) -> np.ndarray:
+def _far_ends(values: np.ndarray, runs: Sequence[Rows], *, outward: bool) -> np.ndarray:
     """Return which first and last readings of runs are off: they cannot jump there and back, which gives them away.
 
     Such a reading lies farther from all the others than these are apart, or leaps from the one beside it by 10 times
@@ -258,25 +307,27 @@ def _far_ends(values: np.ndarray, runs: list[np.ndarray], *, outward: bool) -> n
     may leap from there, and a reading that is large beside a small one may not.
     """
     found = np.zeros(len(values), dtype=bool)
-    good = np.isfinite(values)
-    kept = [rows for rows in (rows[good[rows]] for rows in runs) if len(rows) > 2]
-    if sum(len(rows) - 2 for rows in kept) < _FEW:
+    kept = [(rows, values[rows]) for rows in _kept(values, runs)]
+    kept = [(rows, y) for rows, y in kept if len(y) > 2]
+    if sum(len(y) - 2 for _, y in kept) < _FEW:
         return found
-    others = np.concatenate([values[rows[1:-1]] for rows in kept])
-    low, high = float(others.min()), float(others.max())
+    low, high = min(float(y[1:-1].min()) for _, y in kept), max(float(y[1:-1].max()) for _, y in kept)
     if high == low:
         return found
-    steps = [np.abs(np.diff(values[rows[1:-1]])) for rows in kept]
-    leap = _OF_STEPS * _level([s[s > 0] for s in steps])
-    for rows in kept:
-        for end, beside in ((rows[0], rows[1]), (rows[-1], rows[-2])):
-            outside = max(values[end] - high, low - values[end]) > high - low
-            leaps = abs(values[end] - values[beside]) > leap
-            found[end] = outside or (leaps and not (outward and abs(values[end]) < abs(values[beside])))
+    steps = [np.abs(np.diff(y[1:-1])) for _, y in kept]
+    leap = _OF_STEPS * _least_level(steps, max(s.max(initial=0.0) for s in steps))
+    if any(abs(y[a] - y[b]) > leap for _, y in kept for a, b in _ENDS):
+        leap = _OF_STEPS * _level([s[s > 0] for s in steps])
+    for rows, y in kept:
+        for end, beside in _ENDS:
+            outside = max(y[end] - high, low - y[end]) > high - low
+            leaps = abs(y[end] - y[beside]) > leap
+            if outside or (leaps and not (outward and abs(y[end]) < abs(y[beside]))):
+                found[np.arange(len(values))[rows][end]] = True
     return found
 
 
-def _of_command(frame: pd.DataFrame, flow: str, runs: list[np.ndarray]) -> np.ndarray:
+def _of_command(frame: pd.DataFrame, flow: str, runs: Sequence[Rows]) -> np.ndarray:
     """Return at which ends of runs a flow leaps because the command of its valve does."""
     command = "u" + flow.removeprefix("mdot")
     if command not in frame:
@@ -284,15 +335,17 @@ def _of_command(frame: pd.DataFrame, flow: str, runs: list[np.ndarray]) -> np.nd
     return _far_ends(frame[command].to_numpy(dtype=float), runs, outward=True)
 
 
-def _note_still(frame: pd.DataFrame, runs: list[tuple[str, np.ndarray]], skip: set[str], notes: Readings) -> None:
+def _note_still(
+    sensors: Mapping[str, np.ndarray], runs: Sequence[tuple[str, Rows]], skip: set[str], notes: Readings
+) -> None:
     """Note which channels read one value throughout a run in which others do not."""
-    names = [str(c) for c in frame.columns if base_name(str(c)) in _SENSORS and not str(c).endswith(_COMMANDS)]
-    columns = {name: frame[name].to_numpy(dtype=float) for name in names}
     for run, rows in runs:
-        if len(rows) < _FEW:
+        readings = {name: y[rows] for name, y in sensors.items()}
+        count = len(next(iter(readings.values()), ()))
+        if count < _FEW:
             continue
         notes.runs += 1
-        notes.rows += len(rows)
-        moves = {name: bool(np.any(y[rows] != y[rows[0]])) for name, y in columns.items()}
+        notes.rows += count
+        moves = {name: _moves(y) for name, y in readings.items()}
         for name in (n for n, moving in moves.items() if not moving and n not in skip and any(moves.values())):
-            notes.still.setdefault(name, {})[run] = float(columns[name][rows[0]])
+            notes.still.setdefault(name, {})[run] = float(readings[name][0])
