@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _UNEVEN = 0.02
+_AWAY = 0.6
+"""Steps from the nearest reading beyond which a row was not read: at uneven times half a step is usual."""
 _LEAST = 8
 
 
@@ -35,8 +37,8 @@ class PortLog:
         Sampling interval, s.
     names : list of str
         Names of the runs.
-    lost : array of bool, shape (n,)
-        Rows in which something was missing; it is filled in.
+    gaps : dict of str to array of bool, shape (n,)
+        Rows in which a channel was not read, if any; straight lines between what was read stand there.
     notes : list of str
         What a reader must know.
     """
@@ -46,7 +48,7 @@ class PortLog:
     starts: np.ndarray
     dt: float
     names: list[str]
-    lost: np.ndarray
+    gaps: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -68,6 +70,45 @@ class PortLog:
     def along(self) -> np.ndarray:
         """How far each row is along the log, from 0 to 1."""
         return np.arange(self.n) / max(self.n - 1, 1)
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Rows in which something was not read."""
+        return np.logical_or.reduce([np.zeros(self.n, dtype=bool), *self.gaps.values()])
+
+    def missed(self, name: str) -> np.ndarray:
+        """Return by how much straight lines may miss a channel at each row: 0 where it was read.
+
+        What was read between neighbours that were read, too, tells that: its distance from their line.
+        """
+        out, gap = np.zeros(self.n), self.gaps.get(name)
+        if gap is None:
+            return out
+        x = self.channels[name]
+        run = self.run
+        read = ~(gap[:-2] | gap[1:-1] | gap[2:]) & (run[:-2] == run[2:])
+        if read.any():
+            bends = (x[1:-1] - 0.5 * (x[:-2] + x[2:]))[read]
+            out[gap] = float(np.sqrt(np.mean(np.square(bends))))
+        return out
+
+    def hidden(self, n: int) -> np.ndarray:
+        """Return the lost rows that straight lines cannot stand for in windows of n samples.
+
+        Windows are short beside the fastest motion, a sixth of its period and less; over a quarter of one a sine leaves
+        its chord by no more than 1 % of its amplitude. So does a mean of as many rows without those of such a gap.
+
+        Parameters
+        ----------
+        n : int
+            Samples of a window.
+        """
+        lost = self.lost
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
+        out = np.zeros(len(lost), dtype=bool)
+        for a, b in edges.reshape(-1, 2).tolist():
+            out[a:b] = b - a > n // 4
+        return out
 
     def with_channels(self, channels: Mapping[str, np.ndarray]) -> PortLog:
         """Return the same log with other readings."""
@@ -136,10 +177,11 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     even = [(name, *_even(t, x, dt)) for name, t, x in pieces]
     starts = np.concatenate([[0], np.cumsum([len(t) for _, t, _, _ in even])[:-1]]).astype(int)
     values = np.concatenate([x for _, _, x, _ in even])
-    lost = np.concatenate([bad for *_, bad in even])
+    lost = np.concatenate([gap for *_, gap in even])
+    gaps = {p.name: lost[:, k] for k, p in enumerate(there) if lost[:, k].any()}
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
     t = np.concatenate([t for _, t, _, _ in even])
-    return PortLog(channels, t, starts, dt, [name for name, *_ in even], lost, notes)
+    return PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
 
 
 def _runs(log: pd.DataFrame, columns: list[str]) -> list[tuple[str, np.ndarray, np.ndarray]]:
@@ -155,15 +197,17 @@ def _runs(log: pd.DataFrame, columns: list[str]) -> list[tuple[str, np.ndarray, 
 
 
 def _even(t: np.ndarray, x: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a run in even steps without gaps, and the rows that were missing."""
+    """Return a run in even steps without gaps, and the cells that were missing, shape (n, n_columns)."""
     bad = ~np.isfinite(x).all(axis=1)
     even = np.abs(np.diff(t) - dt).max() <= _UNEVEN * dt
     grid = t if even else np.arange(0.0, t[-1] + 1e-9 * dt, dt)
     if even and not bad.any():
-        return grid, x, bad
-    columns = []
+        return grid, x, np.zeros(x.shape, dtype=bool)
+    columns, lost = [], np.zeros((len(grid), x.shape[1]), dtype=bool)
     for k in range(x.shape[1]):
         known = np.isfinite(x[:, k])
         columns.append(np.interp(grid, t[known], x[known, k]))
-    lost = bad if even else np.interp(grid, t, bad.astype(float)) > 0.0
+        after = np.clip(np.searchsorted(t[known], grid), 1, int(known.sum()) - 1)
+        nearest = np.minimum(np.abs(grid - t[known][after - 1]), np.abs(grid - t[known][after]))
+        lost[:, k] = nearest > _AWAY * dt
     return grid, np.column_stack(columns), lost

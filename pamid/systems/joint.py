@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
 _TELLING = 0.02  # of a lever's moment: a smaller change of cos q over the log cannot be told from an offset
 _LEAST = 50  # rows of motion that say what drives a joint
+_UNEVEN = 0.02  # of a step: times that vary by more are brought to equal steps before rates are taken
 _STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters
 
 
@@ -95,7 +96,7 @@ class Joint(System):
         drive, usable, unit, notes = self._drive(log)
         q = log["q"].to_numpy(dtype=float)
         dq, ddq = self._rate(log, 1), self._rate(log, 2, 1.5)
-        usable &= np.isfinite(drive) & np.isfinite(q)
+        usable &= np.isfinite(drive) & np.isfinite(q) & np.isfinite(ddq)
         if usable.sum() < _LEAST:
             raise ExcitationError(
                 f"{int(usable.sum())} rows say what drives the joint.",
@@ -150,12 +151,20 @@ class Joint(System):
         return wanted, on, self.unit_of(log.columns), []
 
     def _rate(self, log: pd.DataFrame, order: int, longer: float = 1.0) -> np.ndarray:
+        """Return a rate of the angle at each row; NaN where a gap takes more than half of its window."""
         parts = []
         for _, run in log.groupby("trajectory", sort=False):
-            time = run["time"].to_numpy(dtype=float)
+            time, q = run["time"].to_numpy(dtype=float), run["q"].to_numpy(dtype=float)
             dt = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
             half = max(2, round(0.5 * longer * self.number("smoothing") / dt))
-            parts.append(rate_over(run["q"].to_numpy(dtype=float), dt, half, order))
+            if len(time) < 2 or np.ptp(np.diff(time)) <= _UNEVEN * dt:
+                parts.append(rate_over(q, dt, half, order))
+                continue
+            even = np.arange(time[0], time[-1] + dt, dt)
+            rate = np.interp(time, even, rate_over(np.interp(even, time, q), dt, half, order))
+            for k in np.flatnonzero(np.diff(time) > half * dt):
+                rate[(time > time[k] - half * dt) & (time < time[k + 1] + half * dt)] = np.nan
+            parts.append(rate)
         return np.concatenate(parts)
 
     @staticmethod

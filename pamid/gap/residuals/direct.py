@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...equations.windows import average, span, starts
-from ...errors import ShortTrajectoryError
 from ...signals.noise import quantisation_step
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
@@ -38,7 +37,7 @@ from ..settings import OF_ITS_OWN
 from .kinematic import bent, both_measured, nuisances
 from .ports import Active, PortEvidence, PortWindows
 from .states import integral, pairs_of, roles_of
-from .window_length import Rate, samples
+from .window_length import Rate, no_windows, samples
 
 LEAST_MOVING = 20
 """Windows of motion that a joint must have for those at rest to be left out."""
@@ -184,13 +183,13 @@ class DirectEvidence(PortEvidence):
     def _lay_windows(self) -> None:
         log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
         self._first: list[list[np.ndarray]] = []
-        self.windows, resting = [], self._resting()
+        self.windows, resting, hidden = [], self._resting(), log.hidden(self.n)
         for b in self.balances:
             firsts, rows, centres, measured = [], [], [], []
             for a, e in log.spans:
                 first = starts(e - a - b.order, self.n, b.order + 1)
                 reach = span(self.n, b.order + 1) + b.order
-                without = log.lost[a:e] | resting[b.name][a:e] if b.name in resting else log.lost[a:e]
+                without = hidden[a:e] | resting[b.name][a:e] if b.name in resting else hidden[a:e]
                 kept = np.array([not without[f : f + reach].any() for f in first], dtype=bool)
                 first = first[kept] if len(first) else first
                 firsts.append(first)
@@ -204,9 +203,7 @@ class DirectEvidence(PortEvidence):
                 PortWindows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
             )
         if not any(len(w.first) for w in self.windows):
-            raise ShortTrajectoryError(
-                f"No run of the log holds a window of {self.n} samples.", "longer runs", "Record longer runs."
-            )
+            raise no_windows(log, self.n)
 
     def _resting(self) -> dict[str, np.ndarray]:
         """Return the rows in which each joint that is driven rests, by its name, where there are any."""

@@ -259,13 +259,13 @@ class PortEvidence(Settled, ABC):
 
     def _measure_noise(self) -> None:
         rng = np.random.RandomState(0)
-        sigma = {name: self.channel_noise(name) for name in self._noisy()}
+        known = {n: self.channel_noise(n) for n in self._noisy()}
+        sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
         drawn = np.zeros((REPLICATES, len(self.value)))
         for k in range(REPLICATES):
-            noise = {n: x + sigma.get(n, 0.0) * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
-            if not k:
-                self._noisy_copy = noise
+            noise = {n: x + sigma[n] * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
+            self._noisy_copy = noise
         self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
         self._drawn, self._whitening = drawn, Whitening()
         for part in self.parts:
@@ -447,7 +447,7 @@ class PortEvidence(Settled, ABC):
             changed = self._residual(active, numbers, self._noisy_copy) - self._residual(active, numbers)
             out = np.ones(len(self.value))
             for part in self.parts:
-                usual = _rms(self._drawn[0, part])
+                usual = _rms(self._drawn[-1, part])
                 out[part] = _rms(changed[part]) / usual if usual > 0.0 else 1.0
             self._spreads[key] = out
         return self._spreads[key]

@@ -30,7 +30,7 @@ from .protocol import Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, power
-from .window_length import LEAST_WINDOWS
+from .window_length import LEAST_WINDOWS, no_windows
 
 
 class ShootingEvidence(PredictedEvidence):
@@ -103,8 +103,11 @@ class ShootingEvidence(PredictedEvidence):
     # --- residuals ------------------------------------------------------------------------------------------
     def _blocks(self) -> None:
         self._first = [np.arange(s.first, s.stop - self.n + 1, self.n) for s in self.stretches]
-        self._first = [f[[not self.log.lost[k : k + self.n].any() for k in f]] if len(f) else f for f in self._first]
+        read = np.concatenate([[0], np.cumsum(~self.log.lost)])
+        self._first = [f[2 * (read[f + self.n] - read[f]) >= self.n] for f in self._first]
         rows = np.concatenate(self._first)
+        if not len(rows):
+            raise no_windows(self.log, self.n)
         self.windows = [
             PortWindows(
                 n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows)
@@ -138,14 +141,16 @@ class ShootingEvidence(PredictedEvidence):
         self.free = [*self.free, *self.skews]
         self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
 
-    def _means(self, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        sums = np.concatenate([[0.0], np.cumsum(x)])
-        return (sums[rows + self.n] - sums[rows]) / self.n
+    def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
+        """Return means over what was read of windows, of a signal that begins at a row of the log."""
+        read = ~self.log.lost[first : first + len(x)]
+        sums, count = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x * read, read))
+        return (sums[rows + self.n] - sums[rows]) / (count[rows + self.n] - count[rows])
 
     def _cut_means(self, x: np.ndarray, k: int) -> np.ndarray:
         """Return means over the windows of a stretch, shape (n_shown, n_windows)."""
-        rows = self._first[k] - self.stretches[k].first
-        return np.stack([self._means(row, rows) for row in x])
+        first = self.stretches[k].first
+        return np.stack([self._means(row, self._first[k] - first, first) for row in x])
 
     def _residual(
         self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...equations.windows import kernel
+from ...errors import ShortTrajectoryError
 from ...simulators.port_log import PortLog
 
 LEAST_WINDOWS = 400
@@ -64,6 +65,23 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
             break
         n, told = longer, more
     return n
+
+
+def no_windows(log: PortLog, n: int) -> ShortTrajectoryError:
+    """Return the error of a log that holds no window of n samples: its runs are too short, or too much is missing."""
+    longest = max(b - a for a, b in log.spans)
+    if (missing := float(np.mean(log.lost))) > 0.0 and longest >= 2 * n:
+        return ShortTrajectoryError(
+            f"Readings are missing in {100 * missing:.1f} % of the rows, in each of {longest // n:,} windows of {n} "
+            "samples for too long.",
+            f"windows without gaps of more than {n // 4} rows",
+            "Fill in what is missing or map columns with fewer gaps.",
+        )
+    return ShortTrajectoryError(
+        f"The longest run of the log has {longest} rows, too few for a window of {n} samples.",
+        "longer runs, or runs in which more moves",
+        "Record longer runs.",
+    )
 
 
 def window_noise(noise: float, n: int, order: int, dt: float) -> float:
