@@ -21,7 +21,7 @@ class Controller:
 
     The wanted pressures are
 
-    .. math:: P_{1,2} = P_\mathrm{atm} + p_0 \pm \left(\Delta_\mathrm{ff}(q_\mathrm{ref}) + k_p\,(q_\mathrm{ref} - q)
+    .. math:: P_{1,2} = P_\mathrm{atm} + p_0 \pm \left(f \Delta_\mathrm{ff}(q_\mathrm{ref}) + k_p\,(q_\mathrm{ref} - q)
         - k_d\,\dot q\right),
 
     kept between ``lowest`` above ambient and ``margin`` below supply; the valve command is the error of the pressure
@@ -42,6 +42,8 @@ class Controller:
         Least wanted pressure, Pa gauge: the muscles stay taut.
     margin : float, default=5e4
         Least distance of the wanted pressure from supply, Pa.
+    forward : float, default=1
+        Share f of the pressure that holds the joint at the wanted angle.
 
     Examples
     --------
@@ -58,6 +60,22 @@ class Controller:
     pressure_time: float = 8e-3
     lowest: float = 3e4
     margin: float = 5e4
+    forward: float = 1.0
+
+
+def joint_at_rest(params: BenchParameters, pressure: float) -> tuple[float, float]:
+    """Return the torque per difference of pressure (N m/Pa) and the stiffness (N m/rad) of the joint at its middle.
+
+    Parameters
+    ----------
+    params : BenchParameters
+        The bench.
+    pressure : float
+        Pressure of both muscles, Pa gauge.
+    """
+    plant, eps0, r, h = params.plant(), params.muscle.initial_contraction, params.joint.pulley_radius, 1e-5
+    slope = (plant.volume_slope(eps0 + h) - plant.volume_slope(eps0 - h)) / (2.0 * h * plant.rest_length)
+    return 2.0 * r * plant.volume_slope(eps0) / plant.rest_length, -2.0 * r * pressure * slope * r / plant.rest_length
 
 
 class RunningController:
@@ -87,16 +105,13 @@ class RunningController:
         gauge = p0 + np.stack(offsets, axis=1)
         # Holds the joint at the wanted angle, by the nominal equations.
         self.feedforward = gauge * (f2 - f1) / (f1 + f2)
-        eps0, r = params.muscle.initial_contraction, params.joint.pulley_radius
-        h = 1e-5
-        torque_per_pressure = 2.0 * r * plant.volume_slope(eps0) / plant.rest_length
-        slope = (plant.volume_slope(eps0 + h) - plant.volume_slope(eps0 - h)) / (2.0 * h * plant.rest_length)
-        stiffness = -2.0 * r * p0 * slope * r / plant.rest_length
+        eps0 = params.muscle.initial_contraction
+        torque_per_pressure, stiffness = joint_at_rest(params, p0)
         J, w = params.joint.inertia, controller.bandwidth
         kp = max(J * w * w - stiffness, 0.0) / torque_per_pressure
         kd = max(2.0 * controller.damping * w * J - params.joint.viscous_damping, 0.0) / torque_per_pressure
         self._now, self._last = np.array(kp + kd / PERIOD), np.array(kd / PERIOD)
-        self._wanted = self.feedforward + kp * q_ref
+        self._wanted = controller.forward * self.feedforward + kp * q_ref
         ambient = params.gas.atmospheric_pressure
         self._base = ambient + gauge
         self._constant_base = not np.ptp(self._base)

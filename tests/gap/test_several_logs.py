@@ -28,7 +28,7 @@ from pamid.errors import (
 from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
 from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
-from pamid.gap.design.score import Discrimination, clarity
+from pamid.gap.design.score import Discrimination
 from pamid.gap.design.search import Bench, _known, plan_next
 from pamid.gap.design.words import outcomes, summary
 from pamid.gap.diagnosis.rivals import Rival
@@ -223,13 +223,6 @@ def test_drawn_runs_keep_the_limits() -> None:
         Limits(runs=6)
 
 
-def test_clarity_is_what_the_hardest_pair_differs_by() -> None:
-    D = np.array([[0.0, 40.0, 8.0], [40.0, 0.0, 60.0], [8.0, 60.0, 0.0]])
-    value = clarity(D, np.full(3, 1 / 3))
-    assert value == pytest.approx(8.0 + 4.0 * np.log(3.0), abs=0.1)
-    assert clarity(2.0 * D, np.full(3, 1 / 3)) > value
-
-
 def test_a_designed_run_tells_what_slow_sines_leave_open(dead: pd.DataFrame) -> None:
     library = ["dead_volume", "polytropic_exponent", "gas_temperature", "length"]
     history = History(NOMINAL, library)
@@ -373,12 +366,14 @@ def test_parameters_that_a_run_determines_cost_evidence(healthy: pd.DataFrame) -
     rivals = [
         Rival({n: v}, {}, 0.0, 0.5) for n, v in zip(("coulomb_friction", "stribeck_friction"), values, strict=True)
     ]
-    known = [_known(bench, r) for r in rivals]
+    rng = np.random.default_rng(0)
+    known = [_known(bench, r, rng) for r in rivals]
     trial = Evidence(simulate(NOMINAL, [sine(8, 15, 500)], seed=5), NOMINAL)
     told = Discrimination(trial, known, forms=False)
     H = [k.precision.copy() for k in known]
     for k, h in zip(known, H, strict=True):
         assert k.price(100.0 * h, 10 * k.windows) > k.price(h, k.windows)  # more is known
-    between, plain = told.between([0]), told._losses([0])
-    assert between[0, 1] - plain[0, 1] == pytest.approx(plain[1, 0] - between[1, 0])  # what one pays, the other gains
-    assert between[0, 1] != plain[0, 1]
+    dearer = [told._dearer(k, [0]) for k in range(2)]
+    assert dearer[1] != dearer[0]
+    cost = [told._refitted(0, j, [0])[0][0] for j in range(2)]  # what one pays for its parameters, the other gains
+    assert told.between([0])[0, 1] == pytest.approx(cost[1] - min(cost[0], 0.0) + dearer[1] - dearer[0], abs=1e-6)

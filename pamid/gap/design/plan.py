@@ -73,8 +73,9 @@ class Plan:
     expected : list of Expected
         Each pair of explanations, either one true.
     clarity : float
-        What the runs were chosen by, in nats: about the expected difference of the pair that is hardest to distinguish;
-        for parameters, half the gain in the logarithm of the determinant of their precision.
+        What the runs were chosen by, in nats: the information that they are expected to give on which explanation is
+        true, at most the entropy of the beliefs; for parameters, half the gain in the logarithm of the determinant of
+        their precision.
     tells : bool
         Whether the runs would distinguish the explanations.
     alike : list of (tuple of str, tuple of str)

@@ -1,187 +1,56 @@
 r"""How clearly runs would distinguish explanations, before they are recorded.
 
-A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. Beside what the
-earlier logs say of its parameters, the expected difference in log-likelihood is
+A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. What that costs it
+is computed as a diagnosis will: with the robust likelihood of each equation (`expected_cost`), the parameters and
+tolerances refitted beside what the earlier logs say of them, and with or without an inexact form of its effects,
 
-.. math:: D_{ij} = \min_x \sum_e \tfrac{n_e}{2} \log\Big(1 + \frac{\|d_e + A_e x\|^2}{n_e}\Big)
-    + \tfrac{1}{2} x^\top \Lambda_j x
+.. math:: L_j(d) = \min_x \sum_e \bar\rho_e(d + A_j x) + \tfrac{1}{2} x^\top \Lambda_j x, \qquad
+    D_{ij}(\theta) = L_j(r_j - r_i(\theta)) - L_i(r_i - r_i(\theta))
 
-with d the difference of their residuals in units of noise and model discrepancy, A what the rival's parameters, the
-tolerances and the inexactness of its form can do, and Λ the posterior precision of the earlier logs: the
-Kullback–Leibler divergence between refitted models, of which T-optimality takes the smallest (Atkinson & Fedorov).
-Each equation has a scale of its own, so that what is far off counts by its logarithm. To the evidence also goes what
-parameters cost that the run determines (`price`): with it a simple explanation gains on one that holds it as a special
-case. Several rivals are judged together by the bound on the probability of a wrong choice,
+with r the residuals, A what parameters, tolerances and form can do, and Λ the posterior precision of the earlier logs.
+The difference is between refitted models, as T-optimality has it (Atkinson & Fedorov). The truth is not the best fit of
+the earlier logs: its parameters θ are drawn from their posterior. To the evidence also goes what parameters cost that
+the run determines (`Known.price`).
 
-.. math:: P_\text{wrong} \le \sum_{i<j} \sqrt{\pi_i \pi_j}\, e^{-D_{ij}/4}.
+Runs are chosen by what they are expected to say of which explanation is true (Lindley; Box & Hill bound the same for
+two models at a time): the gain of information
+
+.. math:: I = \sum_i \pi_i \, \mathrm E_{\theta, \xi}\Big[\log \frac{p_i}{\pi_i}\Big], \qquad
+    \frac{p_j}{p_i} = \frac{\pi_j}{\pi_i} \exp\Big(-\frac{D_{ij} + \sqrt{2 |D_{ij}|} \xi}{\tau}\Big)
+
+with ξ the noise of a recording, and τ the difference in score that the form of an explanation is worth.
 
 References
 ----------
+D. V. Lindley, "On a measure of the information provided by an experiment", Annals of Mathematical Statistics 27(4),
+1956. https://doi.org/10.1214/aoms/1177728069
+
 G. E. P. Box, W. J. Hill, "Discrimination among mechanistic models", Technometrics 9(1), 1967.
 https://doi.org/10.1080/00401706.1967.10490441
 
 A. C. Atkinson, V. V. Fedorov, "The design of experiments for discriminating between two rival models", Biometrika
 62(1), 1975. https://doi.org/10.1093/biomet/62.1.57
-
-T. Kailath, "The divergence and Bhattacharyya distance measures in signal selection", IEEE Transactions on Communication
-Technology 15(1), 1967. https://doi.org/10.1109/TCOM.1967.1089532
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from ...effects import Parameter
-from ..inference.discrepancy import Discrepancy
-from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..inference.occam import occam_of, possible
+from ..inference.gauss_newton import slots_of
 from ..residuals.bench import Evidence
-from ..settings import FORM_SMOOTH, TOLERANCE
+from ..settings import CLASS, FORM_SMOOTH
+from .expected_cost import counts_for, expected_cost
+from .known import Known, form_of, sensitivities
 
 HELD = 0.05
 """Least belief that an explanation counts with: those that are kept are not out of the question."""
-ROUNDS = 4
-"""Rounds in which a rival is refitted, each equation weighed by the scale of what it leaves there."""
-
-
-@dataclass(frozen=True)
-class Known:
-    """An explanation with what the earlier logs say of its parameters.
-
-    Parameters
-    ----------
-    fit : Fit
-        Its effects and deviations of the tolerances.
-    precision : array, shape (n_free + n_parameters, n_free + n_parameters)
-        Posterior precision of the tolerances and its effects' parameters.
-    belief : float
-        Probability.
-    windows : int, default=0
-        Windows of the earlier logs.
-    """
-
-    fit: Fit
-    precision: np.ndarray
-    belief: float
-    windows: int = 0
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Its effects."""
-        return tuple(self.fit.spec)
-
-    def curvature(self, H: np.ndarray) -> np.ndarray:
-        """Return what is known of the effects' parameters where that of all coefficients is H."""
-        m = len(self.fit.x)
-        keep = np.arange(m, len(self.precision))
-        rest = np.setdiff1d(np.arange(len(H)), keep)
-        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        C = H / np.outer(size, size) + 1e-9 * np.eye(len(H))
-        schur = C[np.ix_(keep, keep)] - C[np.ix_(keep, rest)] @ np.linalg.solve(
-            C[np.ix_(rest, rest)], C[np.ix_(rest, keep)]
-        )
-        return np.asarray(schur * np.outer(size[keep], size[keep]))
-
-    def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
-        """Return for each effect the places, parameters and values of its parameters."""
-        slots = slots_of(self.fit.spec)
-        mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
-        return [
-            (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
-        ]
-
-    def price(self, H: np.ndarray, windows: float) -> float:
-        """Return what the parameters cost in evidence where the precision of all coefficients is H."""
-        if not self.fit.spec:
-            return 0.0
-        known = self.curvature(H)
-        return sum(
-            occam_of(
-                known[np.ix_(at, at)], windows, parameters, values, _gain(known[np.ix_(at, at)], parameters, values)
-            )
-            for at, parameters, values in self.each()
-        )
-
-    @property
-    def reach(self) -> np.ndarray:
-        """How far tolerances and parameters were thought possible to be from their values; tolerances have a prior."""
-        out = np.full(len(self.precision), np.inf)
-        if self.fit.spec:
-            m, known = len(self.fit.x), self.curvature(self.precision)
-            for at, parameters, values in self.each():
-                mine = known[np.ix_(at, at)]
-                out[m + np.array(at)] = possible(mine, parameters, values, _gain(mine, parameters, values))
-        return np.maximum(out, 1e-12)
-
-    @property
-    def held(self) -> np.ndarray:
-        """The precision with which the explanation is refitted: nonlinear parameters no further than they reach."""
-        linear = np.array([p.linear for _, p in slots_of(self.fit.spec)], dtype=bool)
-        free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
-        return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
-
-
-def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
-    """Return what an effect explains: that of its amplitudes, in which it is linear."""
-    a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
-    return 0.5 * float(a @ known @ a)
-
-
-def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals of an explanation on a log, and what tolerances and its parameters do to them."""
-    slots = slots_of(fit.spec)
-    z = evidence.tangent(fit.spec, fit.x)
-    if not slots:
-        return z + evidence.J @ fit.x, evidence.J
-    phi = np.array([fit.spec[name][p.name] for name, p in slots])
-    D, _, _ = Fitter(evidence).jacobian(slots, phi, z, fit.x)
-    return z + evidence.J @ fit.x, np.column_stack([evidence.J, D])
-
-
-def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
-    """Return the posterior precision of an explanation's parameters after logs, what its form may do left free.
-
-    Parameters
-    ----------
-    logs : sequence of Evidence
-        The logs.
-    fit : Fit
-        The explanation.
-    """
-    m = logs[0].J.shape[1]
-    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(fit.spec)))]))
-    for log in logs:
-        z, A = sensitivities(log, fit)
-        S, width = _form(log, fit)
-        weight = 1.0 / np.square(width * _scales(log, z / width))
-        Aw = A * weight[:, None]
-        H = A.T @ Aw
-        if S.shape[1]:
-            cross = S.T @ Aw
-            H -= cross.T @ np.linalg.solve(S.T @ (S * weight[:, None]) + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
-        total = total + H
-    return total
-
-
-def _scales(log: Evidence, z: np.ndarray) -> np.ndarray:
-    """Return the scale of each window's equation, at least 1."""
-    out = np.ones(len(z))
-    for part in log.parts:
-        out[part] = max(1.0, float(np.sqrt(np.mean(np.square(z[part]))))) if part.stop > part.start else 1.0
-    return out
-
-
-def _form(log: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return the columns of an explanation's inexact form, and the standard deviation of each window with it."""
-    if not fit.spec:
-        return np.zeros((len(log.z0), 0)), np.ones(len(log.z0))
-    discrepancy = Discrepancy(log)
-    width = discrepancy.width(fit)
-    return discrepancy.columns(fit), np.ones(len(log.z0)) if width is None else width
+ROUNDS = 3
+"""Rounds in which a rival is refitted, each window weighed by what it leaves there."""
+NOISE = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0), np.array([1.0, 4.0, 1.0]) / 6.0
+"""Nodes of the noise of a recording, and their weights."""
 
 
 class Discrimination:
@@ -194,46 +63,26 @@ class Discrimination:
     known : sequence of Known
         The explanations.
     forms : bool, default=True
-        Whether the form of a rival may be inexact, at its cost, as the diagnosis allows: without it a preview, which
-        says too much.
+        Whether the forms of explanations may be inexact, at their cost, as the diagnosis allows.
     """
 
     def __init__(self, trial: Evidence, known: Sequence[Known], forms: bool = True) -> None:
-        self._read(trial, known, [sensitivities(trial, k.fit) for k in known], forms)
-
-    def _read(
-        self, trial: Evidence, known: Sequence[Known], each: Sequence[tuple[np.ndarray, np.ndarray]], forms: bool
-    ) -> None:
-        self.known, self.m = list(known), len(known)
-        self.exact: Discrimination | None = None
-        if forms:
-            self.exact = Discrimination.__new__(Discrimination)
-            self.exact._read(trial, known, each, False)
+        self.trial, self.known, self.m, self.forms = trial, list(known), len(known), forms
         self.runs = trial.trajectories
-        slices = [_rows(trial.block[part], part.start, len(self.runs)) for part in trial.parts]
-        self.n = np.array([[s.stop - s.start for s in rows] for rows in slices], dtype=float)  # equation, run
-        residuals, columns = zip(*each, strict=True)
-        self.G: list[np.ndarray] = []
-        self.b: list[list[np.ndarray]] = []
-        self.dd: list[list[np.ndarray]] = []
-        self.prior: list[np.ndarray] = []
-        self.wider: list[np.ndarray] = []
-        for j, k in enumerate(self.known):
-            S, width = _form(trial, k.fit) if forms else (np.zeros((len(trial.z0), 0)), np.ones(len(trial.z0)))
-            B = np.column_stack([columns[j], S]) / width[:, None]
-            q = S.shape[1]
-            self.wider.append(
-                np.array([sum(float(np.log(width[rows[k]]).sum()) for rows in slices) for k in range(len(self.runs))])
-            )
-            P = np.zeros((B.shape[1], B.shape[1]))
-            P[: B.shape[1] - q, : B.shape[1] - q] = k.held
-            P[B.shape[1] - q :, B.shape[1] - q :] = np.eye(q) / FORM_SMOOTH**2
-            self.prior.append(P)
-            self.G.append(np.array([[B[s].T @ B[s] for s in rows] for rows in slices]))
-            d = [(residuals[j] - residuals[i]) / width for i in range(self.m)]
-            self.b.append([np.array([[B[s].T @ v[s] for s in rows] for rows in slices]) for v in d])
-            self.dd.append([np.array([[v[s] @ v[s] for s in rows] for rows in slices]) for v in d])
+        self._rows: dict[tuple[int, tuple[int, ...]], np.ndarray] = {}
+        self._prices: dict[tuple[int, tuple[int, ...]], float] = {}
+        self.residuals, self.columns, self.smooth, self.widths, self.truths = [], [], [], [], []
+        for k in self.known:
+            residual, columns = sensitivities(trial, k.fit)
+            S, width = form_of(trial, k.fit) if forms else (np.zeros((len(residual), 0)), np.ones(len(residual)))
+            others = [trial.tangent(d.spec, d.x) + trial.J @ d.x - residual for d, _ in k.draws]
+            self.residuals.append(residual)
+            self.columns.append(columns)
+            self.smooth.append(S)
+            self.widths.append(width)
+            self.truths.append(np.column_stack([np.zeros(len(residual)), *others]))
 
+    # --- pairs of explanations ------------------------------------------------------------------------------
     def between(self, chosen: Sequence[int]) -> np.ndarray:
         """Return the expected difference in log-likelihood between explanations after some of the runs together.
 
@@ -245,67 +94,120 @@ class Discrimination:
         Returns
         -------
         array, shape (n_explanations, n_explanations)
-            Row: the one that is true; column: the one that is refitted.
+            Row: the one that is true; column: the one that is refitted. The best fit being the truth.
         """
-        dearer = np.array([self._dearer(k, chosen) for k in range(self.m)])
-        return np.asarray(self._losses(chosen) + dearer[None, :] - dearer[:, None])
+        return np.asarray(self.outlook(chosen)[:, :, 0])
 
-    def _losses(self, chosen: Sequence[int]) -> np.ndarray:
-        """Return the log-likelihood that each explanation, column, is expected to lose where one, row, is true."""
-        out = np.zeros((self.m, self.m))
-        for i in range(self.m):
-            for j in range(self.m):
-                if i != j:
-                    cost, left, n = self._refitted(i, j, chosen)
-                    out[i, j] = float(0.5 * n @ np.log1p(left / n) + cost)
-        return out if self.exact is None else np.minimum(out, self.exact._losses(chosen))
+    def outlook(self, chosen: Sequence[int]) -> np.ndarray:
+        """Return the differences for each of the draws of what is true, shape (n_explanations, n_explanations, n)."""
+        return np.array([self.row(i, chosen) for i in range(self.m)])
 
-    def _dearer(self, which: int, chosen: Sequence[int]) -> float:
-        """Return by how much the parameters of an explanation cost more after some of the runs."""
-        k, at = self.known[which], list(chosen)
-        H = self.G[which][:, at].sum(axis=(0, 1)) + self.prior[which]
-        inner = slice(0, len(k.precision))
-        H[inner, inner] += k.precision - k.held  # what was thought possible is counted by the price
-        return k.price(H, k.windows + self.n[:, at].sum()) - k.price(k.precision, k.windows)
+    def row(self, i: int, chosen: Sequence[int]) -> np.ndarray:
+        """Return the differences where one explanation is true, shape (n_explanations, n_draws)."""
+        key = (i, tuple(chosen))
+        if key not in self._rows:
+            dearer = np.array([self._dearer(k, chosen) for k in range(self.m)])
+            each = np.array([self._refitted(i, j, chosen)[0] for j in range(self.m)])
+            # What is true may go back to where it is: a tangent knows the way for small steps only.
+            own = np.minimum(each[i], [0.0, *(lost for _, lost in self.known[i].draws)])
+            found = each - own + (dearer - dearer[i])[:, None]
+            found[i] = 0.0
+            self._rows[key] = found
+        return self._rows[key]
 
-    def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[float, np.ndarray, np.ndarray]:
+    def _windows(self, chosen: Sequence[int]) -> tuple[np.ndarray, list[slice]]:
+        """Return the windows of some of the runs, and where each equation's stand among them."""
+        there, ends = np.isin(self.trial.block, list(chosen)), [0]
+        for part in self.trial.parts:
+            ends.append(ends[-1] + int(there[part].sum()))
+        return np.flatnonzero(there), [slice(a, b) for a, b in pairwise(ends)]
+
+    def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Refit an explanation to what some of the runs show where another is true.
 
         Returns
         -------
-        cost : float
-            What its coefficients and the inexactness of its form cost.
-        left, windows : array, shape (n_equations,)
-            The sum of squares that it leaves in each equation, and the windows of each.
+        cost : array, shape (n_draws,)
+            What that costs in log-likelihood, for each draw of the truth.
+        left : array, shape (n_equations,)
+            Root mean square of what it leaves in each equation of the best fit's signal, in units of noise.
         """
-        at, P = list(chosen), self.prior[j]
-        G, bi, ddi = (v[:, at].sum(axis=1) for v in (self.G[j], self.b[j][i], self.dd[j][i]))
-        n = np.maximum(self.n[:, at].sum(axis=1), 1.0)
-        scale2, x, left = np.ones(len(n)), np.zeros(len(P)), ddi
-        for _ in range(ROUNDS):
-            H = np.tensordot(1.0 / scale2, G, 1) + P
+        rows, parts = self._windows(chosen)
+        d = (self.residuals[j] - self.residuals[i])[rows, None] - self.truths[i][rows]
+        known, A = self.known[j], self.columns[j][rows]
+        cost, left = self._cost(d, A, known.held, np.ones(len(rows)), known.windows, parts)
+        if self.forms and self.smooth[j].shape[1]:
+            B = np.column_stack([A, self.smooth[j][rows]])
+            P = np.zeros((B.shape[1], B.shape[1]))
+            P[: A.shape[1], : A.shape[1]] = known.held
+            P[A.shape[1] :, A.shape[1] :] = np.eye(B.shape[1] - A.shape[1]) / FORM_SMOOTH**2
+            loose, other = self._cost(d, B, P, self.widths[j][rows], known.windows, parts, A.shape[1])
+            left = other if loose[0] < cost[0] else left
+            cost = np.minimum(cost, loose)
+        return cost, np.array([np.sqrt(np.mean(np.square(left[p]))) if p.stop > p.start else 0.0 for p in parts])
+
+    @staticmethod
+    def _cost(
+        d: np.ndarray, A: np.ndarray, P: np.ndarray, width: np.ndarray, earlier: float, parts: Sequence[slice],
+        exact: int | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return the least cost over the coefficients of some columns, and what is left of the first draw."""
+        d, A = d / width[:, None], A / width[:, None]
+        share = earlier / max(len(d), 1)
+        scale, left = np.ones(len(d)), np.zeros(len(d))
+        for turn in range(ROUNDS):
+            # The first round trusts every window: what is far off there may be what the columns explain.
+            w = counts_for(left, scale)
+            Aw = A * w[:, None]
+            H = A.T @ Aw + P
             size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-            C = H / np.outer(size, size) + 1e-9 * np.eye(len(size))
-            x = -np.linalg.solve(C, (bi / scale2[:, None]).sum(axis=0) / size) / size
-            left = np.maximum(ddi + 2.0 * bi @ x + np.einsum("i,eij,j->e", x, G, x), 0.0)
-            scale2 = 1.0 + left / n
-        cost = 0.5 * float(x @ P @ x)
-        free = slice(len(self.known[j].precision), None)
-        form = np.tensordot(1.0 / scale2, G, 1)[free, free] * FORM_SMOOTH**2
-        cost += 0.5 * float(np.linalg.slogdet(np.eye(len(form)) + form)[1]) + float(self.wider[j][at].sum())
-        return cost, left, n
+            x = -np.linalg.solve(H / np.outer(size, size) + 1e-9 * np.eye(len(size)), (Aw.T @ d) / size[:, None])
+            x /= size[:, None]
+            rest = d + A @ x
+            left = np.sqrt(np.mean(np.square(rest), axis=1))
+            if turn < ROUNDS - 1:
+                for part in parts:
+                    s = expected_cost(left[part, None], share * (part.stop - part.start))[1]
+                    scale[part] = float(s[0])
+        cost = 0.5 * np.einsum("ij,ij->j", x, P @ x)
+        for part in parts:
+            cost = cost + expected_cost(rest[part], share * (part.stop - part.start))[0]
+        if exact is not None:
+            form = H[exact:, exact:] * FORM_SMOOTH**2  # its prior is in it
+            cost = cost + 0.5 * float(np.linalg.slogdet(form)[1])
+        return cost + float(np.log(width).sum()), rest[:, 0]
 
     def largest(self, i: int, j: int, chosen: Sequence[int]) -> tuple[int, float]:
         """Return the equation in which an explanation is furthest off where another is true, and how far, in noise."""
-        _, left, n = self._refitted(i, j, chosen)
-        size = np.sqrt(1.0 + left / n)
+        size = np.hypot(1.0, self._refitted(i, j, chosen)[1])
         place = int(np.argmax(size))
         return place, float(size[place])
+
+    # --- parameters -----------------------------------------------------------------------------------------
+    def _precision(self, which: int, chosen: Sequence[int]) -> np.ndarray:
+        """Return the precision of the tolerances and parameters of an explanation after some of the runs."""
+        rows, k = self._windows(chosen)[0], self.known[which]
+        A, S, width = self.columns[which][rows], self.smooth[which][rows], self.widths[which][rows]
+        A, S = A / width[:, None], S / width[:, None]
+        H = A.T @ A
+        if S.shape[1]:
+            cross = S.T @ A
+            H -= cross.T @ np.linalg.solve(S.T @ S + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
+        return np.asarray(k.precision + H)
+
+    def _dearer(self, which: int, chosen: Sequence[int]) -> float:
+        """Return by how much the parameters of an explanation cost more after some of the runs."""
+        k, key = self.known[which], (which, tuple(chosen))
+        if key not in self._prices:
+            more = len(self._windows(chosen)[0])
+            after = k.price(self._precision(which, chosen), k.windows + more) if k.fit.spec else 0.0
+            self._prices[key] = after - k.price(k.precision, k.windows)
+        return self._prices[key]
 
     def deviations(self, chosen: Sequence[int], which: int = 0) -> dict[str, float]:
         """Return the standard deviations of an explanation's parameters after some of the runs, by effect and name."""
         k = self.known[which]
-        H = self.G[which][:, list(chosen)].sum(axis=(0, 1)) + self.prior[which]
+        H = self._precision(which, chosen) + k.held - k.precision
         size = np.sqrt(np.maximum(np.diag(H), 1e-300))
         covariance = np.linalg.pinv(H / np.outer(size, size) + 1e-9 * np.eye(len(H)))
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
@@ -315,38 +217,34 @@ class Discrimination:
     def information(self, chosen: Sequence[int], which: int = 0) -> float:
         """Return the logarithm of the determinant of an explanation's parameters' precision after some of the runs."""
         k = self.known[which]
-        m = len(k.fit.x)
-        H = self.G[which][:, list(chosen)].sum(axis=(0, 1)) + self.prior[which]
-        if len(k.precision) == m:
+        H, m = self._precision(which, chosen) + k.held - k.precision, len(k.fit.x)
+        if len(H) == m:
             return 0.0
         return float(np.linalg.slogdet(k.curvature(H))[1])
 
 
-def clarity(between: np.ndarray, beliefs: np.ndarray) -> float:
-    """Return what runs are chosen by: how clearly they would distinguish explanations, in nats.
-
-    It is −4 times the logarithm of the bound on the probability of a wrong choice: the expected difference in
-    log-likelihood of the pair that is hardest to distinguish, or a little less where several are as hard.
+def gained(outlook: np.ndarray, beliefs: np.ndarray) -> float:
+    """Return what runs are chosen by: the information about which explanation is true that they are expected to give.
 
     Parameters
     ----------
-    between : array, shape (n, n)
-        Expected differences in log-likelihood.
+    outlook : array, shape (n, n, n_draws)
+        Differences in log-likelihood, row true, column refitted.
     beliefs : array, shape (n,)
         Probabilities of the explanations.
+
+    Returns
+    -------
+    float
+        Nats, at most what is undecided: the entropy of the beliefs.
     """
-    i, j = np.triu_indices(len(beliefs), 1)
-    if not len(i):
-        return 0.0
-    D = 0.5 * (between[i, j] + between[j, i])
     pi = np.maximum(beliefs, HELD)
     pi = pi / pi.sum()
-    weight = 0.5 * np.log(pi[i] * pi[j])
-    top = np.max(weight - D / 4.0)
-    return float(-4.0 * (top + np.log(np.sum(np.exp(weight - D / 4.0 - top)))))
-
-
-def _rows(block: np.ndarray, first: int, n: int) -> list[slice]:
-    """Return the windows of each run within an equation, whose runs stand one after another."""
-    ends = np.searchsorted(block, np.arange(n + 1))
-    return [slice(first + int(a), first + int(b)) for a, b in pairwise(ends)]
+    nodes, weights = NOISE
+    llr = (outlook[..., None] + np.sqrt(2.0 * np.abs(outlook))[..., None] * nodes) / CLASS  # true, rival, draw, noise
+    odds = np.log(pi)[None, :, None, None] - llr
+    top = odds.max(axis=1, keepdims=True)
+    total = (top + np.log(np.exp(odds - top).sum(axis=1, keepdims=True)))[:, 0]
+    own = np.array([odds[i, i] for i in range(len(pi))])
+    told = ((own - total) @ weights).mean(axis=1)  # expected logarithm of the belief in what is true
+    return float(pi @ (told - np.log(pi)))

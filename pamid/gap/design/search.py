@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...bench import simulate
+from ...bench import Controller, simulate
 from ...bench.sensors import Sensor
 from ...errors import DivergedError, ExcitationError
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
 from ..residuals.bench import Evidence
 from .family import DesignedRun, Limits, draw, near
+from .followed import controller_of
+from .known import Known, known_of
 from .plan import TELLS, Expected, Plan
-from .score import HELD, Discrimination, Known, clarity, precision
+from .score import Discrimination, gained
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +33,12 @@ BEST = 5
 """Designs about which others are drawn."""
 FINAL = 3
 """Designs that are compared with forms and with each explanation being the true one."""
-RIVALS = 4
+RIVALS = 5
 """Explanations that are distinguished at once."""
+DRAWS = 4
+"""Draws of what could be true of an explanation, beside its best fit."""
+SIMULATED = 0.1
+"""Belief from which an explanation's own runs are simulated, to see them as it would make them."""
 CHANNELS = ("q", "P", "F", "mdot")
 Z80 = 1.2816
 
@@ -46,10 +52,13 @@ class Bench(NamedTuple):
         The simulator.
     logs : sequence of Evidence
         The logs of its present state.
+    controller : Controller or None
+        What moves it; the simulator's own controller by default.
     """
 
     params: BenchParameters
     logs: Sequence[Evidence]
+    controller: Controller | None = None
 
     @property
     def sensors(self) -> dict[str, Sensor]:
@@ -126,24 +135,25 @@ def plan_next(
     limits, say = limits or Limits(), progress or (lambda _: None)
     with threadpool_limits(1):
         say("read the logs")
-        bench = Bench(params, [Evidence(log, params) for log in logs.values()])
+        bench = Bench(params, [Evidence(log, params) for log in logs.values()], controller_of(logs.values(), params))
         chosen = list(rivals)[:RIVALS]
         if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
             chosen = [r for r in chosen if r.effects][:1]
         asked = "discriminate" if len(chosen) > 1 else "parameters"
         if not chosen:
             return Plan("none", [], limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
-        known = [_known(bench, r) for r in chosen]
-        search = _Search(bench, known, limits, asked, np.random.default_rng(seed), say)
+        rng = np.random.default_rng(seed)
+        known = [_known(bench, r, rng, DRAWS if asked == "discriminate" else 0) for r in chosen]
+        search = _Search(bench, known, limits, asked, rng, say)
         search.look(designs)
         return search.plan()
 
 
-def _known(bench: Bench, rival: Rival) -> Known:
+def _known(bench: Bench, rival: Rival, rng: np.random.Generator, draws: int = 0) -> Known:
     free = bench.logs[-1].free
     x = np.array([float(rival.deviations.get(name, 0.0)) for name in free])
     fit = Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
-    return Known(fit, precision(bench.logs, fit), rival.belief, sum(len(log.z0) for log in bench.logs))
+    return known_of(bench.logs, fit, rival.belief, rng, draws)
 
 
 class _Search:
@@ -191,7 +201,7 @@ class _Search:
 
         try:
             runs = [told[k] for k in which]
-            return simulate(actual, runs, seed=0, sensors=self.sensors), which
+            return simulate(actual, runs, seed=0, sensors=self.sensors, controller=self.bench.controller), which
         except (DivergedError, ArithmeticError, ValueError):
             if len(which) == 1:
                 return pd.DataFrame(), []
@@ -216,7 +226,7 @@ class _Search:
     def _value(self, told: Discrimination, chosen: Sequence[int]) -> float:
         if self.purpose == "parameters":
             return 0.5 * (told.information(chosen) - told.information([]))
-        return clarity(told.between(chosen), self.beliefs)
+        return gained(told.outlook(chosen), self.beliefs)
 
     # --- the search -----------------------------------------------------------------------------------------
     def look(self, designs: int) -> None:
@@ -241,7 +251,7 @@ class _Search:
         pool = self._pool()
         self.say("compare the best")
         told = [(Discrimination(self.seen_again(pool), self.known), 0)]
-        others = [k for k in self.known[1:] if k.belief >= HELD] if self.purpose == "discriminate" else []
+        others = [k for k in self.known[1:] if k.belief >= SIMULATED] if self.purpose == "discriminate" else []
         for truth in others:
             trial, there = self.trial(pool, truth)
             if len(there) == len(pool):
@@ -256,14 +266,15 @@ class _Search:
                 self.purpose, runs, self.limits, names, beliefs, [], gain, gain > 0.1, shrinks=shrinks,
                 designs=self.looked,
             )  # fmt: skip
-        between, expected = self._expected(told, chosen)
+        outlook = self._outlook(told, chosen)
+        between, expected = self._expected(told, chosen, outlook)
         pairs = [(i, j) for i in range(len(names)) for j in range(i)]
         alike = [(names[j], names[i]) for i, j in pairs if min(between[i, j], between[j, i]) < TELLS]
         top = max((min(between[0, j], between[j, 0]) for j in range(1, len(names))), default=0.0)
         tells = bool(top >= TELLS)
         needed = self.limits.seconds * TELLS / top if 0.03 * TELLS < top < TELLS else float("nan")
         return Plan(
-            self.purpose, runs if tells else [], self.limits, names, beliefs, expected, clarity(between, self.beliefs),
+            self.purpose, runs if tells else [], self.limits, names, beliefs, expected, gained(outlook, self.beliefs),
             tells, alike, needed, designs=self.looked, closest=[] if tells else runs,
         )  # fmt: skip
 
@@ -289,28 +300,25 @@ class _Search:
     def _together(self, told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> float:
         if self.purpose == "parameters":
             return self._value(told[0][0], chosen)
-        return clarity(self._between(told, chosen), self.beliefs)
+        return gained(self._outlook(told, chosen), self.beliefs)
 
     @staticmethod
-    def _between(told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> np.ndarray:
-        """Return the expected differences, each row from the runs simulated with that explanation where they are."""
-        out = np.mean([d.between(chosen) for d, _ in told], axis=0)
-        for d, i in told:
-            out[i] = d.between(chosen)[i]
-        return np.asarray(out)
+    def _outlook(told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> np.ndarray:
+        """Return the differences draw by draw, each row from runs simulated with that explanation where they are."""
+        of = {i: d for d, i in told}
+        return np.array([of.get(i, told[0][0]).row(i, chosen) for i in range(told[0][0].m)])
 
     def _expected(
-        self, told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]
+        self, told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int], outlook: np.ndarray
     ) -> tuple[np.ndarray, list[Expected]]:
-        each = np.array([d.between(chosen) for d, _ in told])
-        between, spread = self._between(told, chosen), np.std(each, axis=0)
+        between, spread = outlook[:, :, 0], np.std(outlook, axis=2)
         found = []
         for i, one in enumerate(self.known):
             for j, other in enumerate(self.known):
                 if i == j:
                     continue
                 D = float(between[i, j])
-                reach = Z80 * float(np.hypot(np.sqrt(2.0 * D), spread[i, j]))
+                reach = Z80 * float(np.hypot(np.sqrt(2.0 * max(D, 0.0)), spread[i, j]))
                 prior = one.belief / max(one.belief + other.belief, 1e-12)
                 odds = np.log(max(prior, 1e-9) / max(1.0 - prior, 1e-9)) + D
                 where = next((d for d, k in told if k == i), told[0][0])

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..settings import NU
 
-_GAUSSIAN = 0.8563
+GAUSSIAN = 0.8563
 """Scale of a t distribution of that kind fitted to Gaussian noise of unit width."""
 
 
@@ -61,7 +61,7 @@ def scale(z: np.ndarray, least: float = 1.0, start: float | None = None) -> floa
     """
     if not len(z):
         return least
-    z2 = z * z / _GAUSSIAN**2
+    z2 = z * z / GAUSSIAN**2
     floor = max(least * least, 1e-300)
     s2 = max(floor, float(np.median(z2)) * 1.6 if start is None else start * start)
     for _ in range(50):
@@ -94,7 +94,7 @@ def loglik(
     for k, part in enumerate(parts):
         s = scales[k] = scale(z[part], start=None if start is None else float(start[k]))
         terms = -len(z[part]) * np.log(s) - 0.5 * (NU + 1.0) * np.sum(
-            np.log1p(np.square(z[part] / (_GAUSSIAN * s)) / NU)
+            np.log1p(np.square(z[part] / (GAUSSIAN * s)) / NU)
         )
         total += float(terms) * (1.0 if weights is None else float(weights[k]))
     return total, scales
@@ -172,7 +172,7 @@ def _reweighted(
         for i, part in enumerate(parts):
             share = (1.0 if weights is None else float(weights[i])) / scales[i] ** 2
             # The first round trusts every window: what looks like an outlier there may be what the columns explain.
-            w[part] = share * (NU + 1.0) / (NU + np.square(z[part] / (_GAUSSIAN * scales[i]))) if n else share
+            w[part] = share * (NU + 1.0) / (NU + np.square(z[part] / (GAUSSIAN * scales[i]))) if n else share
         Aw = A * w[:, None]
         x = bounded(A.T @ Aw + np.diag(prior), -(z0 @ Aw), lower, upper)
         z = z0 + A @ x
@@ -192,7 +192,7 @@ def window_weights(solution: RobustFit, parts: Sequence[slice], weights: np.ndar
     w = np.empty(len(solution.z))
     for i, part in enumerate(parts):
         share = (1.0 if weights is None else float(weights[i])) / solution.scales[i] ** 2
-        w[part] = share * (NU + 1.0) / (NU + np.square(solution.z[part] / (_GAUSSIAN * solution.scales[i])))
+        w[part] = share * (NU + 1.0) / (NU + np.square(solution.z[part] / (GAUSSIAN * solution.scales[i])))
     return w
 
 

@@ -1,0 +1,85 @@
+r"""What a misfit costs in log-likelihood before its noise is known: the expectation of the likelihood of a diagnosis.
+
+With δ what a hypothesis leaves of the true signal in a window, in units of noise, and n the noise to come,
+
+.. math:: \bar\rho(\delta, s) = \mathrm E_n\Big[\tfrac{\nu + 1}{2} \log\Big(1 + \frac{(\delta + n)^2}{\nu g^2 s^2}\Big)
+    \Big] + \log s, \qquad n \sim N(0, 1)
+
+with the scale s ≥ 1 of the equation that costs least, over the windows of the earlier logs as well, in which the
+hypothesis leaves noise. A few windows that are far off therefore count by their logarithms, as they do in the
+diagnosis (`pamid.gap.inference.student_t`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..inference.student_t import GAUSSIAN
+from ..settings import NU
+
+SIZES = np.concatenate([[0.0], np.geomspace(0.05, 3000.0, 70)])
+"""Misfits that are tabulated, in units of noise."""
+SCALES = 1.25 ** np.arange(24)
+"""Scales that an equation is tried with, up to 170."""
+
+
+def _table() -> np.ndarray:
+    nodes, weights = np.polynomial.hermite_e.hermegauss(31)
+    z2 = np.square(SIZES[:, None] + nodes)
+    mean = np.log1p(z2 / (NU * GAUSSIAN**2 * np.square(SCALES)[:, None, None])) @ (weights / weights.sum())
+    cost = 0.5 * (NU + 1.0) * mean + np.log(SCALES)[:, None]
+    return np.asarray(cost - cost[0, 0])
+
+
+TABLE = _table()
+"""Cost beyond that of noise alone at scale 1, shape (n_scales, n_sizes)."""
+CURVATURE = float(2.0 * TABLE[0, 1] / SIZES[1] ** 2)
+"""What a small misfit counts for, beside a Gaussian likelihood."""
+
+
+def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the misfit of one equation is expected to cost in log-likelihood, and the scale that it gets.
+
+    Parameters
+    ----------
+    left : array, shape (n_windows, n_draws)
+        What is left of the signal, in units of noise.
+    earlier : float
+        Windows of the equation in earlier logs, which hold noise alone.
+
+    Returns
+    -------
+    cost, scale : array, shape (n_draws,)
+        Nats, at least 0; units of noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.design.expected_cost import expected_cost
+    >>> small, large = (expected_cost(np.full((50, 1), size), 0.0)[0][0] for size in (0.2, 20.0))
+    >>> f"{small:.1f} {large:.0f}"  # 50 windows: half a square, and a logarithm
+    '0.9 148'
+    """
+    size = np.minimum(np.abs(left), SIZES[-1])
+    k = np.clip(np.searchsorted(SIZES, size, side="right") - 1, 0, len(SIZES) - 2)
+    f = (size - SIZES[k]) / (SIZES[k + 1] - SIZES[k])
+    # A scale above that of the largest misfit costs only more.
+    some = min(int(np.searchsorted(SCALES, 1.0 + float(size.max(initial=0.0)))) + 1, len(SCALES))
+    T = TABLE[:some]
+    total = (T[:, k] * (1.0 - f) + T[:, k + 1] * f).sum(axis=1) + earlier * T[:, :1]
+    best = np.argmin(total, axis=0)
+    return np.maximum(total[best, np.arange(total.shape[1])], 0.0), SCALES[best]
+
+
+def counts_for(left: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return what windows count for in the curvature of the cost, with a misfit at a scale.
+
+    Parameters
+    ----------
+    left : array, shape (n_windows,)
+        What is left of the signal, in units of noise.
+    scale : array, shape (n_windows,)
+        Scale of each window's equation.
+    """
+    wide = NU * GAUSSIAN**2
+    return np.asarray(CURVATURE * (wide + 1.0) / (wide * np.square(scale) + np.square(left) + 1.0))

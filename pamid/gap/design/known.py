@@ -1,0 +1,240 @@
+"""An explanation with what the earlier logs say of its parameters, and what could be true of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ...effects import Parameter
+from ..inference.discrepancy import Discrepancy
+from ..inference.gauss_newton import Fit, Fitter, slots_of
+from ..inference.occam import occam_of, possible
+from ..inference.student_t import loglik
+from ..residuals.bench import Evidence
+from ..settings import FORM_SMOOTH, TOLERANCE
+
+HALVINGS = 6
+"""How often a draw is moved halfway back to the fit where the logs speak against it."""
+LOST = 2.0
+"""Log-likelihood that a draw may lose beyond what its posterior says, in nats."""
+
+
+class Draw(NamedTuple):
+    """What could be true of an explanation beside its best fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        Its effects and deviations of the tolerances.
+    lost : float
+        What it loses in the earlier logs, in nats.
+    """
+
+    fit: Fit
+    lost: float
+
+
+@dataclass(frozen=True)
+class Known:
+    """An explanation with what the earlier logs say of its parameters.
+
+    Parameters
+    ----------
+    fit : Fit
+        Its effects and deviations of the tolerances.
+    precision : array, shape (n_free + n_parameters, n_free + n_parameters)
+        Posterior precision of the tolerances and its effects' parameters.
+    belief : float
+        Probability.
+    windows : int, default=0
+        Windows of the earlier logs.
+    draws : sequence of Draw, default=()
+        What could be true instead: draws of its parameters and deviations that the earlier logs allow.
+    """
+
+    fit: Fit
+    precision: np.ndarray
+    belief: float
+    windows: int = 0
+    draws: Sequence[Draw] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its effects."""
+        return tuple(self.fit.spec)
+
+    def curvature(self, H: np.ndarray) -> np.ndarray:
+        """Return what is known of the effects' parameters where that of all coefficients is H."""
+        m = len(self.fit.x)
+        keep = np.arange(m, len(self.precision))
+        rest = np.setdiff1d(np.arange(len(H)), keep)
+        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
+        C = H / np.outer(size, size) + 1e-9 * np.eye(len(H))
+        schur = C[np.ix_(keep, keep)] - C[np.ix_(keep, rest)] @ np.linalg.solve(
+            C[np.ix_(rest, rest)], C[np.ix_(rest, keep)]
+        )
+        return np.asarray(schur * np.outer(size[keep], size[keep]))
+
+    def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
+        """Return for each effect the places, parameters and values of its parameters."""
+        slots = slots_of(self.fit.spec)
+        mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
+        return [
+            (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
+        ]
+
+    def price(self, H: np.ndarray, windows: float) -> float:
+        """Return what the parameters cost in evidence where the precision of all coefficients is H."""
+        if not self.fit.spec:
+            return 0.0
+        known = self.curvature(H)
+        return sum(
+            occam_of(
+                known[np.ix_(at, at)], windows, parameters, values, _gain(known[np.ix_(at, at)], parameters, values)
+            )
+            for at, parameters, values in self.each()
+        )
+
+    @property
+    def reach(self) -> np.ndarray:
+        """How far tolerances and parameters were thought possible to be from their values; tolerances have a prior."""
+        out = np.full(len(self.precision), np.inf)
+        if self.fit.spec:
+            m, known = len(self.fit.x), self.curvature(self.precision)
+            for at, parameters, values in self.each():
+                mine = known[np.ix_(at, at)]
+                out[m + np.array(at)] = possible(mine, parameters, values, _gain(mine, parameters, values))
+        return np.maximum(out, 1e-12)
+
+    @property
+    def held(self) -> np.ndarray:
+        """The precision with which the explanation is refitted: nonlinear parameters no further than they reach."""
+        linear = np.array([p.linear for _, p in slots_of(self.fit.spec)], dtype=bool)
+        free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
+        return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
+
+
+def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
+    """Return what an effect explains: that of its amplitudes, in which it is linear."""
+    a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
+    return 0.5 * float(a @ known @ a)
+
+
+def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
+    """Return an explanation with what logs say of its parameters.
+
+    Parameters
+    ----------
+    logs : sequence of Evidence
+        The logs.
+    fit : Fit
+        The explanation.
+    belief : float
+        Its probability.
+    rng : Generator
+        Source of randomness.
+    draws : int, default=0
+        Draws of what could be true instead.
+    """
+    known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs))
+    linear = np.array([True] * len(fit.x) + [p.linear for _, p in slots_of(fit.spec)])
+    now, found = _loglik(logs, fit), []
+    for k in range(draws):
+        # Where all parameters move, bounds of nonlinear ones end a step early: every other pair of draws leaves them.
+        free = linear if k % 4 < 2 else np.ones(len(linear), dtype=bool)
+        if k % 2 == 0:
+            H = known.held[np.ix_(free, free)]
+            size = np.sqrt(np.maximum(np.diag(H), 1e-300))
+            root = np.linalg.cholesky(H / np.outer(size, size) + 1e-6 * np.eye(len(size)))
+            step = np.zeros(len(linear))
+            step[free] = np.linalg.solve(root.T, rng.standard_normal(len(size))) / size
+        else:
+            step = -step
+        found.append(_allowed(logs, fit, step, now, 0.5 * float(step @ known.held @ step)))
+    return replace(known, draws=tuple(found))
+
+
+def _allowed(logs: Sequence[Evidence], fit: Fit, step: np.ndarray, now: float, price: float) -> Draw:
+    """Return a fit moved by a step, or by a part of it: as far as bounds and the logs allow.
+
+    The posterior is Gaussian about the fit only, and a step along which the logs lose more is none of it.
+    """
+    slots, m = slots_of(fit.spec), len(fit.x)
+    value = np.array([fit.spec[name][p.name] for name, p in slots])
+    end = np.array([p.upper if d > 0.0 else p.lower for d, (_, p) in zip(step[m:], slots, strict=True)])
+    moves = step[m:] != 0.0
+    share = float(np.clip(np.min(((end - value) / np.where(moves, step[m:], 1.0))[moves], initial=1.0), 0.0, 1.0))
+    for _ in range(HALVINGS):
+        spec: dict[str, dict[str, float]] = {name: dict(values) for name, values in fit.spec.items()}
+        for (name, p), v in zip(slots, value + share * step[m:], strict=True):
+            spec[name][p.name] = float(np.clip(v, p.lower, p.upper))
+        moved = replace(fit, spec=spec, x=fit.x + share * step[:m])
+        lost = max(now - _loglik(logs, moved), 0.0) + _unlikely(moved) - _unlikely(fit)
+        if lost <= share**2 * price + LOST:
+            return Draw(moved, max(lost, 0.0))
+        share *= 0.5
+    return Draw(fit, 0.0)
+
+
+def _unlikely(fit: Fit) -> float:
+    return 0.5 * TOLERANCE * float(fit.x @ fit.x)
+
+
+def _loglik(logs: Sequence[Evidence], fit: Fit) -> float:
+    return sum(loglik(log.tangent(fit.spec, fit.x) + log.J @ fit.x, log.parts, log.weights)[0] for log in logs)
+
+
+def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of an explanation on a log, and what tolerances and its parameters do to them."""
+    slots = slots_of(fit.spec)
+    z = evidence.tangent(fit.spec, fit.x)
+    if not slots:
+        return z + evidence.J @ fit.x, evidence.J
+    phi = np.array([fit.spec[name][p.name] for name, p in slots])
+    D, _, _ = Fitter(evidence).jacobian(slots, phi, z, fit.x)
+    return z + evidence.J @ fit.x, np.column_stack([evidence.J, D])
+
+
+def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
+    """Return the posterior precision of an explanation's parameters after logs, what its form may do left free.
+
+    Parameters
+    ----------
+    logs : sequence of Evidence
+        The logs.
+    fit : Fit
+        The explanation.
+    """
+    m = logs[0].J.shape[1]
+    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(fit.spec)))]))
+    for log in logs:
+        z, A = sensitivities(log, fit)
+        S, width = form_of(log, fit)
+        weight = 1.0 / np.square(width * _scales(log, z / width))
+        Aw = A * weight[:, None]
+        H = A.T @ Aw
+        if S.shape[1]:
+            cross = S.T @ Aw
+            H -= cross.T @ np.linalg.solve(S.T @ (S * weight[:, None]) + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
+        total = total + H
+    return total
+
+
+def _scales(log: Evidence, z: np.ndarray) -> np.ndarray:
+    """Return the scale of each window's equation, at least 1."""
+    out = np.ones(len(z))
+    for part in log.parts:
+        out[part] = max(1.0, float(np.sqrt(np.mean(np.square(z[part]))))) if part.stop > part.start else 1.0
+    return out
+
+
+def form_of(log: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns of an explanation's inexact form, and the standard deviation of each window with it."""
+    if not fit.spec:
+        return np.zeros((len(log.z0), 0)), np.ones(len(log.z0))
+    discrepancy = Discrepancy(log)
+    width = discrepancy.width(fit)
+    return discrepancy.columns(fit), np.ones(len(log.z0)) if width is None else width
