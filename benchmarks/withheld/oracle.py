@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from . import several
 from .excitation import DT
 from .generator import Case
 
-DECIDABLE = 5.0
+DECIDABLE = several.DECIDABLE
 """Lead in evidence, in nats, from which a case is decidable: odds of 150 to one."""
 
 
@@ -101,9 +102,15 @@ def _at_windows(case: Case, evidence: Any, contributions: Mapping[str, np.ndarra
 
 
 def lead(result: Mapping[str, Any]) -> float | None:
-    """Return how far the oracle of a written case is ahead of the best hypothesis that lacks a true effect."""
+    """Return how far the oracle of a written case is ahead of the best hypothesis that lacks a true effect.
+
+    Of several effects at once it is that of the least certain one of those that have to be named.
+    """
     if result.get("oracle") is None or "diagnosis" not in result:
         return None
+    if result["key"]["suite"] == "several":
+        leads = [several.lead(result, name) for _, name in several.effects([result])]
+        return min((nats for nats in leads if nats is not None), default=None)
     true = set(result["key"]["effects"])
     wrong = [h["gain"] for h in result["diagnosis"]["hypotheses"] if not true <= set(h["effects"])]
     return float(result["oracle"]) - max([*wrong, 0.0])

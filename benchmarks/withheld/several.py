@@ -105,13 +105,16 @@ def effects(
 def lead(result: Result, name: str) -> float | None:
     """Return by how much a true effect can be told, in nats; None without an oracle.
 
-    That is what its true form gains over leaving it out, the others free; and at most by how much all true forms are
-    ahead of the best set of the library without it.
+    That is what its true form gains over leaving it out, the others free; and at most by how much all effects in their
+    true form, or in that of the library, are ahead of the best set of the library without it.
     """
     if result.get("oracle") is None or "diagnosis" not in result or name not in result.get("oracle_each", {}):
         return None
-    others = [h["gain"] for h in result["diagnosis"]["hypotheses"] if name not in h["effects"]]
-    return min(float(result["oracle_each"][name]), float(result["oracle"]) - max([*others, 0.0]))
+    sets = [(set(h["effects"]), h["gain"]) for h in result["diagnosis"]["hypotheses"]]
+    others = [gain for names, gain in sets if name not in names]
+    every = [gain for names, gain in sets if names >= set(result["key"]["effects"])]
+    ahead = max([float(result["oracle"]), *every]) - max([*others, 0.0])
+    return min(float(result["oracle_each"][name]), ahead)
 
 
 def named(result: Result) -> list[set[str]]:

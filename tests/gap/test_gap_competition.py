@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,8 @@ from pamid.gap import diagnose
 from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.discrepancy import pasts
 from pamid.gap.inference.flexible import Flexible
+from pamid.gap.inference.gauss_newton import Fit
+from pamid.gap.inference.hypotheses import Hypothesis
 from pamid.gap.inference.sensitivity import Template, grid
 from pamid.gap.inference.subsets import Subsets
 from pamid.gap.residuals.bench import Evidence
@@ -155,3 +158,33 @@ def test_less_than_the_noise_is_no_evidence() -> None:
     assert competition._below_noise(1.2 * competition.base.left) == 0.0
     windows = np.array([part.stop - part.start for part in competition.evidence.parts]) * competition.fitter.weights
     assert competition._below_noise(0.9 * left) == pytest.approx(-np.log(0.9) * windows.sum())
+
+
+def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry, too."""
+    shares = {
+        frozenset({"offset", "creep", "geometry"}): {"offset": 0.01, "creep": 0.07, "geometry": 0.13},
+        frozenset({"creep", "geometry"}): {"creep": 0.4, "geometry": 0.009},
+        frozenset({"offset", "geometry"}): {"offset": 0.08, "geometry": 2.0},
+        frozenset({"offset", "creep"}): {"offset": 0.02, "creep": 0.09},
+    }
+    competition = object.__new__(Competition)
+    evidence = SimpleNamespace(tangent=lambda spec, x: np.zeros(4), exact=False)
+    competition.evidence = evidence  # type: ignore[assignment]
+    fitter = SimpleNamespace(linear=lambda z, D, low, high, start: SimpleNamespace(loglik=0.0))
+    competition.fitter = fitter  # type: ignore[assignment]
+
+    def hypothesis(spec: dict, *_: object) -> Hypothesis:
+        none = np.zeros(0)
+        return Hypothesis(Fit(spec, none, 0.0, none, none), float(len(spec)), 0.0, none, none, none)
+
+    def own(fit: Fit, *_: object) -> list[float]:
+        return [shares[frozenset(fit.spec)][name] for name in fit.spec] if len(fit.spec) > 1 else []
+
+    competition.base = hypothesis({})
+    monkeypatch.setattr(competition, "_shares", own)
+    monkeypatch.setattr(competition, "_refined", hypothesis)
+    monkeypatch.setattr("pamid.gap.inference.worth.degenerate", lambda *_: None)
+    monkeypatch.setattr(competition, "_sensitivities", lambda fit: (np.zeros((4, 3)), [(n, None) for n in fit.spec]))
+    all_three = hypothesis({"offset": {}, "creep": {}, "geometry": {}})
+    assert competition._purged(all_three).names == {"offset", "geometry"}

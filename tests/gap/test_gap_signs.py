@@ -1,6 +1,7 @@
 """What a name must show: agreement of runs, the numbers that decide, trust fitted from cases, a learned remainder."""
 
 import ast
+import itertools
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ import pytest
 from benchmarks.withheld import trust
 from pamid.bench import BenchParameters, simulate, sine
 from pamid.gap import diagnose, settings
+from pamid.gap.diagnosis import signs
 from pamid.gap.diagnosis.signs import agreement
 from pamid.gap.diagnosis.trusted import SIGNS, SURE, TRUSTED
 from pamid.gap.learned import learn, predict
@@ -40,6 +42,25 @@ def test_cochrans_q_is_that_of_the_books():
 def test_runs_that_agree_have_no_spread_and_one_run_says_nothing():
     assert agreement(np.full(5, 400.0), np.zeros(5)).spread == 0.0
     assert agreement(np.array([100.0]), np.array([3.0])).half == 1.0
+
+
+def outcome(gains: dict[str, float], parts: dict[str, int]):
+    """Return what three sure causes come to, and where each acts: the loudest has far more evidence than the others."""
+    sets = [h for n in range(4) for h in itertools.combinations(gains, n)]
+    made = [SimpleNamespace(names=frozenset(h), score=sum(gains[n] for n in h)) for h in sets]
+    best = SimpleNamespace(**vars(made[-1]), fit=SimpleNamespace(spec=dict.fromkeys(gains)))
+    competition = SimpleNamespace(discrepancy=SimpleNamespace(main_part=lambda fit, name: parts[name]))
+    return competition, SimpleNamespace(best=best, base=made[0], refitted=[best, *made[:-1]])
+
+
+def test_signs_do_not_grow_with_the_number_of_sure_causes():
+    competition, found = outcome({"lag": 3000.0, "leak": 200.0, "friction": 40.0}, {"lag": 0, "leak": 1, "friction": 0})
+    assert signs._rivalled(found) == 0.0
+    part_of = {"lag": 0.95, "leak": 0.001, "friction": 0.05}
+    assert signs.beside(competition, found, part_of) == pytest.approx({"lag": 0.95, "leak": 1.0, "friction": 0.05})
+    # Another effect says three quarters of what the friction adds.
+    found.refitted.append(SimpleNamespace(names=frozenset({"lag", "leak", "creep"}), score=3230.0))
+    assert signs._rivalled(found) == pytest.approx(0.75)
 
 
 def test_at_most_twenty_five_numbers_decide():

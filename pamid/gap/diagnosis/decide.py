@@ -13,6 +13,7 @@ from ..inference.significance import Excess, excess, library_test, outliers
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM
 from .closure import shapley
 from .open_set import Trust, trust
+from .signs import beside
 
 
 @dataclass
@@ -106,12 +107,13 @@ def _trusted(competition: Competition, outcome: Outcome) -> tuple[Outcome, dict[
     """Return the best set of effects, what part each has, and the trust in it.
 
     Where that is not to be named, the faintest of several causes is left to the remainder as long as the others are
-    then trusted more: what it explains may be an error of their form.
+    then trusted more: what it explains may be an error of the form of those beside which it acts.
     """
     part_of = shapley(competition.fitter, outcome.base.fit, outcome.best.fit)
     found = trust(competition, outcome, part_of)
     while not found.named and len(part_of) > 1 and competition.evidence.exact:
-        less = competition.without(outcome, min(part_of, key=lambda name: part_of[name]))
+        shares = beside(competition, outcome, part_of)
+        less = competition.without(outcome, min(part_of, key=lambda name: (shares[name], part_of[name])))
         parts = shapley(competition.fitter, less.base.fit, less.best.fit)
         other = trust(competition, less, parts, given_up=True)
         if other.probability <= found.probability:

@@ -20,6 +20,7 @@ https://doi.org/10.1002/sim.1186
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -117,7 +118,8 @@ def signs_of(
         equation where most is left; a half counts as all.
         ``cancelling``: logarithm of the power of all contributions by themselves over that of their sum: what needs
         effects that undo each other; a factor of seven counts as all.
-        ``faint``: logarithm of one over the smallest share of a cause; a fiftieth counts as all.
+        ``faint``: logarithm of one over the smallest share of a cause, among those beside which it acts; a fiftieth
+        counts as all.
         ``left_of_gap``: share of the gap's power that is left, beyond the noise.
         ``predictable``: share of what is left that a flexible function of the state predicts on other trajectories.
         ``coloured``: root mean square correlation of what is left with its own past, where that is most.
@@ -125,8 +127,8 @@ def signs_of(
         which it is largest.
         ``paced``: the same over slow and fast changes, octave by octave.
         ``uncertain``: half of the 90 % interval of the least certain factor.
-        ``rivalled``: gain of the best set that lacks one of the causes, as a share of that of all.
-        ``many``: number of causes beyond the first; four count as all.
+        ``rivalled``: how much of what a cause adds to the gain the best set that lacks it has, where that is most.
+        ``many``: number of causes beyond the first in the equation that has most; four count as all.
         ``given_up``: whether a cause beside these was given up: of an imitation by several that leaves the best part.
         ``unclosed``: one less the lower end of the 90 % interval of what is closed on unseen runs, where that is least.
     """
@@ -137,7 +139,7 @@ def signs_of(
     alone = sum(float(np.sum(np.square(d))) for d in each)
     together = float(np.sum(np.square(np.sum(each, axis=0)))) if each else 0.0
     room = still = left = predictable = coloured = 0.0
-    flexible = Flexible(evidence)
+    flexible, shares = Flexible(evidence), beside(competition, outcome, part_of)
     for name, part, was, now in zip(evidence.equations, evidence.parts, base.left, best.left, strict=True):
         room += _excess(before[part])
         more = _excess(after[part])
@@ -151,14 +153,14 @@ def signs_of(
     found = {
         "left": 2.0 * left,
         "cancelling": 0.5 * np.log(alone / together) if together > 0 else 0.0,
-        "faint": -0.25 * np.log(max(min(part_of.values(), default=1.0), 1e-3)),
+        "faint": -0.25 * np.log(max(min(shares.values(), default=1.0), 1e-3)),
         "left_of_gap": still / room if room > 0 else 0.0,
         "predictable": predictable,
         "coloured": coloured,
         **_of_factors(competition, outcome, competition.discrepancy.whole(best.fit)),
         "unclosed": _unclosed(competition, outcome),
         "rivalled": _rivalled(outcome),
-        "many": (len(best.fit.spec) - 1) / 3.0,
+        "many": (max(Counter(_main_parts(competition, outcome).values()).values(), default=1) - 1) / 3.0,
         "given_up": float(given_up),
     }
     return {name: float(np.clip(v, 0.0, 1.0)) for name, v in found.items()}
@@ -240,11 +242,36 @@ def _colour(competition: Competition, z: np.ndarray, part: slice) -> float:
     return float(np.sqrt(max(total, 0.0) / LAGS))
 
 
+def beside(competition: Competition, outcome: Outcome, part_of: Mapping[str, float]) -> dict[str, float]:
+    """Return each cause's share of what those explain that act most in the same equation.
+
+    What imitates or mends the form of another acts where that does; causes of other equations say nothing about it.
+    """
+    main = _main_parts(competition, outcome)
+    whole = dict.fromkeys(main.values(), 0.0)
+    for name, part in part_of.items():
+        whole[main[name]] += max(part, 0.0)
+    return {name: max(part, 0.0) / whole[main[name]] if whole[main[name]] else 1.0 for name, part in part_of.items()}
+
+
+def _main_parts(competition: Competition, outcome: Outcome) -> dict[str, int]:
+    fit = outcome.best.fit
+    return {name: competition.discrepancy.main_part(fit, name) for name in fit.spec}
+
+
 def _rivalled(outcome: Outcome) -> float:
-    """Return what the best set that lacks one of the causes gains, as a share of what all gain."""
-    best, base = outcome.best, outcome.base.score
-    gain = max((h.score - base for h in outcome.refitted if not best.names <= h.names), default=0.0)
-    return gain / max(best.score - base, 1.0)
+    """Return how much of what a cause adds to the gain the best set has that lacks it, where that is most.
+
+    Held against the gain of all causes, that would grow with the number of causes, however sure each of them is.
+    """
+    best, base = outcome.best, outcome.base
+    found = 0.0
+    for name in best.names:
+        rest = max((h.score for h in outcome.refitted if h.names <= best.names - {name}), default=base.score)
+        other = max((h.score for h in outcome.refitted if name not in h.names), default=base.score)
+        rest = max(rest, base.score)
+        found = max(found, (other - rest) / max(best.score - rest, 1.0))
+    return found
 
 
 def _unclosed(competition: Competition, outcome: Outcome) -> float:

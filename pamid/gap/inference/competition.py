@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ...effects import Parameter, all_effects
+from ...effects import all_effects
 from ..residuals.protocol import ResidualSource
 from ..settings import (
     CLOSE,
     CLOSE_SHARE,
     EXCESS,
     FORM_SMOOTH,
-    FORM_TIMES,
     GRID,
     KEPT,
     MOST_CAUSES,
@@ -22,19 +22,17 @@ from ..settings import (
     ONE_MORE,
     TOLERANCE,
 )
-from .discrepancy import Discrepancy
-from .gauss_newton import Fit, Fitter, joined, slots_of
+from .gauss_newton import Fit, joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
-from .occam import occam
 from .sensitivity import Template, relinearised, templates
-from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
+from .worth import Worth
 
 ROUNDS = 3
 """Most times that the search begins anew from a set that it came upon at its end."""
 
 
-class Competition:
+class Competition(Worth):
     """The hypotheses about one log.
 
     Parameters
@@ -53,84 +51,19 @@ class Competition:
         library: Sequence[str],
         progress: Callable[[str], None] | None = None,
     ) -> None:
-        self.evidence, self.fitter, self.library = evidence, Fitter(evidence), list(library)
-        self.discrepancy = Discrepancy(evidence)
-        self.say = progress or (lambda _: None)
+        super().__init__(evidence)
+        self.library, self.say = list(library), progress or (lambda _: None)
         known = all_effects()
         self.templates: list[Template] = []
         for name in library:
             self.say(f"sensitivity to {name}")
             self.templates += templates(evidence, known[name])
-        self._done: dict[frozenset[str], Hypothesis] = {}
-        self._jacobians: dict[str, np.ndarray] = {}
-        self.base = self.hypothesis(self.fitter.base())
-        self._done[frozenset()] = self.base
+        self._done: dict[frozenset[str], Hypothesis] = {frozenset(): self.base}
 
     @property
     def usable(self) -> list[str]:
         """The effects that change something on this log."""
         return list(dict.fromkeys(t.effect for t in self.templates))
-
-    # --- evidence -----------------------------------------------------------------------------------------------
-    def hypothesis(self, fit: Fit) -> Hypothesis:
-        """Return a fit with its evidence."""
-        evidence = self.evidence
-        z = evidence.tangent(fit.spec, fit.x)
-        spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
-        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening)
-        best, width = plain, None
-        value = plain.loglik
-        if fit.spec:
-            columns = self.discrepancy.columns(fit)
-            k = columns.shape[1]
-            precision = np.full(k, FORM_SMOOTH**-2)
-            for times in FORM_TIMES:
-                trial = self.discrepancy.width(fit, times) if times else None
-                both = widening if trial is None else trial if widening is None else trial * widening
-                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both)
-                total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
-                scaled = columns / np.broadcast_to(total, len(z))[:, None]
-                loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
-                if loose > value:
-                    best, width, value = s, trial, loose
-        weights = window_weights(best, evidence.parts, self.fitter.weights)
-        if width is not None:
-            weights = weights / np.square(width)
-        score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
-        left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
-        if spread is not None and not evidence.exact:
-            score -= self._below_noise(left)
-        return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
-
-    def _below_noise(self, left: np.ndarray) -> float:
-        """Return what residuals gain in nats by becoming smaller than their noise: a fault undone filters that, too."""
-        quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
-        return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
-
-    @property
-    def _counts(self) -> np.ndarray:
-        """Windows of each equation."""
-        return np.array([part.stop - part.start for part in self.evidence.parts])
-
-    @staticmethod
-    def _unlikely(fit: Fit) -> float:
-        """Return what deviations within the tolerances cost."""
-        return 0.5 * TOLERANCE * float(fit.x @ fit.x)
-
-    def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
-        """Return what each effect of a fit costs for its parameters, less what is expected of it."""
-        if not fit.spec:
-            return {}
-        D, slots = self._sensitivities(fit)
-        found = {}
-        for name, d in self.discrepancy.contributions(fit).items():
-            mine = [k for k, (n, _) in enumerate(slots) if n == name]
-            gain = 0.5 * float(weights @ np.square(d))
-            parameters = [slots[k][1] for k in mine]
-            values = [fit.spec[name][p.name] for p in parameters]
-            price = occam(D[:, mine], self.evidence.J, weights, parameters, values, gain)
-            found[name] = price - self.evidence.prior(name)
-        return found
 
     # --- search -------------------------------------------------------------------------------------------------
     def run(self) -> Outcome:
@@ -253,59 +186,6 @@ class Competition:
                 left = _excess(self.evidence, about.unweighted(about.fit((int(t),)))) if gains[t] > 0 else room
                 found[name] = Single(float(gains[t]) - about.cost[name], _closed(left, room))
         return found
-
-    def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
-        """Return what sets of different size are compared by: whether each effect is one of its own, then the score."""
-        own = not any(degenerate(h.fit, name) for name in h.fit.spec)
-        own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
-        return own, h.score - self._crowded(h)
-
-    def _crowded(self, h: Hypothesis) -> float:
-        """Return what a set must explain better than a smaller one, in nats, for each effect beyond the first.
-
-        In the same equation, where the inexact form of one effect calls for another, that is a share of what they
-        explain there together; but any model other than a bench's may be wrong in several ways at once.
-        """
-        more = ONE_MORE * max(len(h.fit.spec) - 1, 0)
-        if len(h.fit.spec) < 2 or not self.evidence.exact:
-            return more
-        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
-        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
-
-    def _gained(self, h: Hypothesis) -> np.ndarray:
-        """Return what a set explains of each equation, in nats."""
-        gain = self._counts * self.fitter.weights * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
-        return np.asarray(np.maximum(gain, 0.0))
-
-    def gain_about(self, h: Hypothesis, name: str) -> float:
-        """Return what a set explains, in nats, in the equations that one of its effects changes.
-
-        What other effects explain elsewhere says nothing of how well the form of this one is known.
-        """
-        touched = self.evidence.touched([name])
-        gained, gain = self._gained(h), max(h.score - self.base.score, 0.0)
-        mine = np.array([equation in touched for equation in self.evidence.equations])
-        return gain * float(gained[mine].sum() / gained.sum()) if gained.sum() > 0.0 else gain
-
-    def _own_shares(self, h: Hypothesis) -> list[float]:
-        if h.own is None:
-            h.own = []
-            if len(h.fit.spec) > 1:
-                D, slots = self._sensitivities(h.fit)
-                for name in h.fit.spec:
-                    others = np.array([n != name for n, _ in slots])
-                    h.own.append(self.discrepancy.own_share(h.fit, name, D[:, others], self.base.fit.z))
-        return h.own
-
-    def _sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
-        """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
-        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
-        if key not in self._jacobians:
-            slots = slots_of(fit.spec)
-            phi = np.array([fit.spec[name][p.name] for name, p in slots])
-            D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
-            self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
-        return self._jacobians[key], slots_of(fit.spec)
 
     def _about(self, h: Hypothesis, without: frozenset[str] = frozenset()) -> Subsets:
         """Return the subsets of the library about a hypothesis, some of its effects taken out."""
@@ -432,11 +312,29 @@ class Competition:
         return found
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects that are none of their own: close relatives that fit as one."""
+        """Return a hypothesis without the effects that are none of their own: close relatives that fit as one.
+
+        Which of them goes is no matter of size: what another can say may be the effect that there is, and the other one
+        that can say anything. So one is tried, too, without which all others are of their own.
+        """
         while len(h.fit.spec) > 1 and min(shares := self._own_shares(h)) < OF_ITS_OWN:
-            out = list(h.fit.spec)[int(np.argmin(shares))]
-            h = self._refined({k: v for k, v in h.fit.spec.items() if k != out}, h)
+            least = {list(h.fit.spec)[int(np.argmin(shares))], self._least_missed(h)}
+            rests = ({k: v for k, v in h.fit.spec.items() if k != name} for name in sorted(least))
+            h = max((self._refined(rest, h) for rest in rests), key=self._ranked)
         return h
+
+    def _least_missed(self, h: Hypothesis) -> str:
+        """Return the effect without which the others are of their own and explain most, to first order."""
+        D, slots = self._sensitivities(h.fit)
+        found = {}
+        for out in h.fit.spec:
+            kept = np.array([name != out for name, _ in slots])
+            fit = replace(h.fit, spec={k: v for k, v in h.fit.spec.items() if k != out})
+            own = min(self._shares(fit, D[:, kept], [s for s in slots if s[0] != out]), default=np.inf) >= OF_ITS_OWN
+            free = np.full(int(kept.sum()), np.inf)
+            z = self.evidence.tangent(fit.spec, fit.x)
+            found[out] = own, self.fitter.linear(z, D[:, kept], -free, free, start=fit.x).loglik
+        return max(found, key=lambda name: found[name])
 
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:
         """Return effects refitted from where they are."""
@@ -474,10 +372,6 @@ class Competition:
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)
-
-
-def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
 
 
 def _unsettled(spec: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]] | None:

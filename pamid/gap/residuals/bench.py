@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from ...bench.parameters import BenchParameters
 
+RECENT = 24
+"""Residuals under effects that are kept, the last ones asked for."""
+
 
 class Evidence:
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
@@ -138,6 +141,7 @@ class Evidence:
         self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if allowed[e].order == 1]
         self._state: dict[str, np.ndarray] | None = None
         self._tangents: dict[bytes, np.ndarray] = {}
+        self._recent: dict[tuple[str, bytes], np.ndarray] = {}
         self._spreads: dict[str, np.ndarray] = {}
 
     @staticmethod
@@ -258,9 +262,12 @@ class Evidence:
         if key not in self._tangents:
             exact = self.z({}, deviations, equations=None) if np.any(x) else self.z0
             self._tangents = {**dict(list(self._tangents.items())[-5:]), key: exact - self.J @ x}
-        out = self._tangents[key]
-        if spec:
-            out, changed, linear = out.copy(), self.z(spec, deviations), self.J @ x
+        if not spec:
+            return self._tangents[key]
+        # Derivatives with respect to each parameter begin at the same effects, which are asked for again and again.
+        asked = repr(spec), key
+        if asked not in self._recent:
+            out, changed, linear = self._tangents[key].copy(), self.z(spec, deviations), self.J @ x
             for name in self.touched(spec):
                 part = self.parts[self.equations.index(name)]
                 out[part] = changed[part] - linear[part]
@@ -268,7 +275,9 @@ class Evidence:
                     # What tolerances change is taken along: its tangent is not.
                     kept = without_beginnings(changed[part], columns, self._lanes[part])[0]
                     out[part] = kept - linear[part]
-        return out
+            out.flags.writeable = False
+            self._recent = {**dict(list(self._recent.items())[1 - RECENT :]), asked: out}
+        return self._recent[asked]
 
     def freedom(self, spec: Spec) -> float:
         """Return what it costs that the beginnings of runs are unknown, a logarithm of likelihood."""

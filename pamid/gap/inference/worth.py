@@ -1,0 +1,150 @@
+"""What a set of effects is worth: its evidence with inexact forms, and what sets of different size are compared by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...effects import Parameter
+from ..residuals.protocol import ResidualSource
+from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, ONE_MORE, TOLERANCE
+from .discrepancy import Discrepancy
+from .gauss_newton import Fit, Fitter, slots_of
+from .hypotheses import Hypothesis, degenerate
+from .occam import occam
+from .student_t import form_cost, scale, window_weights
+
+
+class Worth:
+    """The worth of sets of effects on one log.
+
+    Parameters
+    ----------
+    evidence : ResidualSource
+        The log.
+    """
+
+    def __init__(self, evidence: ResidualSource) -> None:
+        self.evidence, self.fitter = evidence, Fitter(evidence)
+        self.discrepancy = Discrepancy(evidence)
+        self._jacobians: dict[str, np.ndarray] = {}
+        self.base = self.hypothesis(self.fitter.base())
+
+    def hypothesis(self, fit: Fit) -> Hypothesis:
+        """Return a fit with its evidence."""
+        evidence = self.evidence
+        z = evidence.tangent(fit.spec, fit.x)
+        spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
+        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening)
+        best, width = plain, None
+        value = plain.loglik
+        if fit.spec:
+            columns = self.discrepancy.columns(fit)
+            k = columns.shape[1]
+            precision = np.full(k, FORM_SMOOTH**-2)
+            for times in FORM_TIMES:
+                trial = self.discrepancy.width(fit, times) if times else None
+                both = widening if trial is None else trial if widening is None else trial * widening
+                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both)
+                total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
+                scaled = columns / np.broadcast_to(total, len(z))[:, None]
+                loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
+                if loose > value:
+                    best, width, value = s, trial, loose
+        weights = window_weights(best, evidence.parts, self.fitter.weights)
+        if width is not None:
+            weights = weights / np.square(width)
+        score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
+        left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
+        if spread is not None and not evidence.exact:
+            score -= self._below_noise(left)
+        return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
+
+    def _below_noise(self, left: np.ndarray) -> float:
+        """Return what residuals gain in nats by becoming smaller than their noise: a fault undone filters that, too."""
+        quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
+        return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
+
+    @property
+    def _counts(self) -> np.ndarray:
+        """Windows of each equation."""
+        return np.array([part.stop - part.start for part in self.evidence.parts])
+
+    @staticmethod
+    def _unlikely(fit: Fit) -> float:
+        """Return what deviations within the tolerances cost."""
+        return 0.5 * TOLERANCE * float(fit.x @ fit.x)
+
+    def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
+        """Return what each effect of a fit costs for its parameters, less what is expected of it."""
+        if not fit.spec:
+            return {}
+        D, slots = self._sensitivities(fit)
+        found = {}
+        for name, d in self.discrepancy.contributions(fit).items():
+            mine = [k for k, (n, _) in enumerate(slots) if n == name]
+            gain = 0.5 * float(weights @ np.square(d))
+            parameters = [slots[k][1] for k in mine]
+            values = [fit.spec[name][p.name] for p in parameters]
+            price = occam(D[:, mine], self.evidence.J, weights, parameters, values, gain)
+            found[name] = price - self.evidence.prior(name)
+        return found
+
+    def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
+        """Return what sets of different size are compared by: whether each effect is one of its own, then the score."""
+        own = not any(degenerate(h.fit, name) for name in h.fit.spec)
+        own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
+        return own, h.score - self._crowded(h)
+
+    def _crowded(self, h: Hypothesis) -> float:
+        """Return what a set must explain better than a smaller one, in nats, for each effect beyond the first.
+
+        In the same equation, where the inexact form of one effect calls for another, that is a share of what they
+        explain there together; but any model other than a bench's may be wrong in several ways at once.
+        """
+        more = ONE_MORE * max(len(h.fit.spec) - 1, 0)
+        if len(h.fit.spec) < 2 or not self.evidence.exact:
+            return more
+        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
+        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
+
+    def _gained(self, h: Hypothesis) -> np.ndarray:
+        """Return what a set explains of each equation, in nats."""
+        gain = self._counts * self.fitter.weights * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
+        return np.asarray(np.maximum(gain, 0.0))
+
+    def gain_about(self, h: Hypothesis, name: str) -> float:
+        """Return what a set explains, in nats, in the equations that one of its effects changes.
+
+        What other effects explain elsewhere says nothing of how well the form of this one is known.
+        """
+        touched = self.evidence.touched([name])
+        gained, gain = self._gained(h), max(h.score - self.base.score, 0.0)
+        mine = np.array([equation in touched for equation in self.evidence.equations])
+        return gain * float(gained[mine].sum() / gained.sum()) if gained.sum() > 0.0 else gain
+
+    def _own_shares(self, h: Hypothesis) -> list[float]:
+        if h.own is None:
+            h.own = self._shares(h.fit, *self._sensitivities(h.fit)) if len(h.fit.spec) > 1 else []
+        return h.own
+
+    def _shares(self, fit: Fit, D: np.ndarray, slots: list[tuple[str, Parameter]]) -> list[float]:
+        """Return how large each of several effects is beside what the others leave open, given their sensitivities."""
+        if len(fit.spec) < 2:
+            return []
+        others = {name: np.array([n != name for n, _ in slots]) for name in fit.spec}
+        gap = self.base.fit.z
+        return [self.discrepancy.own_share(fit, name, D[:, rest], gap) for name, rest in others.items()]
+
+    def _sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
+        """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
+        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
+        if key not in self._jacobians:
+            slots = slots_of(fit.spec)
+            phi = np.array([fit.spec[name][p.name] for name, p in slots])
+            D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
+            self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
+        return self._jacobians[key], slots_of(fit.spec)
+
+
+def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
