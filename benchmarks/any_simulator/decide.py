@@ -49,7 +49,7 @@ class Decision(NamedTuple):
 def hypotheses(plant: Plant, sizes: dict[str, tuple[float, float]]) -> list[Cause]:
     """Return what may be thought of, at usual sizes and over a grid of shapes."""
     found: list[Cause] = []
-    for name, port in menu(plant):
+    for name, port in [*menu(plant), *(("actuator_bias", i) for i in plant.inputs)]:
         if port in plant.forces:
             x, v = plant.forces[port]
             F, speed, span = 0.1 * plant.sizes[port], sizes[plant.states[v]][0], sizes[plant.states[x]][1]

@@ -62,6 +62,8 @@ def figures(records: list[Record], method: str) -> dict[str, str]:
         "false alarms": _share([gap(s) for _, s in none]),
         "gap seen, detectable": _share([gap(s) for _, s in single]),
         "foreign causes named": "–" if learner else _share([s["named"] for _, s in foreign]),
+        "the same, without reserve": "–" if learner else _share([s["named"] and not s.get("reserved") for _, s in foreign]),
+        "decidable, with reserve": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
         "closed on runs to come, median, decidable": _median(
             [max(s["closed"], -1.0) for k, s in decidable if s["closed"] is not None]
         ),

@@ -46,6 +46,7 @@ def _pamid(case: Case, simulator: Simulator) -> dict[str, Any]:
     return {
         "verdict": d.verdict, "p": d.p_value, "effect": first.effect, "port": first.where or "",
         "confidence": first.confidence, "named": d.verdict in ("cause", "class", "several"),
+        "reserved": d.with_reserve,
         "gap": d.verdict != "none", "closed": closed, "seconds": seconds,
         "causes": [{"effects": list(c.effects), "where": list(c.where), "share": c.share,
                     "parameters": {k: p.value for k, p in c.parameters.items()}} for c in d.causes],

@@ -12,7 +12,7 @@ effect that acts on a joint adds to one equation.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -34,9 +34,12 @@ from ...simulators.structure import (
     spread_numbers,
 )
 from ..settings import OF_ITS_OWN
+from .balance import Balance
 from .kinematic import bent, both_measured, nuisances
-from .ports import Active, PortEvidence, PortWindows
+from .ports import Active, PortWindows
 from .states import integral, pairs_of, roles_of
+from .turned import Instants, Turned, by_drives, by_inertia
+from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
 
 LEAST_MOVING = 20
@@ -45,34 +48,7 @@ MOST_ASKED = 12
 """Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
 
 
-class Balance(NamedTuple):
-    """One equation: a derivative of a channel against what the simulator says.
-
-    Parameters
-    ----------
-    name : str
-        The port at which it looks.
-    channel : str
-        What was measured.
-    order : int
-        Order of its derivative.
-    row : int
-        Row of the states' rates, or of the outputs where the order is 0.
-    unit : str
-        Its unit.
-    velocity : str
-        The velocity that it holds against a position; empty for the simulator's own equations.
-    """
-
-    name: str
-    channel: str
-    order: int
-    row: int
-    unit: str
-    velocity: str = ""
-
-
-class DirectEvidence(PortEvidence):
+class DirectEvidence(UndoneEvidence):
     """Residuals of the equations of a simulator whose states the log holds.
 
     Parameters
@@ -92,7 +68,6 @@ class DirectEvidence(PortEvidence):
         No run holds a window.
     """
 
-    undoes = True
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
 
     def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False) -> None:
@@ -103,6 +78,7 @@ class DirectEvidence(PortEvidence):
         self._straight: dict[int, bool] = {}
         self._asked: dict[tuple[Any, ...], np.ndarray] = {}
         self._table: dict[str, np.ndarray] = {}
+        self._spreads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
         self._x, self._table = self._motion(log.channels)
         self._u = log.inputs(simulator)
@@ -118,10 +94,10 @@ class DirectEvidence(PortEvidence):
         else:
             self.pushes, self.joints = {}, []
         self.balances = self._balances()
-        self._mass: np.ndarray | None = None
+        self._turned: Turned | None = None
         self._lay_windows()
-        self._mass = self._inertia()
-        if self._mass is not None:
+        self._turned = self._turn()
+        if self._turned is not None and self._turned.forces:
             units = {j.name: j.unit for j in self.joints}
             self.windows = [w._replace(unit=units.get(w.equation, w.unit)) for w in self.windows]
         self._skew()
@@ -140,7 +116,7 @@ class DirectEvidence(PortEvidence):
         """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
         modelled = self._base_rates[:, : self.log.n]
         second = [(p, b) for p, b in zip(self.parts, self.balances, strict=True) if b.order == 2]
-        if self._mass is not None or not second:
+        if not second or (self._turned is not None and self._turned.forces):
             return False
         return any(
             float(np.median(self.noise[p])) > float(np.sqrt(np.mean(np.square(modelled[b.row])))) for p, b in second
@@ -183,21 +159,25 @@ class DirectEvidence(PortEvidence):
     def _lay_windows(self) -> None:
         log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
         self._first: list[list[np.ndarray]] = []
+        self._moving: list[np.ndarray] = []
         self.windows, resting, hidden = [], self._resting(), log.hidden(self.n)
         for b in self.balances:
-            firsts, rows, centres, measured = [], [], [], []
+            firsts, rows, centres, measured, moving = [], [], [], [], []
             for a, e in log.spans:
                 first = starts(e - a - b.order, self.n, b.order + 1)
                 reach = span(self.n, b.order + 1) + b.order
-                without = hidden[a:e] | resting[b.name][a:e] if b.name in resting else hidden[a:e]
-                kept = np.array([not without[f : f + reach].any() for f in first], dtype=bool)
+                kept = np.array([not hidden[a + f : a + f + reach].any() for f in first], dtype=bool)
                 first = first[kept] if len(first) else first
+                rest = resting.get(b.name, hidden)
+                moves = np.array([not rest[a + f : a + f + reach].any() for f in first], dtype=bool)
                 firsts.append(first)
-                rows.append(a + first)
-                centres.append(a + first + (reach - 1) // 2)
-                series = np.diff(log.channels[b.channel][a:e], b.order) / log.dt**b.order
-                measured.append(average(series, self.n, b.order + 1, first))
+                moving.append(moves)
+                rows.append(a + first[moves])
+                centres.append(a + first[moves] + (reach - 1) // 2)
+                series = b.rate(log.channels[b.channel][a:e], log.dt)
+                measured.append(average(series, self.n, b.order + 1, first[moves]))
             self._first.append(firsts)
+            self._moving.append(np.concatenate(moving))
             unit = b.unit
             self.windows.append(
                 PortWindows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
@@ -243,6 +223,24 @@ class DirectEvidence(PortEvidence):
     def _says(self, b: Balance) -> Rate:
         modelled = self._base_rates[b.row, : self.log.n] if b.order else self.log.channels[b.channel]
         return Rate(modelled, b.order, self.channel_noise(b.channel))
+
+    def _amplified(self, active: Active) -> list[float]:
+        """Return by how much effects that are undone in readings let what was measured in each equation grow."""
+        log, found = self.log, []
+        for b, firsts in zip(self.balances, self._first, strict=True):
+            x = log.channels[b.channel]
+            for place, made in active:
+                if place.enters == "output" and place.at == b.channel and place.at in self.simulator.states:
+                    x = place.truth(made, x, log.dt, log.starts)
+            sizes = [
+                _rms(np.concatenate([
+                    average(b.rate(y[a:e], log.dt), self.n, b.order + 1, first)
+                    for (a, e), first in zip(log.spans, firsts, strict=True)
+                ]))
+                for y in (x, log.channels[b.channel])
+            ]  # fmt: skip
+            found.append(sizes[0] / sizes[1] if sizes[1] > 0.0 else 1.0)
+        return found
 
     # --- motion ---------------------------------------------------------------------------------------------
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -421,8 +419,9 @@ class DirectEvidence(PortEvidence):
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
         outputs: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        log, found = self.log, []
+        log, parts = self.log, []
         for b, firsts in zip(self.balances, self._first, strict=True):
+            found = []
             if b.order:
                 start = rates[b.row, : log.n] + added[b.row]
                 end = rates[b.row, log.n :] + _next(added[b.row : b.row + 1], log)[0]
@@ -432,33 +431,34 @@ class DirectEvidence(PortEvidence):
                     if place.enters == "output" and place.at == b.name:
                         modelled = place.reading(made, modelled, log.dt, log.starts)
             for (a, e), first in zip(log.spans, firsts, strict=True):
-                y = np.diff(readings[b.channel][a:e], b.order) / log.dt**b.order
-                if b.order == 1:
-                    y = y - 0.5 * (start[a : e - 1] + end[a : e - 1])
-                    if b.velocity:
-                        y = y + bent(readings[b.velocity][a:e])
-                elif b.order == 2:
-                    y = y - (start[a : e - 2] + 2.0 * end[a : e - 2]) / 6.0
-                    y = y - (2.0 * start[a + 1 : e - 1] + end[a + 1 : e - 1]) / 6.0
-                else:
-                    y = y - modelled[a:e]
+                y = b.rate(readings[b.channel][a:e], log.dt)
+                y = y - (b.mean(start[a:e], end[a:e]) if b.order else modelled[a:e])
+                if b.velocity:
+                    y = y + bent(readings[b.velocity][a:e])
                 found.append(average(y, self.n, b.order + 1, first))
-        return self._as_forces(np.concatenate(found))
+            parts.append(np.concatenate(found))
+        parts = parts if self._turned is None else self._turned(parts)
+        return np.concatenate([r[moves] for r, moves in zip(parts, self._moving, strict=True)])
 
-    def _as_forces(self, r: np.ndarray) -> np.ndarray:
-        """Return residuals of rates as those of the forces that a motion needs, where the inertia is known."""
-        if self._mass is None:
-            return r
-        n = len(self._mass)
-        a = r[: n * self._mass.shape[1]].reshape(-1, n)
-        return np.concatenate([np.einsum("kij,jk->ik", self._mass, a).ravel(), r[a.size :]])
+    def _turn(self) -> Turned | None:
+        """Return what turns residuals of rates into those of forces, or frees equations from what others' drives lack.
 
-    def _inertia(self) -> np.ndarray | None:
-        """Return the inertia at each window, shape (n_windows, n_joints, n_joints), where all joints have the same."""
+        It takes equations of the same order, so that their windows are the same.
+        """
         moving = [k for k, b in enumerate(self.balances) if b.order and not b.velocity]
         if not moving or len({self.balances[k].order for k in moving}) > 1:
             return None
-        return self.simulator.inertia(self._x[:, self.windows[moving[0]].centre])
+        order, firsts = self.balances[moving[0]].order, self._first[moving[0]]
+        reach = span(self.n, order + 1) + order
+        at = np.concatenate([a + f for (a, _), f in zip(self.log.spans, firsts, strict=True)]) + (reach - 1) // 2
+        found = by_inertia(self.simulator, moving, self._x[:, at])
+        if found is not None or self.simulator.form != "ode":
+            return found
+        equations = [(k, self.balances[k].row, self.balances[k].name) for k in moving]
+        step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
+        return by_drives(
+            self.simulator, equations, self.joints, Instants(self.log.t[at], self._x[:, at], self._u[:, at], step)
+        )
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
@@ -481,6 +481,10 @@ class DirectEvidence(PortEvidence):
     def roles(self, equation: str) -> dict[str, str]:
         """Return for an equation the signal behind each name of the state, as far as there is one."""
         return roles_of(self.simulator, self.joints, equation)
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))
 
 
 def _wide(p: np.ndarray, n: int) -> np.ndarray:

@@ -103,8 +103,6 @@ class PortEvidence(Settled, ABC):
     decisive = DECIDED
     """Evidence that needs no draws, windows that repeat each other counted once: what acts in one stretch of time
     alone, such as a command that saturates once, looks as likely under any draw of signs."""
-    undoes = False
-    """Whether faults of sensors are undone in what they read, rather than put on what is predicted."""
     how = ""
     """How residuals come about, for the reader."""
 
@@ -113,7 +111,6 @@ class PortEvidence(Settled, ABC):
         self.windows: list[PortWindows] = []
         self._kept: dict[str, np.ndarray] = {}
         self._touches: dict[str, list[str]] = {}
-        self._spreads: dict[str, np.ndarray] = {}
         self.notes: list[str] = list(log.notes)
         self.placements: dict[str, Placement] = {}
         self.joints: list[JointPort] = []
@@ -431,26 +428,6 @@ class PortEvidence(Settled, ABC):
         except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
             return []
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
-
-    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return how wide the noise is under effects that are undone in readings, as a share; None without such.
-
-        A gain undone makes residuals smaller, and their noise with them: that alone is no evidence.
-        """
-        undone = {k: v for k, v in spec.items() if self.undoes and self.placements[k].enters == "output"}
-        undone = {k: v for k, v in undone.items() if self.placements[k].at in self.simulator.states}
-        if not undone:
-            return None
-        key = repr({k: dict(v) for k, v in undone.items()})
-        if key not in self._spreads:
-            active, numbers = self.active(undone), self.simulator.numbers
-            changed = self._residual(active, numbers, self._noisy_copy) - self._residual(active, numbers)
-            out = np.ones(len(self.value))
-            for part in self.parts:
-                usual = _rms(self._drawn[-1, part])
-                out[part] = _rms(changed[part]) / usual if usual > 0.0 else 1.0
-            self._spreads[key] = out
-        return self._spreads[key]
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.

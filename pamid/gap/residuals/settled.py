@@ -26,3 +26,7 @@ class Settled:
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
         return None
+
+    def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
+        """Return None: no effect changes the noise."""
+        return None

@@ -1,0 +1,44 @@
+"""One equation of a simulator: a derivative of a channel against what is said of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Balance(NamedTuple):
+    """One equation: a derivative of a channel against what the simulator says.
+
+    Parameters
+    ----------
+    name : str
+        The port at which it looks.
+    channel : str
+        What was measured.
+    order : int
+        Order of its derivative.
+    row : int
+        Row of the states' rates, or of the outputs where the order is 0.
+    unit : str
+        Its unit.
+    velocity : str
+        The velocity that it holds against a position; empty for the simulator's own equations.
+    """
+
+    name: str
+    channel: str
+    order: int
+    row: int
+    unit: str
+    velocity: str = ""
+
+    def rate(self, x: np.ndarray, dt: float) -> np.ndarray:
+        """Return the derivative of a channel over one run, without what smooths it."""
+        return np.asarray(np.diff(x, self.order) / dt**self.order)
+
+    def mean(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return what rates at both ends of each step, straight between them, are in the same means."""
+        if self.order == 1:
+            return 0.5 * (start[:-1] + end[:-1])
+        return (start[:-2] + 2.0 * end[:-2]) / 6.0 + (2.0 * start[1:-1] + end[1:-1]) / 6.0

@@ -1,0 +1,122 @@
+r"""Equations of motion that do not share what drives one joint: residuals of rates as those of forces.
+
+A force that is missing at one joint shows in the accelerations of all that are coupled to it. Where the inertia M is
+known, :math:`M(\ddot q - f)` are the forces that the motion needs, one a joint. Where only the inputs' sensitivities
+G of the rates are (:math:`\partial f/\partial u`, those of driven joints first), residuals are turned so that what an
+input lacks shows in the equation of its joint alone,
+
+.. math:: r_1' = \operatorname{diag}(G_1)\, G_1^{-1} r_1, \qquad r_2' = r_2 - G_2 G_1^{-1} r_1
+
+which leaves the equations of a pendulum on a driven arm, say, free of what the arm's motor does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.structure import JointPort, spread_numbers
+
+_SINGULAR = 1e6
+"""Condition number, inputs in their ranges, beyond which drives cannot be told apart."""
+
+
+class Instants(NamedTuple):
+    """Where a simulator is asked.
+
+    Parameters
+    ----------
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Times, states, inputs.
+    step : array, shape (n_inputs,)
+        Changes of the inputs that count as small.
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    step: np.ndarray
+
+
+class Turned(NamedTuple):
+    """A linear map of the residuals of some equations, window by window.
+
+    Parameters
+    ----------
+    equations : list of int
+        Places of the equations.
+    by : array, shape (n_windows, n_equations, n_equations)
+        The map.
+    forces : bool
+        Whether the result is forces rather than rates.
+    """
+
+    equations: list[int]
+    by: np.ndarray
+    forces: bool
+
+    def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return the residuals of all equations, those of some turned."""
+        out = list(parts)
+        turned = np.einsum("nij,jn->in", self.by, np.stack([parts[k] for k in self.equations]))
+        for k, row in zip(self.equations, turned, strict=True):
+            out[k] = row
+        return out
+
+
+def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Turned | None:
+    """Return the map to the forces of all joints; None where the simulator does not know its inertia.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    equations : list of int
+        Places of its equations of motion.
+    x : array, shape (n_states, n_windows)
+        The states in the windows.
+    """
+    inertia = simulator.inertia(x) if equations else None
+    return None if inertia is None else Turned(equations, inertia, True)
+
+
+def by_drives(
+    simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
+) -> Turned | None:
+    """Return the map that leaves what an input lacks in the equation of its joint; None where nothing is shared.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    equations : sequence of (int, int, str)
+        Place, row of the rates and name of each equation of motion.
+    joints : sequence of JointPort
+        The joints.
+    at : Instants
+        The windows.
+    """
+    through = {j.name: j.through for j in joints if j.through in simulator.inputs}
+    driven = [k for k, (_, _, name) in enumerate(equations) if name in through]
+    if not driven or len(equations) < 2:
+        return None
+    rows, p = [row for _, row, _ in equations], spread_numbers(simulator, len(at.t))
+    base = simulator.rate(at.t, at.x, at.u, p)[rows]
+    G = np.zeros((len(at.t), len(equations), len(driven)))
+    for column, k in enumerate(driven):
+        i, moved = simulator.inputs.index(through[equations[k][2]]), at.u.copy()
+        moved[i] += at.step[i]
+        G[:, :, column] = (simulator.rate(at.t, at.x, moved, p)[rows] - base).T
+    if not np.all(np.isfinite(G)) or np.max(np.linalg.cond(G[:, driven])) > _SINGULAR:
+        return None
+    inverse = np.linalg.inv(G[:, driven])
+    turned = np.repeat(np.eye(len(equations))[None], len(at.t), axis=0)
+    turned[:, :, driven] -= G @ inverse
+    turned[:, driven, :] = 0.0
+    own = np.einsum("nkk->nk", G[:, driven])[:, :, None] * inverse
+    for k, column in enumerate(driven):
+        turned[:, driven, column] = own[:, :, k]
+    return Turned([k for k, _, _ in equations], turned, False)
