@@ -46,6 +46,11 @@ def _same_port(said: str, key: Record) -> bool:
     return said == key["port"] or said in alike.get(key["port"], ())
 
 
+def _plainly(said: Record) -> bool:
+    """Tell whether a cause was named without reserve."""
+    return bool(said["named"] and not said.get("reserved"))
+
+
 def figures(records: list[Record], method: str) -> dict[str, str]:
     """Return the figures of one method."""
     mine = [(r["key"], r[method]) for r in records if method in r]
@@ -62,8 +67,8 @@ def figures(records: list[Record], method: str) -> dict[str, str]:
         "false alarms": _share([gap(s) for _, s in none]),
         "gap seen, detectable": _share([gap(s) for _, s in single]),
         "foreign causes named": "–" if learner else _share([s["named"] for _, s in foreign]),
-        "the same, without reserve": "–" if learner else _share([s["named"] and not s.get("reserved") for _, s in foreign]),
-        "decidable, with reserve": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
+        "foreign causes named without reserve": "–" if learner else _share([_plainly(s) for _, s in foreign]),
+        "decidable, said with reserve": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
         "closed on runs to come, median, decidable": _median(
             [max(s["closed"], -1.0) for k, s in decidable if s["closed"] is not None]
         ),
