@@ -13,7 +13,7 @@ from pamid.effects._terms import Terms, WholeLog, acts_on, fit_effects, restored
 from pamid.effects.base import Signals
 from pamid.effects.plant import Plant
 from pamid.errors import IncompatibleError, MissingColumnError, MissingTrajectoryError, ParameterError
-from pamid.signals.state import State
+from pamid.signals.state import STATE_SIGNALS, State
 
 from ._base import state_of
 from ._trajectories import TRAJECTORY, trajectory_codes
@@ -96,8 +96,9 @@ def seen_by(model: HybridModel, X: np.ndarray) -> Seen:
     """Return what the parts of a model read of a validated table."""
     effects = fitted_effects(model)
     if not effects:
-        state = state_of(model, X)
-        return Seen(state, np.array(state, dtype=float).T, None)
+        state, columns = state_of(model, X), model.signal_columns_
+        as_they_are = X.shape[1] == len(state) and all(columns.get(s) == k for k, s in enumerate(STATE_SIGNALS))
+        return Seen(state, X if as_they_are else np.array(state, dtype=float).T, None)
     plant = plant_of(model)
     log = restored(effects, whole_log(model, X))
     terms = [terms_of(effects, law.equation, log, plant) for law in model.laws()]

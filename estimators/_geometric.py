@@ -35,6 +35,13 @@ def _made(
     return nominal
 
 
+@lru_cache(maxsize=64)
+def _changed(nominal: ClassicalVolume, values: tuple[tuple[str, float], ...]) -> ClassicalVolume:
+    """Return a volume with other values of its parameters; those of the law are passed over."""
+    known = set(nominal.parameter_names())
+    return replace(nominal, **{name: value for name, value in values if name in known})
+
+
 class GeometricRegressor(Streaming, ClassicalRegressor):
     """Shared by `GeometricForce` and `GeometricFlow`: from a name to fitted parameters with units and errors."""
 
@@ -238,5 +245,4 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
 
     def _volume_model(self) -> ClassicalVolume:
         """Return the fitted volume model."""
-        nominal = self._nominal()
-        return replace(nominal, **{n: self.parameters_[n] for n in nominal.parameter_names()})
+        return _changed(self._nominal(), tuple(self.parameters_.items()))

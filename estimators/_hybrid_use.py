@@ -76,6 +76,8 @@ def warn_outside(x: np.ndarray, span: np.ndarray | None, names: Sequence[str], s
     """Warn where samples lie outside the range of the fit; a narrow margin around it is not counted."""
     if span is None:  # a model file of an earlier version
         return
+    if ((x >= span[0]) & (x <= span[1])).all():  # a sample of a control loop, as a rule
+        return
     margin = MARGIN * (span[1] - span[0])
     outside = (x < span[0] - margin) | (x > span[1] + margin)
     if outside.any() and np.mean(outside.any(axis=1)) > OUTSIDE:

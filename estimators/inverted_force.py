@@ -259,8 +259,11 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
             Pressure (Pa, absolute) and flags: ``saturated`` where there is no root, ``extrapolated`` where the
             contraction or the answer lies outside those of the fit.
         """
-        check_is_fitted(self, "model_")
+        if "model_" not in vars(self):  # a row is answered in less time than the check takes
+            check_is_fitted(self, "model_")
         table, _ = self._read(X, reset=False)
+        if len(table) <= _CHUNK:
+            return self._roots(table)
         parts = [self._roots(table[k : k + _CHUNK]) for k in range(0, len(table), _CHUNK)]
         return PressureAnswer(*(np.concatenate(p) for p in zip(*parts, strict=True)))
 
@@ -277,27 +280,31 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         at = ((whole + eps).ravel(), (whole + deps).ravel(), np.repeat(levels, n))
         force = self._force(*at).reshape(size, n)
         off = force - wanted
-        crossing = (off[:-1] <= 0.0) != (off[1:] <= 0.0)
-        rooted = crossing.any(axis=0)
-        nearest = np.abs(off).argmin(axis=0)
-        first = np.where(rooted, crossing.argmax(axis=0), np.minimum(nearest, size - 2))
-        columns = np.arange(n)
+        signs = off <= 0.0
+        crossing = signs[:-1] != signs[1:]
+        rooted, first, columns = crossing.any(axis=0), crossing.argmax(axis=0), np.arange(n)
         scale = max(float(np.abs(force).max()), 1e-12)
-        near = np.abs(off[nearest, columns]) <= 1e-3 * scale
-        answer = levels[nearest]
-        if rooted.any():
+        missed = np.zeros(n, dtype=bool)
+        if every := rooted.all():
+            answer = levels[first]
+        else:
+            nearest = np.abs(off).argmin(axis=0)
+            first = np.where(rooted, first, np.minimum(nearest, size - 2))
+            missed = ~rooted & (np.abs(off[nearest, columns]) > 1e-3 * scale)
+            answer = levels[nearest]
+        if every or rooted.any():
             ends = (levels[first], levels[first + 1]), (off[first, columns], off[first + 1, columns])
             found = narrowed(lambda P: self._force(eps, deps, P) - wanted, *ends, rounding=1e-14 * scale)
-            answer = np.where(rooted, found, answer)
+            answer = found if every else np.where(rooted, found, answer)
         margin = 0.02 * (self.pressure_high_ - self.pressure_low_)
         beyond |= (answer < self.pressure_low_ - margin) | (answer > self.pressure_high_ + margin)
-        return PressureAnswer(answer, ~rooted & ~near, beyond)
+        return PressureAnswer(answer, missed, beyond)
 
     def _force(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> np.ndarray:
         """Ask the force model; a pressure of the search beyond its fit is no matter until it is the answer."""
         # A formula needs no table, which would take longer than the model.
-        signals = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
-        found = formulas_of(self.model_, {name: signals[name] for name in self._read_by_model()})
+        signals = {"eps": eps, "deps": deps, "P": P}
+        found = formulas_of(self.model_, {n: signals[n] if n in signals else 0.0 * P for n in self._read_by_model()})
         if len(found) == 1:
             ((_, force),) = found.values()
             return np.asarray(force) if np.shape(force) == P.shape else np.broadcast_to(force, P.shape)

@@ -303,7 +303,10 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         """
         check_is_fitted(self, "values_")
         table, _ = self._read(X, reset=False)
-        return self._design(table, self.values_, self._streamed(), trajectory_codes(X, groups))[1]
+        streamed = self._streamed()
+        # Where nothing remembers, it does not matter where a run begins.
+        codes = trajectory_codes(X, groups) if streamed or groups is not None else None
+        return self._design(table, self.values_, streamed, codes)[1]
 
     @property
     def uncertainty_(self) -> np.ndarray:

@@ -68,8 +68,9 @@ class BraidedVolume(ClassicalVolume):
         stretch = 1.0 - state.eps
         V0 = cylinder_volume(self.rest_length, self.rest_diameter)
         a, b = braid_factors(self.braid_angle)
-        V = V0 * (b * stretch - a * stretch**3 / 3.0)
-        return VolumeJet(V, V0 * (a * stretch**2 - b), 0.0 * V)
+        square = a * stretch * stretch
+        V = V0 * stretch * (b - square / 3.0)
+        return VolumeJet(V, V0 * (square - b), 0.0 * V)
 
 
 def chou_hannaford(

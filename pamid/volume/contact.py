@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..signals.state import Array, State
@@ -128,11 +129,6 @@ class ContactVolume:
         return VolumeJet(V, through[:, -1] - stretch * p, left + eps * rise)
 
 
-def _logistic(x: Array) -> Array:
-    e = np.exp(-np.abs(x))
-    return np.where(x >= 0.0, 1.0, e) / (1.0 + e)
-
-
 def _contact(x: Array, u: Array) -> Array:
     """Return φ = (ln(1 + e^(x+u)) − ln(1 + e^x))/u."""
     small = np.abs(u) < _SMALL
@@ -142,7 +138,7 @@ def _contact(x: Array, u: Array) -> Array:
     if not near:
         return phi
     # Near u = 0 the quotient is a mean of the logistic function over a short stretch: a series about its middle.
-    m = _logistic(x + u / 2.0)
+    m = expit(x + u / 2.0)
     a, odd = m * (1.0 - m), 1.0 - 2.0 * m
     return np.where(small, m + a * odd * u**2 / 24.0 * (1.0 + (1.0 - 12.0 * a) * u**2 / 80.0), phi)
 
@@ -153,10 +149,10 @@ def _contact_jet(x: Array, u: Array) -> tuple[Array, Array]:
     if not small.any():
         end = x + u
         phi = (np.logaddexp(0.0, end) - np.logaddexp(0.0, x)) / u
-        return phi, (_logistic(end) - phi) / u
+        return phi, (expit(end) - phi) / u
     phi = _contact(x, u)
-    slope = (_logistic(x + u) - phi) / np.where(small, 1.0, u)
-    m = _logistic(x + u / 2.0)
+    slope = (expit(x + u) - phi) / np.where(small, 1.0, u)
+    m = expit(x + u / 2.0)
     a, odd = m * (1.0 - m), 1.0 - 2.0 * m
     even = 0.5 + (1.0 - 6.0 * a) * u**2 / 48.0 + (1.0 - 30.0 * a + 120.0 * a * a) * u**4 / 3840.0
     return phi, np.where(small, a * (even + odd * u * (1.0 / 12.0 + (1.0 - 12.0 * a) * u**2 / 480.0)), slope)

@@ -12,12 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.special import expit
 
 from ..errors import UnknownOptionError
 from ..signals.state import Array, State
 from .base import VolumeJet
+
+_FEW = 256
+"""Numbers up to which one call that takes its time with each is quicker than several that do not."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,10 @@ class InputScale:
             return cls(mean, spread, z.min(axis=0), z.max(axis=0), rate)
         return cls(mean, spread, np.full(n, -np.inf), np.full(n, np.inf), np.zeros(n, dtype=bool))
 
+    @cached_property
+    def _saturates(self) -> bool:
+        return bool(np.any(self.saturated))
+
     def apply(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the clamped standardised inputs and their slope dξ/dx, both of shape (n_samples, 4)."""
         z = (x - self.mean) / self.spread
@@ -83,7 +92,7 @@ class InputScale:
         else:
             past = np.tanh((z - inside) / self.fade)
             bounded, slope = inside + self.fade * past, 1.0 - past * past
-        if any(self.saturated):  # of a handful, faster than numpy
+        if self._saturates:
             root = np.sqrt(1.0 + z * z)
             bounded = np.where(self.saturated, z / root, bounded)
             slope = np.where(self.saturated, 1.0 / (root * root * root), slope)
@@ -201,10 +210,11 @@ def _activate(z: np.ndarray, activation: str) -> tuple[np.ndarray, np.ndarray]:
     if activation == "tanh":
         t = np.tanh(z)
         return t, 1.0 - t * t
-    e = np.exp(-np.abs(z))
-    s = np.where(z >= 0, 1.0, e) / (1.0 + e)
+    s = expit(z)
     if activation == "softplus":
-        return np.maximum(z, 0.0) + np.log1p(e), s
+        if z.size <= _FEW:
+            return np.logaddexp(0.0, z), s
+        return np.maximum(z, 0.0) + np.log1p(np.exp(-np.abs(z))), s
     if activation == "silu":
         return z * s, s + z * (s - s * s)
     raise UnknownOptionError(
