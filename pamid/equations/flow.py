@@ -8,6 +8,7 @@ import numpy as np
 
 from ..laws.gas import entropic_content
 from ..laws.valve import flow_function
+from ..signals.noise import median
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
 from .windows import Windows, kernel
@@ -137,6 +138,6 @@ def _share(held: np.ndarray, ramp: np.ndarray) -> float:
     if len(held) < 3:
         return 0.0
     step = ramp - ramp.mean(axis=0)
-    unsure = float(np.median(np.square(np.diff(held, axis=0)))) / _UNSURE**2
+    unsure = median(np.square(np.diff(held, axis=0)).ravel()) / _UNSURE**2
     power = float(np.sum(step**2)) + unsure
     return float(np.clip(-np.sum(step * held) / power, 0.0, 1.0)) if power > 0 else 0.0

@@ -31,10 +31,15 @@ class ForceEquation(Equation):
 
     def residual(self, run: Run) -> Residual:
         """Return the residual tension of both muscles, N."""
-        modelled = tension(run)
         windows = run.windows(self)
-        measured, time = windows.mean(run.F), windows.time(run.time)
-        value = measured - windows.mean(modelled)
+        time = windows.time(run.time)
+        key = (id(windows), run.model.params.gas.atmospheric_pressure, *run.shape)
+        measured, nominal = run.kept(
+            ("force", *key), lambda: np.stack([windows.mean(run.F), windows.mean(_nominal_tension(run))])
+        )
+        value = measured - nominal
+        if (added := run.added_force()) is not None:
+            value = value - windows.mean(np.broadcast_to(added, run.P.shape))
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(run.n, 1)
@@ -50,9 +55,14 @@ class ForceEquation(Equation):
 
 def tension(run: Run) -> np.ndarray:
     """Return the modelled tension of both muscles, N."""
+    added = run.added_force()
+    return _nominal_tension(run) if added is None else np.asarray(_nominal_tension(run) + added)
+
+
+def _nominal_tension(run: Run) -> np.ndarray:
     p = run.model.params
     gauge = run.P - p.gas.atmospheric_pressure
-    return np.asarray(gauge / p.muscle.rest_length * run.volume_slope + run.added_force())
+    return np.asarray(gauge / p.muscle.rest_length * run.volume_slope)
 
 
 def tension_slopes(run: Run) -> tuple[np.ndarray, np.ndarray]:

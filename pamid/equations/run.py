@@ -333,9 +333,10 @@ class Run:
             if hook in effect.hooks():
                 yield effect, signals, memory
 
-    def added_force(self) -> np.ndarray | float:
-        """Return what effects add to the tensions, N."""
-        return sum((e.force(s, x, self.model.plant) for e, s, x in self._having("force")), start=0.0)
+    def added_force(self) -> np.ndarray | None:
+        """Return what effects add to the tensions, N; None if none does."""
+        parts = [e.force(s, x, self.model.plant) for e, s, x in self._having("force")]
+        return np.asarray(sum(parts)) if parts else None
 
     def added_force_of_speed(self) -> np.ndarray | float:
         """Return what the motion that smoothing takes from the speed adds to those tensions, N, to first order.

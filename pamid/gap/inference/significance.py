@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from .gauss_newton import Fit
 from .sensitivity import Template
 
 REPLICATES = 199
+_AT_ONCE = 64  # templates, so that they take less memory than the draws
 ALIKE = 0.01
 """Share of an effect that parameters within their tolerances must leave for it to be told from them. What is left of
 less is of second order: a change that makes residuals and their noise smaller, which no score of first order counts."""
@@ -75,26 +77,40 @@ def library_test(
     Z = np.column_stack([zw, zw[:, None] * signs])
     Z -= Q @ (Q.T @ Z)
     best = np.full(Z.shape[1], -np.inf)
-    for t in found:
-        T = t.columns * root[:, None]
-        T = T - Q @ (Q.T @ T)
-        size = np.sqrt(np.sum(T * T, axis=0))
-        usable = size > ALIKE * np.sqrt(np.sum(np.square(t.columns * root[:, None]), axis=0))
-        if not usable.any():
-            continue
-        T = T[:, usable] / size[usable]
-        U, s, _ = np.linalg.svd(T, full_matrices=False)
-        U = U[:, s > 1e-4 * s[0]]
-        along = U.T @ Z
-        score = 0.5 * np.sum(along * along, axis=0)
-        if U.shape[1] == 1 and t.lower[usable][0] >= 0.0:  # an amplitude that cannot be negative
-            score = np.where(-(T.T @ Z)[0] > 0.0, score, 0.0)
-        best = np.maximum(best, score - least_penalty(U.shape[1], evidence))
+    directions = _directions(found, root, Q)
+    while some := list(islice(directions, _AT_ONCE)):
+        # One product for many templates: the draws are far more numbers than these, and are read once.
+        along = np.concatenate([U for U, _ in some], axis=1).T @ Z
+        ends = np.cumsum([U.shape[1] for U, _ in some])
+        for (U, positive), part in zip(some, np.split(along, ends[:-1]), strict=True):
+            score = 0.5 * np.sum(part * part, axis=0)
+            if positive:
+                score = np.where(part[0] < 0.0, score, 0.0)
+            best = np.maximum(best, score - least_penalty(U.shape[1], evidence))
     drawn = best[1:]
     spread = max(float(np.std(drawn)) * np.sqrt(6.0) / np.pi, 0.3)
     place = float(np.mean(drawn)) - 0.5772 * spread
     p = -np.expm1(-np.exp(-(best[0] - place) / spread))
     return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
+
+
+def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> Iterator[tuple[np.ndarray, bool]]:
+    """Yield an orthonormal basis of what a template changes beside tolerances, and whether it has one sign alone."""
+    for t in found:
+        whole = t.columns * root[:, None]
+        T = whole - Q @ (Q.T @ whole)
+        size = np.sqrt(np.sum(T * T, axis=0))
+        usable = size > ALIKE * np.sqrt(np.sum(whole * whole, axis=0))
+        if not usable.any():
+            continue
+        T = T[:, usable] / size[usable]
+        if T.shape[1] == 1:
+            yield T, bool(t.lower[usable][0] >= 0.0)  # an amplitude that cannot be negative
+            continue
+        U, s, _ = np.linalg.svd(T, full_matrices=False)
+        U = U[:, s > 1e-4 * s[0]]
+        positive = U.shape[1] == 1 and bool(t.lower[usable][0] >= 0.0)
+        yield (U * np.sign(U[:, 0] @ T[:, 0]) if positive else U), positive
 
 
 def least_penalty(k: int, evidence: ResidualSource) -> float:
