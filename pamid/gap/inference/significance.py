@@ -82,10 +82,10 @@ def library_test(
         # One product for many templates: the draws are far more numbers than these, and are read once.
         along = np.concatenate([U for U, _ in some], axis=1).T @ Z
         ends = np.cumsum([U.shape[1] for U, _ in some])
-        for (U, positive), part in zip(some, np.split(along, ends[:-1]), strict=True):
-            score = 0.5 * np.sum(part * part, axis=0)
+        for (U, positive), own in zip(some, np.split(along, ends[:-1]), strict=True):
+            score = 0.5 * np.sum(own * own, axis=0)
             if positive:
-                score = np.where(part[0] < 0.0, score, 0.0)
+                score = np.where(own[0] < 0.0, score, 0.0)
             best = np.maximum(best, score - least_penalty(U.shape[1], evidence))
     drawn = best[1:]
     spread = max(float(np.std(drawn)) * np.sqrt(6.0) / np.pi, 0.3)
