@@ -100,6 +100,17 @@ def test_a_cause_that_stays_has_not_changed(leaking: pd.DataFrame) -> None:
     assert not found.changes
 
 
+def test_a_valve_that_saturates_in_one_of_two_logs_is_no_other_bench() -> None:
+    stuck = [("valve_saturation", {"limit": 0.1})]
+    runs = {
+        "slow": [sine(1, 5, 1200)],
+        "fast": [DesignedRun("isobaric", 1.5, frequency=9.0, amplitude=22.0).trajectory("fast")],
+    }
+    logs = {name: simulate(NOMINAL, run, effects=stuck, seed=0) for name, run in runs.items()}
+    found = diagnose_logs(logs, NOMINAL, ["valve_saturation", "supply_droop"])
+    assert [c.effects[0] for c in found.causes] == ["valve_saturation"]
+
+
 def test_logs_that_cannot_be_of_one_bench_are_refused(healthy: pd.DataFrame) -> None:
     larger = healthy.assign(F1=2.5 * healthy["F1"], F2=2.5 * healthy["F2"])
     with pytest.raises(IncompatibleError, match=r"force.*first.*second"):

@@ -13,6 +13,9 @@ from ..residuals.bench import Evidence
 FACTOR = 1.5
 """How far, as a factor, what is measured may differ between logs beside what one simulator says of each: more than any
 tolerance, sensor or missing effect makes of it; a wrong unit makes more, and so does another muscle."""
+PROPORTIONAL = 0.9
+"""Share of what is measured that is a factor times what the simulator says, from which it is a factor: a valve that
+saturates in one log and not in another one leaves less."""
 
 
 def check_alike(logs: Mapping[str, Evidence]) -> None:
@@ -54,12 +57,13 @@ def check_alike(logs: Mapping[str, Evidence]) -> None:
 
 
 def _size(evidence: Evidence, equation: str) -> float | None:
-    """Return how large what is measured is beside what the simulator says; None where that says nothing."""
+    """Return the factor between what is measured and what the simulator says; None where there is none."""
     part = evidence.parts[evidence.equations.index(equation)]
     measured, residual = evidence.measured[part], evidence.raw(evidence.z0)[part] * evidence.noise[part]
     said = measured - residual
     across = float(np.sum(np.abs(measured * said)))
     if not across > 0.0 or np.sqrt(np.mean(said**2)) < 10.0 * np.median(evidence.noise[part]):
         return None
-    slope = float(np.sum(measured * said)) / float(np.sum(said**2))
-    return slope if slope > 0.0 else None
+    product = float(np.sum(measured * said))
+    proportional = product**2 >= PROPORTIONAL * float(np.sum(said**2)) * float(np.sum(measured**2))
+    return product / float(np.sum(said**2)) if product > 0.0 and proportional else None
