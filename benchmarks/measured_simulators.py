@@ -68,6 +68,33 @@ def qube(folder: Path) -> None:
     tell("QUBE, nominal: inertia and gravity", diagnose_simulator(pd.concat(runs), simulator), begun)
 
 
+def qube_clock(folder: Path) -> None:
+    """Print what a regression says of the motor's size if the voltage acts a part of a step later."""
+    from scipy.signal import filtfilt, firwin
+
+    lowpass = firwin(201, 12.0, fs=500.0)
+    for late in (0.0, 0.25, 0.5):
+        rows, volts = [], []
+        for file in sorted(folder.glob("*.csv")):
+            d = pd.read_csv(file, skipinitialspace=True)
+            held = d["plant_input"].to_numpy()
+            mean = 0.5 * (held + np.concatenate([[0.0], held[:-1]]))
+            mean = (1.0 - late) * mean + late * np.concatenate([[0.0], mean[:-1]])
+            theta, alpha, V = (filtfilt(lowpass, [1.0], x) for x in (d["theta"], d["alpha"], mean))
+            (w, v), dt = (np.gradient(x, 0.002) for x in (theta, alpha)), 0.002
+            turn = np.cos(alpha) * np.gradient(v, dt) - np.sin(alpha) * v * v
+            A = np.column_stack([np.gradient(w, dt), turn, np.ones(len(w)), w, np.sign(w)])
+            rows.append(A[300:-300])  # a hand holds the pendulum at the beginning
+            volts.append(V[300:-300])
+        A, V = np.concatenate(rows), np.concatenate(volts)
+        x = np.linalg.lstsq(A, V, rcond=None)[0]
+        left = [float(np.std(V - A[:, :k] @ np.linalg.lstsq(A[:, :k], V, rcond=None)[0])) for k in (3, 5)]
+        print(
+            f"  QUBE below 12 Hz, voltage {2 * late:.1f} ms later: {x[3]:.4f} V s/rad, Coulomb {x[4]:.3f} V, offset "
+            f"{x[2]:.3f} V; {left[0]:.3f} -> {left[1]:.3f} V"
+        )
+
+
 # --- tanks ----------------------------------------------------------------------------------------------------
 def tanks(folder: Path) -> None:
     """Diagnose two tanks by Bernoulli's law, and compare free runs on the runs to come."""
@@ -108,7 +135,12 @@ def balls(folder: Path) -> None:
         tell(file.stem, diagnose_simulator(log, simulator), begun)
 
 
-STUDIES = {"qube": (qube, "qube_pendulum"), "tanks": (tanks, "cascaded_tanks"), "balls": (balls, "falling_balls")}
+STUDIES = {
+    "qube": (qube, "qube_pendulum"),
+    "qube_clock": (qube_clock, "qube_pendulum"),
+    "tanks": (tanks, "cascaded_tanks"),
+    "balls": (balls, "falling_balls"),
+}
 
 
 def main() -> int:

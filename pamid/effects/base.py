@@ -328,6 +328,11 @@ class Effect(ABC):
         """Return the memory at ``s1`` from the memory ``x`` at ``s0``, ``dt`` seconds before; ``x`` stays as it is."""
         return x
 
+    @classmethod
+    def follows_path(cls) -> bool:
+        """Return whether it follows a path alone, so that a path passed once could be any function of time to it."""
+        return cls.path_dependent or tuple(cls.roles) == ("position",)
+
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the memory along the trajectories of a log.
 

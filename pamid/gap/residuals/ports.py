@@ -432,10 +432,15 @@ class PortEvidence(Settled, ABC):
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 
-        A memory of a path that was never seen to turn back is a mere function of it.
+        What follows a path that was never seen to turn back could be any function of time.
         """
         place, prior = self.placements.get(name), float(all_effects()[name].prior)
-        if place is not None and place.effect.path_dependent and not self._turns(place.follows.get("position", "")):
+        if (
+            place is not None
+            and place.acts
+            and place.effect.follows_path()
+            and not self._turns(place.follows.get("position", ""))
+        ):
             return min(prior, UNTURNED)
         return prior
 

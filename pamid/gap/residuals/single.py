@@ -33,7 +33,7 @@ LEAST_WINDOWS = 400
 MOST_KEPT = 2000
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
 UNTURNED = -12.0
-"""Logarithm of the odds of an effect that remembers a path which was never seen to turn back."""
+"""Logarithm of the odds of an effect that follows a path alone which was never seen to turn back."""
 
 
 def _is_gauge(pressure: np.ndarray | None) -> bool:
@@ -205,13 +205,13 @@ class SignalEvidence:
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 
-        On a muscle it is the library's. Elsewhere drag is as likely as any friction; but a memory of the path that was
-        never seen to turn back is a mere function of it.
+        On a muscle it is the library's. Elsewhere drag is as likely as any friction; but what follows a path that
+        was never seen to turn back could be any function of time.
         """
         effect = all_effects()[name]
         if self.scale == 1.0:
             return effect.prior
-        if effect.path_dependent and self._turns() < len(self.borders):
+        if effect.follows_path() and self._turns() < len(self.borders):
             return min(effect.prior, UNTURNED)
         return 0.0 if "bench" in effect.kinds else effect.prior
 
