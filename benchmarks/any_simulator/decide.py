@@ -22,6 +22,9 @@ DETECTABLE, MARGIN, FORM = 20.0, 10.0, 0.01
 SUBSTEPS = 2
 SIZED = ("actuator_gain", "sensor_gain", "parameter_deviation")
 """Causes whose effect is not straight in their size."""
+SIZES = (-0.6, -0.45, -0.3, -0.2, -0.12, -0.06, -0.03, 0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.7, 0.9)
+ROUNDS = 7
+"""Sizes at which they are tried, and halvings of what lies between."""
 
 
 class Decision(NamedTuple):
@@ -92,25 +95,38 @@ def decide(
         if (h.name, h.port) == (true.name, true.port) or not power > 0.0:
             continue
         left = 0.5 * float(gap @ gap - (gap @ d) ** 2 / power)
-        if h.name in SIZED and left < 0.5 * nats:
-            left = min(left, _at_its_size(projector, h, gap, d))
+        if h.name in SIZED and nats > DETECTABLE:
+            left = min(left, _at_its_size(projector, h, gap))
         if left < best:
             best, rival = left, f"{h.name}@{h.port}"
     detectable = nats > DETECTABLE
     return Decision(nats, best, rival, detectable, detectable and best > MARGIN + FORM * nats)
 
 
-def _at_its_size(projector: _Projector, h: Cause, gap: np.ndarray, d: np.ndarray) -> float:
-    """Return what a cause leaves once its effect is taken at the size that fits best, in a few rounds."""
-    size, left = 1.0, np.inf
-    for _ in range(4):
-        size = float(np.clip(size * (gap @ d) / (d @ d), -0.9 / abs(h.p["a"]), 0.9 / abs(h.p["a"])))
-        [d] = projector.effects([[type(h)(h.name, h.port, h.p | {"a": size * h.p["a"]})]])
+def _at_its_size(projector: _Projector, h: Cause, gap: np.ndarray) -> float:
+    """Return what a cause leaves at the size that fits best: the best of a grid of both signs, and between its points.
+
+    Runs bend so much that steps from a small size can end on the wrong side of none.
+    """
+
+    def left(size: float) -> float:
+        [d] = projector.effects([[type(h)(h.name, h.port, h.p | {"a": size})]])
         power = float(d @ d)
-        if not power > 0.0:
-            break
-        left = min(left, 0.5 * float(gap @ gap - (gap @ d) ** 2 / power))
-    return left
+        return 0.5 * float(gap @ gap - (gap @ d) ** 2 / power) if power > 0.0 else np.inf
+
+    found = {size: left(size) for size in SIZES}
+    best = min(found, key=lambda size: found[size])
+    near = sorted((*SIZES, 0.0))
+    k = near.index(best)
+    low, high = near[max(k - 1, 0)], near[min(k + 1, len(near) - 1)]
+    for _ in range(ROUNDS):
+        for size in (0.5 * (low + best), 0.5 * (best + high)):
+            found[size] = left(size) if size else np.inf
+        points = sorted((low, best, high, 0.5 * (low + best), 0.5 * (best + high)))
+        best = min(points[1:-1], key=lambda size: found.get(size, np.inf))
+        k = points.index(best)
+        low, high = points[k - 1], points[k + 1]
+    return min(found.values())
 
 
 class _Projector:

@@ -23,6 +23,7 @@ _TOP = 5e5
 _PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 _GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
+_LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
 
 
@@ -304,6 +305,8 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         for name, (kind, effect) in port_effects().items():
             if name == "back_emf" and joint.unit != "V":
                 continue  # in volts it is one and the same as a viscous friction: both are said
+            if name == "gravity" and unit in _LENGTHS:
+                continue  # no lever turns: along a travel a weight is an offset
             if kind != "joint" or ("pressure" in effect.roles and not _without_pressure(effect)):
                 continue
             scale = 1.0 if effect.site == "joint" else span / _STRAIN

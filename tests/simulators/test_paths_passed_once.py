@@ -35,7 +35,12 @@ def test_a_spring_is_not_expected_where_nothing_turns_back():
 
 
 def test_drag_of_a_fall_is_named_beside_a_spring():
-    library = ["viscous_friction", "quadratic_drag", "nonlinear_stiffness", "gravity", "maxwell", "sensor_gain"]
+    library = ["viscous_friction", "quadratic_drag", "nonlinear_stiffness", "maxwell", "sensor_gain"]
     found = diagnose_simulator(drops(), FALL, library)
     assert (found.verdict, [c.effects for c in found.causes]) == ("cause", [("viscous_friction",)])
     assert abs(found.causes[0].parameters["coefficient"].value - 0.5) < 0.025
+
+
+def test_no_lever_turns_along_a_travel():
+    placed = evidence_of(drops(), FALL).placements
+    assert "viscous_friction@h" in placed and "gravity@h" not in placed
