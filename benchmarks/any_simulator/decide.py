@@ -110,7 +110,8 @@ def _at_its_size(projector: _Projector, h: Cause, gap: np.ndarray) -> float:
     """
 
     def left(size: float) -> float:
-        [d] = projector.effects([[type(h)(h.name, h.port, h.p | {"a": size})]])
+        with np.errstate(all="ignore"):  # what is off by so much may run away
+            [d] = projector.effects([[type(h)(h.name, h.port, h.p | {"a": size})]])
         power = float(d @ d)
         return 0.5 * float(gap @ gap - (gap @ d) ** 2 / power) if power > 0.0 else np.inf
 
