@@ -98,8 +98,11 @@ def batches(counts: dict[str, int], root: int) -> list[Batch]:
     """
     out: list[tuple[float, Batch]] = []
     for suite, count in counts.items():
-        # Cases of one effect stand together: a batch costs what all that is in it costs.
-        listed = sorted(specs(suite, count, root), key=lambda s: (sorted(s.targets), s.index))
+        # Cases of one effect stand together: a batch costs what all that is in it costs. Of several at once every batch
+        # has them all.
+        listed = specs(suite, count, root)
+        if suite != "several":
+            listed.sort(key=lambda s: (sorted(s.targets), s.index))
         for k, start in enumerate(range(0, count, BATCH)):
             layout = LAYOUTS[k % len(LAYOUTS)]
             # Suites take turns, so that a check that is stopped holds a fair share of each.

@@ -44,6 +44,8 @@ def test_effects_are_drawn_in_turn_over_equations_and_within_one() -> None:
         assert strengths.max() <= several.APART**2 * strengths.min()
     assert listed[:5] == suites.specs("several", 5, 3)
     assert len({n for s in listed for n in s.targets}) > 30
+    # A run that is stopped holds as many of each number of effects.
+    assert [s for batch in suites.batches({"several": 60}, 3) for s in batch.specs] == listed
 
 
 # --- what each is of the gap --------------------------------------------------------------------------------
