@@ -32,7 +32,7 @@ def curves(found: list[dict[str, Any]], folder: Path) -> None:
                 label = method.replace(", as printed", "") if k == 0 else None
                 axis.loglog(row["epochs"], row["curve"], color=f"C{i}", lw=0.9, label=label)
         axis.set(title=f"muscle {muscle}", xlabel="epochs", ylabel="loss / variance of the target")
-    axes[0][0].legend(fontsize=7)
+    fig.legend(*axes[0][0].get_legend_handles_labels(), fontsize=8, ncols=6, loc="outside lower center")
     fig.savefig(folder / "adaptation-loss.png", dpi=120)
 
 
