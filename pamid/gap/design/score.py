@@ -70,6 +70,7 @@ class Discrimination:
         self.trial, self.known, self.m, self.forms = trial, list(known), len(known), forms
         self.runs = trial.trajectories
         self._rows: dict[tuple[int, tuple[int, ...]], np.ndarray] = {}
+        self._places: dict[tuple[int, ...], tuple[np.ndarray, list[slice]]] = {}
         self._prices: dict[tuple[int, tuple[int, ...]], float] = {}
         self.residuals, self.columns, self.smooth, self.widths, self.truths = [], [], [], [], []
         for k in self.known:
@@ -117,10 +118,13 @@ class Discrimination:
 
     def _windows(self, chosen: Sequence[int]) -> tuple[np.ndarray, list[slice]]:
         """Return the windows of some of the runs, and where each equation's stand among them."""
-        there, ends = np.isin(self.trial.block, list(chosen)), [0]
-        for part in self.trial.parts:
-            ends.append(ends[-1] + int(there[part].sum()))
-        return np.flatnonzero(there), [slice(a, b) for a, b in pairwise(ends)]
+        key = tuple(chosen)
+        if key not in self._places:
+            there, ends = np.isin(self.trial.block, list(chosen)), [0]
+            for part in self.trial.parts:
+                ends.append(ends[-1] + int(there[part].sum()))
+            self._places[key] = np.flatnonzero(there), [slice(a, b) for a, b in pairwise(ends)]
+        return self._places[key]
 
     def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Refit an explanation to what some of the runs show where another is true.
