@@ -88,7 +88,10 @@ def main(argv: list[str] | None = None) -> int:
         print(trust.report(every, TRUSTED if args.write else None))
         return 0 if len(there) == len(names) else 1
     learned = [r for kind in ("learn", "develop") for f in args.out.glob(f"{kind}-*/cases") for r in _written(f)]
-    for name, answers in novelty.judged(novelty.known(learned), results).items():
+    taught = novelty.known(learned)
+    if not taught:
+        print("The rivals of the open set are left out: run with --learn first, from which they learn.", file=sys.stderr)
+    for name, answers in novelty.judged(taught, results).items() if taught else ():
         next(r for r in results if r["name"] == name)["answers"].update(answers)
     trust.draw(results, folder / "risk-coverage.png")
     text = report.report(results, f"python benchmarks/withheld --seed {args.seed}")

@@ -160,14 +160,11 @@ def test_less_than_the_noise_is_no_evidence() -> None:
     assert competition._below_noise(0.9 * left) == pytest.approx(-np.log(0.9) * windows.sum())
 
 
-def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry, too."""
-    shares = {
-        frozenset({"offset", "creep", "geometry"}): {"offset": 0.01, "creep": 0.07, "geometry": 0.13},
-        frozenset({"creep", "geometry"}): {"creep": 0.4, "geometry": 0.009},
-        frozenset({"offset", "geometry"}): {"offset": 0.08, "geometry": 2.0},
-        frozenset({"offset", "creep"}): {"offset": 0.02, "creep": 0.09},
-    }
+Shares = dict[frozenset[str], dict[str, float]]
+
+
+def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozenset[str], float]) -> frozenset[str]:
+    """Return what is left of the largest set, given how much of its own each effect has and what each set is worth."""
     competition = object.__new__(Competition)
     evidence = SimpleNamespace(tangent=lambda spec, x: np.zeros(4), exact=False)
     competition.evidence = evidence  # type: ignore[assignment]
@@ -176,15 +173,42 @@ def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypat
 
     def hypothesis(spec: dict, *_: object) -> Hypothesis:
         none = np.zeros(0)
-        return Hypothesis(Fit(spec, none, 0.0, none, none), float(len(spec)), 0.0, none, none, none)
+        return Hypothesis(Fit(spec, none, 0.0, none, none), scores.get(frozenset(spec), 0.0), 0.0, none, none, none)
 
     def own(fit: Fit, *_: object) -> list[float]:
-        return [shares[frozenset(fit.spec)][name] for name in fit.spec] if len(fit.spec) > 1 else []
+        return [shares.get(frozenset(fit.spec), {}).get(name, 1.0) for name in fit.spec] if len(fit.spec) > 1 else []
 
     competition.base = hypothesis({})
     monkeypatch.setattr(competition, "_shares", own)
     monkeypatch.setattr(competition, "_refined", hypothesis)
     monkeypatch.setattr("pamid.gap.inference.worth.degenerate", lambda *_: None)
-    monkeypatch.setattr(competition, "_sensitivities", lambda fit: (np.zeros((4, 3)), [(n, None) for n in fit.spec]))
-    all_three = hypothesis({"offset": {}, "creep": {}, "geometry": {}})
-    assert competition._purged(all_three).names == {"offset", "geometry"}
+    monkeypatch.setattr(
+        competition, "_sensitivities", lambda fit: (np.zeros((4, len(fit.spec))), [(n, None) for n in fit.spec])
+    )
+    return competition._purged(hypothesis({name: {} for name in max(shares, key=len)})).names
+
+
+def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry, too."""
+    shares = {
+        frozenset({"offset", "creep", "geometry"}): {"offset": 0.01, "creep": 0.07, "geometry": 0.13},
+        frozenset({"creep", "geometry"}): {"creep": 0.4, "geometry": 0.009},
+        frozenset({"offset", "geometry"}): {"offset": 0.08, "geometry": 2.0},
+        frozenset({"offset", "creep"}): {"offset": 0.02, "creep": 0.09},
+    }
+    scores = {frozenset({"offset", "geometry"}): 2.0, frozenset({"creep"}): 1.0, frozenset({"geometry"}): 1.0}
+    assert purging(monkeypatch, shares, scores) == {"offset", "geometry"}
+
+
+def test_a_poor_set_of_effects_of_their_own_is_no_match_for_a_good_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the lag the others are of their own at once; with it one more has to go, and the rest says far more."""
+    shares = {
+        frozenset({"lag", "gain", "volume", "bore"}): {"lag": 0.03, "gain": 0.5, "volume": 0.01, "bore": 0.02},
+        frozenset({"gain", "volume", "bore"}): {"gain": 0.4, "volume": 0.3, "bore": 0.3},
+        frozenset({"lag", "gain", "bore"}): {"lag": 0.9, "gain": 0.5, "bore": 0.01},
+        frozenset({"lag", "gain", "volume"}): {"lag": 0.9, "gain": 0.5, "volume": 0.02},
+        frozenset({"lag", "volume", "bore"}): {"lag": 0.9, "volume": 0.02, "bore": 0.02},
+        frozenset({"lag", "gain"}): {"lag": 1.0, "gain": 0.6},
+    }
+    scores = {frozenset({"gain", "volume", "bore"}): 100.0, frozenset({"lag", "gain"}): 900.0}
+    assert purging(monkeypatch, shares, scores) == {"lag", "gain"}

@@ -317,11 +317,12 @@ class Competition(Worth):
         Which of them goes is no matter of size: what another can say may be the effect that there is, and the other one
         that can say anything. So one is tried, too, without which all others are of their own.
         """
-        while len(h.fit.spec) > 1 and min(shares := self._own_shares(h)) < OF_ITS_OWN:
-            least = {list(h.fit.spec)[int(np.argmin(shares))], self._least_missed(h)}
-            rests = ({k: v for k, v in h.fit.spec.items() if k != name} for name in sorted(least))
-            h = max((self._refined(rest, h) for rest in rests), key=self._ranked)
-        return h
+        if len(h.fit.spec) < 2 or min(shares := self._own_shares(h)) >= OF_ITS_OWN:
+            return h
+        least = {list(h.fit.spec)[int(np.argmin(shares))], self._least_missed(h)}
+        rests = ({k: v for k, v in h.fit.spec.items() if k != name} for name in sorted(least))
+        # Compared at their ends: a poor set may come to effects of their own before a good one does.
+        return max((self._purged(self._refined(rest, h)) for rest in rests), key=self._ranked)
 
     def _least_missed(self, h: Hypothesis) -> str:
         """Return the effect without which the others are of their own and explain most, to first order."""
