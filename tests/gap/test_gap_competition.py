@@ -196,7 +196,7 @@ def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypat
         frozenset({"offset", "geometry"}): {"offset": 0.08, "geometry": 2.0},
         frozenset({"offset", "creep"}): {"offset": 0.02, "creep": 0.09},
     }
-    scores = {frozenset({"offset", "geometry"}): 2.0, frozenset({"creep"}): 1.0, frozenset({"geometry"}): 1.0}
+    scores = {frozenset({"offset", "geometry"}): 90.0, frozenset({"creep"}): 50.0, frozenset({"geometry"}): 50.0}
     assert purging(monkeypatch, shares, scores) == {"offset", "geometry"}
 
 
