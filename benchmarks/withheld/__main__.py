@@ -90,7 +90,7 @@ def main(argv: list[str] | None = None) -> int:
     learned = [r for kind in ("learn", "develop") for f in args.out.glob(f"{kind}-*/cases") for r in _written(f)]
     taught = novelty.known(learned)
     if not taught:
-        print("The rivals of the open set are left out: run with --learn first, from which they learn.", file=sys.stderr)
+        print("The rivals of the open set are left out: run with --learn first, they learn from it.", file=sys.stderr)
     for name, answers in novelty.judged(taught, results).items() if taught else ():
         next(r for r in results if r["name"] == name)["answers"].update(answers)
     trust.draw(results, folder / "risk-coverage.png")

@@ -189,7 +189,7 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
 
 
 def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry, too."""
+    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry as well."""
     shares = {
         frozenset({"offset", "creep", "geometry"}): {"offset": 0.01, "creep": 0.07, "geometry": 0.13},
         frozenset({"creep", "geometry"}): {"creep": 0.4, "geometry": 0.009},
@@ -201,7 +201,7 @@ def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypat
 
 
 def test_a_poor_set_of_effects_of_their_own_is_no_match_for_a_good_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the lag the others are of their own at once; with it one more has to go, and the rest says far more."""
+    """Without the lag the others are of their own at once; with it one more has to go, and the rest says more."""
     shares = {
         frozenset({"lag", "gain", "volume", "bore"}): {"lag": 0.03, "gain": 0.5, "volume": 0.01, "bore": 0.02},
         frozenset({"gain", "volume", "bore"}): {"gain": 0.4, "volume": 0.3, "bore": 0.3},
