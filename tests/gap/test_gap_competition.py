@@ -189,7 +189,7 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
 
 
 def test_of_effects_that_fit_as_one_the_one_goes_that_can_say_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An offset that a creep could say, too, is the smaller of the two; without it the creep says the geometry as well."""
+    """An offset that a creep could say is the smaller of the two; without it the creep says the geometry, too."""
     shares = {
         frozenset({"offset", "creep", "geometry"}): {"offset": 0.01, "creep": 0.07, "geometry": 0.13},
         frozenset({"creep", "geometry"}): {"creep": 0.4, "geometry": 0.009},
