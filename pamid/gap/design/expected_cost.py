@@ -49,8 +49,10 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
 
     Returns
     -------
-    cost, scale : array, shape (n_draws,)
-        Nats, at least 0; units of noise.
+    cost : array, shape (n_draws,)
+        Nats, at least 0.
+    scale : array, shape (n_draws,)
+        Units of noise.
 
     Examples
     --------
@@ -58,7 +60,7 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
     >>> from pamid.gap.design.expected_cost import expected_cost
     >>> small, large = (expected_cost(np.full((50, 1), size), 0.0)[0][0] for size in (0.2, 20.0))
     >>> f"{small:.1f} {large:.0f}"  # 50 windows: half a square, and a logarithm
-    '0.9 148'
+    '1.0 154'
     """
     size = np.minimum(np.abs(left), SIZES[-1])
     k = np.clip(np.searchsorted(SIZES, size, side="right") - 1, 0, len(SIZES) - 2)
