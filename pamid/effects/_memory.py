@@ -16,7 +16,7 @@ def dahl(z: Array, displacement: Array, length: float, exponent: float = 1.0) ->
     What is missing to sliding, w = 1 − z sgn dξ, obeys dw = −wⁿ |dξ| / length: an exponential for n = 1, a straight
     line to its end for n = 0, and in between a power.
     """
-    d = np.asarray(displacement) / length
+    d = displacement / length
     if exponent > 0.999:
         decay = np.exp(-np.abs(d))
         return np.copysign(1.0 - decay, d) + z * decay
@@ -34,7 +34,7 @@ def bouc_wen(z: Array, displacement: Array, length: Array, shape: float) -> Arra
     With the variable oriented along the motion, w = z sgn dξ, the law is linear on either side of w = 0. Each w then
     lies at a known distance from the passage through 0, counted along the motion; the displacement is added to it.
     """
-    d = np.asarray(displacement) / length
+    d = displacement / length
     sign = np.copysign(1.0, d)
     w = z * sign
     a = 1.0 - 2.0 * shape  # ≤ 0: rate of the exponential before the passage through 0
@@ -70,7 +70,7 @@ def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
 
 def branches_at(v: Array, branches: int) -> Array:
     """Return relaxed branches for an input at rest, the branches along the first axis."""
-    return np.stack([np.array(v, dtype=float)] * branches)
+    return np.stack([v + 0.0] * branches)
 
 
 def branches_relax(x: Array, v0: Array, v1: Array, dt: float, taus: Sequence[float]) -> Array:

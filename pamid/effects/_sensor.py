@@ -28,6 +28,10 @@ class Bias(Effect):
         """Return the reading less the offset."""
         return reading - self.offset
 
+    def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
+        """Return the reading less the offset."""
+        return reading - self.offset
+
 
 class Gain(Effect):
     """Every reading too large or too small by a factor: parameter ``deviation``."""
@@ -40,6 +44,10 @@ class Gain(Effect):
         return value + self.deviation * (value - self.zero)
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the value behind the reading."""
+        return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
+
+    def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
         """Return the value behind the reading."""
         return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
 

@@ -47,7 +47,7 @@ class Backlash(Effect):
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return the middle of the play."""
-        return np.array(s.position, dtype=float)[None]
+        return np.stack([s.position + 0.0])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Drag the driven side along where the play is used up."""

@@ -437,6 +437,10 @@ class Effect(ABC):
         """Return the true values behind the readings of a log, the inverse of `measure` along time."""
         return reading
 
+    def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
+        """Return the true value behind a reading from the one ``dt`` seconds before: `restore` as a step of time."""
+        return reading
+
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return changed parameters of the nominal equations, by their names in a simulator file."""
         return {}

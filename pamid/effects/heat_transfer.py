@@ -70,7 +70,7 @@ class HeatTransfer(Effect):
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return gas at the temperature of the walls: nothing is missing."""
-        return np.zeros_like(np.asarray(s.pressure, dtype=float))[None]
+        return np.stack([0.0 * s.pressure])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Warm by compression, cool towards the walls."""

@@ -81,14 +81,13 @@ class Hysteresis(Effect):
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Move along the loops by the displacement between the two instants."""
         moved, half = s1.position - s0.position, len(_ELEMENTS)
-        out = np.empty((self.n_states, *np.broadcast_shapes(x.shape[1:], np.shape(moved))))
         alike = self.spread == 0.0
         lengths = np.full(1, self.displacement) if alike else self.displacement * np.exp(self.spread * _ELEMENTS)
         lengths = lengths.reshape(-1, *[1] * np.ndim(moved))
         rows = 1 if alike else half
-        out[:half] = bouc_wen(x[:rows], moved, lengths, self.shape)
-        out[half:] = np.clip(x[half : half + rows] + moved / lengths, -1.0, 1.0)
-        return out
+        bent = bouc_wen(x[:rows], moved, lengths, self.shape)
+        slipped = np.clip(x[half : half + rows] + moved / lengths, -1.0, 1.0)
+        return np.concatenate([bent] * (half // rows) + [slipped] * (half // rows))
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the elements of both kinds hold against the motion, N."""

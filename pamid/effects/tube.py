@@ -72,3 +72,7 @@ class Tube(Effect):
         drive = reading / (1.0 + share)
         drive[starts] = reading[starts]
         return recursive(drive, [share / (1.0 + share)], starts)
+
+    def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
+        """Return the pressure in the chamber from the one before: a step of its first-order lag."""
+        return (dt * reading + self.time_constant * before) / (dt + self.time_constant)

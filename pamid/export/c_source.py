@@ -10,7 +10,8 @@ import numpy as np
 
 from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
-from .plan import JET, UNITS, ExportPlan
+from .memory import BEFORE
+from .plan import JET, STEP, UNITS, ExportPlan
 from .reference import SERIES_BELOW, Reference
 
 REALS = {"float64": "double", "float32": "float"}
@@ -60,6 +61,7 @@ def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") ->
         "N_OUTPUTS": len(plan.outputs),
         "OUTPUTS_TEXT": ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs),
         "STACK": write.stack(plan),
+        **_memory_parts(plan, write),
         "CONSTANTS": write.constants,
         "PROTOTYPES": "\n".join(
             f"/* {o.name} alone, {o.unit} */\n{plan.name}_real {plan.name}_{o.name}(const {plan.name}_state *s);"
@@ -146,7 +148,8 @@ class Writer:
 
     def stack(self, plan: ExportPlan) -> int:
         """Return how many bytes a call keeps on the stack, rounded up."""
-        widths = [4, *(len(b) for b in plan.network.weights[1:-1:2])] if plan.network else [0]
+        first = len(plan.network.scale.mean) if plan.network else 0
+        widths = [first, *(len(b) for b in plan.network.weights[1:-1:2])] if plan.network else [0]
         return 1024 + AT_ONCE * (1 + len(widths)) * self.padded(max(widths)) * self.type.itemsize
 
     def tables(self, plan: ExportPlan) -> str:
@@ -160,7 +163,7 @@ class Writer:
         wide = self.type.itemsize == 8
         lines = [
             f"/* Numbers of {plan.name}, included by {plan.name}.c alone. */",
-            "#define INPUTS 4",
+            f"#define INPUTS {4 + (len(plan.memory.inputs) if plan.memory else 0)}",
             f"#define SQUARE_ROOT(x) {'sqrt' if wide else 'sqrtf'}(x)",
             f"#define BITS {'uint64_t' if wide else 'uint32_t'}",
             f"#define SIGN ((BITS)1 << {63 if wide else 31})",
@@ -227,7 +230,7 @@ class Writer:
             self.table("last_weights", weights[-2]),
             f"static const real last_bias = {self.number(float(np.ravel(weights[-1])[0]))};",
         ]
-        widths = [4, *(len(b) for _, b in hidden)]
+        widths = [len(scale.mean), *(len(b) for _, b in hidden)]
         lines += [
             f"#define WIDEST {self.padded(max(widths))}",
             f"static const int widths[{len(widths)}] = {{{', '.join(map(str, widths))}}};",
@@ -261,7 +264,7 @@ def _wrapped(body: str, continued: bool = False) -> str:
 def _formulas(plan: ExportPlan, write: Writer) -> str:
     """Return the function that reads all predictions from a volume."""
     name, upper = plan.name, plan.name.upper()
-    names = {s: f"s->{s}" for s in UNITS} | {v: f"jet->{v}" for v in JET}
+    names = _fields(plan) | {v: f"jet->{v}" for v in JET}
     lines, results = statements([o.formula for o in plan.outputs], names, write)
     return "\n".join(
         [
@@ -270,6 +273,84 @@ def _formulas(plan: ExportPlan, write: Writer) -> str:
             *(f"    {line}" for line in lines),
             *(f"    y[{k}] = {r};" for k, r in enumerate(results)),
             *(["    (void)s;"] if not any("s->" in line for line in [*lines, *results]) else []),
+            "}",
+        ]
+    )
+
+
+def _fields(plan: ExportPlan) -> dict[str, str]:
+    """Return where formulas find the signals of the muscle and the states of its effects."""
+    states = plan.memory.states if plan.memory else ()
+    return {s: f"s->{s}" for s in UNITS} | {f"x{k}": f"s->memory[{k}]" for k in range(len(states))}
+
+
+def _network_inputs(plan: ExportPlan, write: Writer) -> str:
+    """Return the function that gathers what the network reads."""
+    further = plan.memory.inputs if plan.memory else ()
+    lines, results = statements(further, _fields(plan), write)
+    results = [*(f"s->{s}" for s in UNITS), *results]
+    return "\n".join(
+        [
+            f"INLINE void network_inputs(const {plan.name}_state *s, real x[INPUTS])",
+            "{",
+            *(f"    {line}" for line in lines),
+            *(f"    x[{k}] = {r};" for k, r in enumerate(results)),
+            "}",
+        ]
+    )
+
+
+def _memory_parts(plan: ExportPlan, write: Writer) -> dict[str, str]:
+    """Return the parts of the templates that only a model with memory has, and those that it has otherwise."""
+    name, memory = plan.name, plan.memory
+    given = ", ".join(f"({name}_real)inputs[row][{k}]" for k in range(4))
+    if memory is None:
+        return {
+            **dict.fromkeys(("READING", "WHAT_MEMORY", "MEMORY_FIELD", "MEMORY_PROTOTYPES", "MEMORY_FUNCTIONS"), ""),
+            "PATH": "",
+            "NETWORK_INPUTS": _network_inputs(plan, write),
+            "TAKE": f"        const {name}_state s = {{{given}}};\n",
+        }
+    signals = "\n".join(f"    {name}_real {s}; /* {u} */" for s, u in UNITS.items())
+    step = f"void {name}_follow({name}_state *s, const {name}_reading *r, {name}_real dt)"
+    begin = f"void {name}_begin({name}_state *s, const {name}_reading *r)"
+    n = max(len(memory.states), 1)
+    return {
+        "READING": f"/* What the sensors read at one instant. */\ntypedef struct {{\n{signals}\n}} {name}_reading;\n\n",
+        "WHAT_MEMORY": ", behind its sensors, and what was before",
+        "MEMORY_FIELD": f"\n    {name}_real memory[{n}]; /* {', '.join(memory.states) or 'none'} */",
+        "MEMORY_PROTOTYPES": (
+            f"\n\n/* Begins with a first reading, as at rest. */\n{begin};\n\n/* Follows the next reading, dt seconds "
+            f"after the one before; {name}_predict then tells of it. */\n{step};"
+        ),
+        "NETWORK_INPUTS": _network_inputs(plan, write),
+        "MEMORY_FUNCTIONS": "\n\n"
+        + "\n\n".join(
+            _advance(plan, head, formulas, write) for head, formulas in ((begin, memory.begin), (step, memory.follow))
+        ),
+        "PATH": f"\n    {name}_state s;",
+        "TAKE": (
+            f"        const {name}_reading r = {{{given}}};\n        if (row)\n            {name}_follow(&s, &r, "
+            f"({name}_real){STEP!r});\n        else\n            {name}_begin(&s, &r);\n"
+        ),
+    }
+
+
+def _advance(plan: ExportPlan, head: str, formulas: Sequence[Symbol], write: Writer) -> str:
+    """Return the function that replaces a state by that at a reading."""
+    names = {s: f"r->{s}" for s in UNITS} | {BEFORE + s: f"s->{s}" for s in UNITS} | {"dt": "dt"}
+    names |= {f"x{k}": f"s->memory[{k}]" for k in range(len(formulas) - 4)}
+    lines, results = statements(formulas, names, write)
+    targets = [*(f"s->{s}" for s in UNITS), *(f"s->memory[{k}]" for k in range(len(formulas) - 4))]
+    # All from what was before, then all at once.
+    return "\n".join(
+        [
+            head,
+            "{",
+            *(f"    {line}" for line in lines),
+            *(f"    const real next{k} = {r};" for k, r in enumerate(results)),
+            *(f"    {target} = next{k};" for k, target in enumerate(targets)),
+            *(["    (void)dt;"] if "dt)" in head and not any("dt" in line for line in [*lines, *results]) else []),
             "}",
         ]
     )

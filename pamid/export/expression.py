@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -58,16 +59,18 @@ class Symbol:
         self.op = op
         self.args = args
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Symbol:
-        if ufunc is np.square:
-            return inputs[0] * inputs[0]
-        if ufunc is np.sign:
-            return node("where", inputs[0] > 0.0, 1.0, node("where", inputs[0] < 0.0, -1.0, 0.0))
-        if method != "__call__" or ufunc not in _UFUNCS or kwargs.get("out") is not None:
-            raise ExportError(f"The formula uses numpy.{ufunc.__name__}.", _KNOWN, "Write the formula with these.")
-        return node(_UFUNCS[ufunc], *inputs)
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        if any(isinstance(v, np.ndarray) and v.ndim for v in inputs):
+            return _each(lambda *values: by_ufunc(ufunc, method, values), inputs)
+        if kwargs.get("out") is not None:
+            raise _unknown(ufunc)
+        return by_ufunc(ufunc, method, inputs)
 
-    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Symbol:
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        if func is np.ndim or func is np.shape:
+            return 0 if func is np.ndim else ()
+        if func is np.stack:
+            return Symbols.of(args[0])
         if func is np.where:
             return node("where", *args)
         if func is np.clip:
@@ -134,6 +137,79 @@ class Symbol:
         return node("abs", self)
 
 
+class Symbols(np.ndarray):
+    """An array of symbols, such as the states of an effect: what numpy does to a number is recorded of each."""
+
+    __array_priority__ = 200.0
+
+    @classmethod
+    def of(cls, values: Any) -> Symbols:
+        """Return symbols, numbers, or arrays of them, along a first axis."""
+        return np.stack([_plain(v) for v in values]).view(cls)
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        if method == "reduce" and kwargs.get("axis", 0) in (0, (0,)):
+            return reduce(ufunc, list(inputs[0]))
+        return _each(lambda *values: by_ufunc(ufunc, method, values), inputs)
+
+
+def _plain(value: Any) -> np.ndarray:
+    return np.asarray(value, dtype=object).view(np.ndarray)
+
+
+def _each(operation: Callable[..., Any], operands: tuple[Any, ...]) -> Any:
+    arrays = np.broadcast_arrays(*map(_plain, operands))
+    out = np.empty(arrays[0].shape, dtype=object)
+    for place in np.ndindex(out.shape):
+        out[place] = operation(*(a[place] for a in arrays))
+    return out.view(Symbols) if out.ndim else out[()]
+
+
+def by_ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...]) -> Symbol:
+    """Return what an elementwise function of numpy makes of symbols and numbers."""
+    if method == "__call__" and ufunc.__name__ in _MADE:
+        return _MADE[ufunc.__name__](*map(as_symbol, inputs))
+    if method != "__call__" or ufunc not in _UFUNCS:
+        raise _unknown(ufunc)
+    return node(_UFUNCS[ufunc], *inputs)
+
+
+def _unknown(ufunc: Any) -> ExportError:
+    return ExportError(f"The formula uses numpy.{ufunc.__name__}.", _KNOWN, "Write the formula with these.")
+
+
+def _expm1(x: Symbol) -> Symbol:
+    """Return e^x − 1 = tanh(x/2) (e^x + 1), which keeps its digits near 0."""
+    return node("tanh", 0.5 * x) * (node("exp", x) + 1.0)
+
+
+def _log1p(x: Symbol) -> Symbol:
+    """Return log(1 + x) by what rounding makes of 1 + x, which keeps its digits near 0."""
+    whole = 1.0 + x
+    rest = whole - 1.0
+    safe = node("where", abs(rest) > 0.0, rest, 1.0)
+    return node("where", abs(rest) > 0.0, node("log", whole) * (x / safe), x)
+
+
+def _copysign(size: Symbol, of: Symbol) -> Symbol:
+    return node("where", of < 0.0, -abs(size), abs(size))
+
+
+def _sign(x: Symbol) -> Symbol:
+    return node("where", x > 0.0, 1.0, node("where", x < 0.0, -1.0, 0.0))
+
+
+_MADE: dict[str, Callable[..., Symbol]] = {
+    "clip": lambda x, low, high: node("min", node("max", x, low), high),
+    "square": lambda x: x * x,
+    "sign": _sign,
+    "expm1": _expm1,
+    "log1p": _log1p,
+    "copysign": _copysign,
+    "positive": lambda x: x,
+}
+
+
 def _whole_power(base: Symbol, power: int) -> Symbol:
     """Multiply a symbol with itself, by squares."""
     if power < 2:
@@ -190,8 +266,13 @@ def as_symbol(value: Any) -> Symbol:
     return Symbol("const", (float(value),))
 
 
-def node(op: str, *operands: Any) -> Symbol:
-    """Return an operation on symbols and numbers; numbers alone are computed at once, zeros and ones vanish."""
+def node(op: str, *operands: Any) -> Any:
+    """Return an operation on symbols and numbers; numbers alone are computed at once, zeros and ones vanish.
+
+    Of arrays it is the array of the operations on their elements.
+    """
+    if any(isinstance(a, np.ndarray) and a.ndim for a in operands):
+        return _each(partial(node, op), operands)
     args = tuple(as_symbol(a) for a in operands)
     known = [a.args[0] if a.op == "const" else None for a in args]
     if op in _FOLD and None not in known:

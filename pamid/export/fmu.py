@@ -85,6 +85,7 @@ def fmu(plan: ExportPlan, sources: Mapping[str, str], compiler: str | None = Non
             "TOKEN": token,
             "STARTS": ", ".join(repr(float(v)) for v in starts.values()),
             "ABSENT": "\n".join(f"ABSENT({name})" for name in _ABSENT),
+            **_memory_parts(plan),
         },
     )
     kept = {name: text for name, text in sources.items() if not name.endswith("_selftest.c")}
@@ -96,6 +97,30 @@ def fmu(plan: ExportPlan, sources: Mapping[str, str], compiler: str | None = Non
         f"binaries/{folder}/{plan.name}{ending}": compiled(code, compiler),
     }
     return packed(entries | {f"sources/{name}": text.encode() for name, text in code.items()})
+
+
+def _memory_parts(plan: ExportPlan) -> dict[str, str]:
+    """Return the parts of the wrapper that differ for a model with memory."""
+    name = plan.name
+    given = ", ".join(f"({name}_real)m->x[{k}]" for k in range(4))
+    if plan.memory is None:
+        return {
+            "WHAT": "The outputs are functions of the present inputs; there are no states.",
+            "TAKE": f"    const {name}_state s = {{{given}}};\n",
+            **dict.fromkeys(("INSTANCE", "RESET", "STEP"), ""),
+        }
+    reading = f"const {name}_reading r = {{{given}}};"
+    return {
+        "WHAT": "A step takes in the inputs as a reading; the first one begins.",
+        "INSTANCE": f"\n    bool begun;\n    {name}_state state;",
+        "RESET": "\n    m->begun = false;",
+        "TAKE": (f"    {reading}\n    {name}_state s = m->state;\n    if (!m->begun)\n        {name}_begin(&s, &r);\n"),
+        "STEP": (
+            f"\n    {{\n        {reading}\n        if (m->begun)\n            {name}_follow(&m->state, &r, "
+            f"({name}_real)step);\n        else\n            {name}_begin(&m->state, &r);\n        m->begun = true;\n"
+            "    }"
+        ),
+    }
 
 
 def binary_folder(version: int) -> tuple[str, str]:

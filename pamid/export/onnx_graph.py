@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..errors import ExportError
 from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order
 from .formula import FormulaPlan
+from .memory import BEFORE
 from .plan import JET, UNITS, ExportPlan
 from .reference import SERIES_BELOW
 
@@ -63,19 +65,65 @@ def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
         onnx is not installed.
     """
     graph = _Graph(_imported(), np.dtype(dtype))
+    return _finished(graph, plan.name, UNITS, *_answers(graph, plan, {s: graph.column(k) for k, s in enumerate(UNITS)}))
+
+
+def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
+    """Write a plan with memory as two ONNX models, one for the first readings and one for each next one.
+
+    Parameters
+    ----------
+    plan : ExportPlan
+        The model.
+    dtype : {"float64", "float32"}, default="float64"
+        Floating type of inputs, weights and outputs.
+
+    Returns
+    -------
+    dict of str to onnx.ModelProto
+        By the ends of their names. ``"_begin"``: input ``X`` as in `onnx_model`, one row a muscle. ``""``: beside it
+        ``memory`` of shape (n, n_memory) and ``dt`` of shape (1,), the time since the reading before (s). Outputs of
+        both: those of `onnx_model` and the ``memory`` after the reading (``memory_next``), which the next call takes.
+
+    Raises
+    ------
+    ExportError
+        onnx is not installed.
+    """
+    assert plan.memory is not None
+    found = {}
+    for end, formulas in (("_begin", plan.memory.begin), ("", plan.memory.follow)):
+        graph = _Graph(_imported(), np.dtype(dtype))
+        names = {s: graph.column(k) for k, s in enumerate(UNITS)}
+        further: dict[str, list[Any]] = {}
+        if not end:
+            further = {"memory": ["n", len(formulas)], "dt": [1]}
+            kept = [*(BEFORE + s for s in UNITS), *(f"x{k}" for k in range(len(formulas) - 4))]
+            names |= {s: graph.column(k, "memory") for k, s in enumerate(kept)} | {"dt": "dt"}
+        rows = graph.scaled(graph.column(0), 0.0)  # gives a constant as many rows as the input has
+        now = [graph("Add", v, rows) for v in _formulas(graph, list(formulas), names)]
+        of = dict(zip([*UNITS, *(f"x{k}" for k in range(len(now) - 4))], now, strict=True))
+        results, said = _answers(graph, plan, of)
+        results["memory_next"] = graph("Concat", *now, axis=1)
+        found[end] = _finished(graph, plan.name + end, UNITS, results, said, further, {"memory_next": len(now)})
+    return found
+
+
+def _answers(graph: _Graph, plan: ExportPlan, names: dict[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Add predictions, volume and derivatives at signals of the muscle and states; return them, and what is said."""
     parts = []
     if plan.anchor is not None:
-        parts.append(_anchor(graph, plan.anchor))
+        parts.append(_anchor(graph, plan.anchor, names))
     if plan.network is not None:
-        parts.append(_network(graph, plan.network))
+        read = [names[s] for s in UNITS] + (_formulas(graph, list(plan.memory.inputs), names) if plan.memory else [])
+        parts.append(_network(graph, plan.network, graph("Concat", *read, axis=1) if plan.memory else "X"))
     jet = parts[0] if len(parts) == 1 else [graph("Add", a, b) for a, b in zip(*parts, strict=True)]
     jet = [graph("Mul", v, graph.constant(plan.factor)) for v in jet]
     jet[0] = graph("Add", jet[0], graph.constant(plan.offset))
-    names = {s: graph.column(k) for k, s in enumerate(UNITS)} | dict(zip(JET, jet, strict=True))
-    results = _formulas(graph, [o.formula for o in plan.outputs], names) + jet
+    results = _formulas(graph, [o.formula for o in plan.outputs], names | dict(zip(JET, jet, strict=True))) + jet
     outputs = [o.name for o in plan.outputs] + list(JET)
     said = [f"{o.name}: {o.unit}" for o in plan.outputs] + ["V: m^3", "V_eps: m^3", "V_P: m^3/Pa", *plan.notes]
-    return _finished(graph, plan.name, UNITS, dict(zip(outputs, results, strict=True)), said)
+    return dict(zip(outputs, results, strict=True)), said
 
 
 def onnx_formula(plan: FormulaPlan, dtype: str = "float64") -> Any:
@@ -118,7 +166,15 @@ def _imported() -> Any:
     return onnx
 
 
-def _finished(graph: _Graph, name: str, inputs: Mapping[str, str], results: Mapping[str, str], said: list[str]) -> Any:
+def _finished(
+    graph: _Graph,
+    name: str,
+    inputs: Mapping[str, str],
+    results: Mapping[str, str],
+    said: list[str],
+    further: Mapping[str, list[Any]] = MappingProxyType({}),
+    widths: Mapping[str, int] = MappingProxyType({}),
+) -> Any:
     """Return the checked model of a graph, its results under their own names."""
     onnx = graph.onnx
     helper = onnx.helper
@@ -128,8 +184,11 @@ def _finished(graph: _Graph, name: str, inputs: Mapping[str, str], results: Mapp
     made = helper.make_graph(
         graph.nodes,
         name,
-        [helper.make_tensor_value_info("X", kind, ["n", len(inputs)])],
-        [helper.make_tensor_value_info(output, kind, ["n", 1]) for output in results],
+        [
+            helper.make_tensor_value_info(given, kind, shape)
+            for given, shape in {"X": ["n", len(inputs)], **further}.items()
+        ],
+        [helper.make_tensor_value_info(output, kind, ["n", widths.get(output, 1)]) for output in results],
         graph.tensors,
         doc_string="; ".join([f"Inputs: {', '.join(f'{n} ({u})' for n, u in inputs.items())}", *said]),
     )
@@ -163,9 +222,9 @@ class _Graph:
             self.tensors.append(self.onnx.numpy_helper.from_array(array, self._known[key]))
         return self._known[key]
 
-    def column(self, k: int) -> str:
-        """Return the k-th signal, shape (n, 1)."""
-        return self("Gather", "X", self.constant([k], np.int64), axis=1)
+    def column(self, k: int, of: str = "X") -> str:
+        """Return the k-th signal, or the k-th column of another input, shape (n, 1)."""
+        return self("Gather", of, self.constant([k], np.int64), axis=1)
 
     def one_minus(self, x: str) -> str:
         return self("Sub", self.constant(1.0), x)
@@ -199,10 +258,10 @@ class _Graph:
         return self("Add", self.ramp(x), log)
 
 
-def _network(g: _Graph, network: Any) -> list[str]:
+def _network(g: _Graph, network: Any, x: str) -> list[str]:
     """Add the network: values forwards, gradient backwards."""
     scale, weights = network.scale, network.weights
-    z = g("Div", g("Sub", "X", g.constant(scale.mean)), g.constant(scale.spread))
+    z = g("Div", g("Sub", x, g.constant(scale.mean)), g.constant(scale.spread))
     far = 1e30
     lower, upper = g.constant(np.maximum(scale.lower, -far)), g.constant(np.minimum(scale.upper, far))
     over, under = g.ramp(g("Sub", z, upper)), g.ramp(g("Sub", lower, z))
@@ -239,10 +298,10 @@ def _activation(g: _Graph, z: str, network: Any) -> tuple[str, str]:
     return g("Mul", z, s), g("Add", s, g("Mul", z, g("Sub", s, g("Mul", s, s))))
 
 
-def _anchor(g: _Graph, anchor: Any) -> list[str]:
+def _anchor(g: _Graph, anchor: Any, names: Mapping[str, str]) -> list[str]:
     """Add the geometric volume; the last point of the quadrature, with no weight, is the contraction itself."""
-    eps = g.column(0)
-    p = g("Sub", g.column(2), g.constant(anchor.atmospheric_pressure))
+    eps = names["eps"]
+    p = g("Sub", names["P"], g.constant(anchor.atmospheric_pressure))
     at = g("Mul", eps, g.constant(POINTS[None]))
     v = g.scaled(at, 1.0 / anchor.max_contraction)
     braid = g("Mul", g.one_minus(v), g.plus_one(g.scaled(v, anchor.curvature)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,9 +22,13 @@ from ..volume.contact import ContactVolume
 from ..volume.neural import NeuralVolume
 from ..volume.scaled import ScaledVolume
 from .expression import Symbol, as_symbol, symbol
+from .memory import Memory, Tracer
 
 UNITS = {"eps": "-", "deps": "1/s", "P": "Pa, absolute", "dP": "Pa/s"}
 """Units of the inputs."""
+
+STEP = 1.0 / 128.0
+"""Time between the readings at which an export with memory is compared with ``predict``, s."""
 
 JET = ("V", "V_eps", "V_P")
 """Names under which formulas read the volume and its derivatives."""
@@ -77,6 +82,8 @@ class ExportPlan:
         Where the inputs of the fit lay.
     notes : tuple of str
         What a user of the export must know.
+    memory : Memory or None
+        What its effects remember; `predict` and `volume` then take the readings of a path, `STEP` seconds apart.
     """
 
     name: str
@@ -91,6 +98,7 @@ class ExportPlan:
     centre: np.ndarray
     width: np.ndarray
     notes: tuple[str, ...] = ()
+    memory: Memory | None = None
 
 
 def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> ExportPlan:
@@ -119,14 +127,8 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     """
     check_name(name)
     last, notes = last_step(model)
-    if remembers := getattr(last, "effect_values_", None):
-        raise ExportError(
-            f"The model's effects ({', '.join(remembers)}) remember what was before, and the exported model is a "
-            "function of the present signals.",
-            "a model without effects",
-            "Fit without effects=, or keep it in Python.",
-        )
-    if isinstance(last, AddsEffects):  # a model that follows its muscle
+    own = list(last.effects_) if getattr(last, "effect_values_", None) else []
+    if not own and isinstance(last, AddsEffects):  # a model that follows its muscle
         effects, plant = [*last.effects_, *effects], plant or last.plant
         notes.append("The parameters are those at the time of the export; here nothing follows the muscle.")
     laws, volume = last.laws if isinstance(last, WithLaws) else None, _fitted_volume(last)
@@ -143,9 +145,36 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
             "Fit one of them; trees, networks and what remembers stay in Python.",
         )
     anchor, network, factor, offset = _parts(volume)
-    notes += [f"{e!r} is part of the predictions." for e in effects]
-    outputs = tuple(_output(law, effects, plant) for law in laws())
+    notes += [f"{e!r} is part of the predictions." for e in (*own, *effects)]
+    tracer = Tracer(own, [law.equation for law in laws()], muscle_of(last)) if own else None
+    outputs = tuple(_output(law, effects, plant, tracer) for law in laws())
     centre, width = (network.scale.mean, network.scale.spread) if network else _typical(anchor)
+
+    if tracer is not None:
+        remembered = tracer.memory()
+        notes.append("What effects remember begins with the first reading, as at rest, and follows each next one.")
+        if effects:
+            raise ExportError(
+                f"The model has effects of its own, and {', '.join(e.name for e in effects)} shall be added to it.",
+                "one or the other",
+                "Leave --effect out, or fit with effects=.",
+            )
+        along = partial(_along, last)
+        return ExportPlan(
+            name,
+            type(last).__name__,
+            anchor,
+            network,
+            factor,
+            offset,
+            outputs,
+            lambda x: along(x, last.predict).reshape(len(x), -1),
+            lambda x: tuple(np.asarray(v) for v in along(x, last.volume)),
+            np.asarray(centre)[:4],
+            np.asarray(width)[:4],
+            tuple(notes),
+            remembered,
+        )
 
     def volumes(x: np.ndarray) -> tuple[np.ndarray, ...]:
         return tuple(np.asarray(v) for v in volume.jet(State(*x.T)))
@@ -245,12 +274,35 @@ def _typical(anchor: ContactVolume | None) -> tuple[np.ndarray, np.ndarray]:
 
 
 # --- formulas -----------------------------------------------------------------------------------------------
-def _output(law: Law, effects: Sequence[Effect], plant: Plant | None) -> Output:
+def muscle_of(model: Any) -> Plant:
+    """Return the muscle as the effects of a model see it."""
+    return Plant.of_muscle(model.rest_length, model.rest_diameter, atmospheric_pressure=model.atmospheric_pressure)
+
+
+def _along(model: Any, x: np.ndarray, ask: Callable[[Any], Any]) -> Any:
+    """Return what a model with memory says along one path of readings."""
+    import pandas as pd
+
+    names = [str(n) for n in model.feature_names_in_]
+    table = pd.DataFrame(0.0, index=range(len(x)), columns=names)
+    signals = {**dict(zip(STATE_SIGNALS, x.T, strict=True)), "time": STEP * np.arange(len(x))}
+    for signal, values in signals.items():
+        table[names[model.signal_columns_[signal]]] = values
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a path for a self-test need not lie in the range of the fit
+        return ask(table)
+
+
+def _output(law: Law, effects: Sequence[Effect], plant: Plant | None, tracer: Tracer | None = None) -> Output:
     state = State(*(symbol(s) for s in STATE_SIGNALS))
     c = _traced(lambda: law.coefficients(state), f"The {law.equation} law {type(law).__name__}")
     V, V_eps, V_P = (symbol(n) for n in JET)
     formula = as_symbol(c.V) * V + as_symbol(c.V_eps) * V_eps + as_symbol(c.V_P) * V_P
     formula = as_symbol(formula + as_symbol(_added(law, effects, plant, state)))
+    if tracer is not None:
+        for effect in tracer.effects:
+            own = _traced(partial(tracer.added, effect, law.equation), f"The effect {effect.name}")
+            formula = as_symbol(formula + as_symbol(own))
     return Output(law.equation, law.target, law.unit, formula)
 
 

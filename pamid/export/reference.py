@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from .plan import ExportPlan
+from .plan import STEP, ExportPlan
 
 TOLERANCES = {"float64": 1e-11, "float32": 2e-5}
 """Largest deviation from ``predict`` that an export may show, as a share of the largest magnitude of each output."""
@@ -40,6 +40,9 @@ class Reference:
 def reference_of(plan: ExportPlan, n_rows: int = 64, seed: int = 0) -> Reference:
     """Evaluate a plan in Python at states inside its data, outside, at standstill and at ambient pressure."""
     rng = np.random.default_rng(seed)
+    if plan.memory is not None:
+        x = _path(plan, n_rows, rng).astype(np.float32).astype(float)
+        return Reference(x, np.column_stack([plan.predict(x), *plan.volume(x)]))
     x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, 4))
     ambient = plan.anchor.atmospheric_pressure if plan.anchor else ATMOSPHERIC_PRESSURE
     x[:, 2] = np.maximum(x[:, 2], 0.5 * ambient)
@@ -51,3 +54,13 @@ def reference_of(plan: ExportPlan, n_rows: int = 64, seed: int = 0) -> Reference
     x[5, 0] = -0.02
     x = x.astype(np.float32).astype(float)
     return Reference(x, np.column_stack([plan.predict(x), *plan.volume(x)]))
+
+
+def _path(plan: ExportPlan, n_rows: int, rng: np.random.Generator) -> np.ndarray:
+    """Return readings along a path that turns back several times, with their rates."""
+    t = STEP * np.arange(n_rows)[:, None]
+    size, phase = plan.width[[0, 2]] * rng.uniform(0.5, 1.5, 2), rng.uniform(0.0, 6.0, 2)
+    speed = np.array([37.0, 53.0])  # rad/s: four turns and six in 64 readings
+    moved, rate = size * np.sin(speed * t + phase), size * speed * np.cos(speed * t + phase)
+    eps, P = (plan.centre[[0, 2]] + moved).T
+    return np.column_stack([eps, rate[:, 0], P, rate[:, 1]])

@@ -35,9 +35,9 @@ def export(
     Parameters
     ----------
     model : estimator or Pipeline
-        A fitted hybrid model, or one that is a formula of its signals: `GeometricForce`, `GeometricFlow`,
-        `PolynomialForce`, `PolynomialFlow`, `SINDyRegressor`, `LawRegressor`, `StaticForceMap`, `NonlinearElastic`,
-        `HosovskyHybrid`, `ThreeElement`, `ResidualHybrid`, `InverseModel`, `ForwardModel`; also as the last step of a
+        A fitted hybrid model, its effects with it, or one that is a formula of its signals: `GeometricForce`,
+        `GeometricFlow`, `PolynomialForce`, `PolynomialFlow`, `SINDyRegressor`, `LawRegressor`, `StaticForceMap`,
+        `NonlinearElastic`, `HosovskyHybrid`, `ThreeElement`, `ResidualHybrid`, `InverseModel`, `ForwardModel`; also as the last step of a
         pipeline with rates.
     folder : path-like
         Where to write; made if it does not exist.
@@ -49,7 +49,8 @@ def export(
         Floating type of the exported model. Reference values of the self-test hold to 1e-11 of the largest value of
         each output with float64, to 2e-5 with float32.
     effects : sequence of Effect, optional
-        Effects without memory that are added to the predictions, such as leakage or viscous friction.
+        Effects without memory that are added to the predictions of a model that has none of its own, such as leakage
+        or viscous friction.
     plant : Plant, optional
         The bench that the effects refer to, ``BenchParameters.plant()``.
 
@@ -82,6 +83,12 @@ def export(
     if dtype not in REALS:
         raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
     plan = any_plan_of(model, name, effects, plant)
+    if dtype == "float32" and isinstance(plan, ExportPlan) and plan.memory and "backlash 1" in plan.memory.states:
+        raise ExportError(
+            "The ends of a backlash are told from its middle by less than a float32 resolves.",
+            "float64",
+            "Pass --dtype float64.",
+        )
     files = _formula_files(plan, to, dtype) if isinstance(plan, FormulaPlan) else _hybrid_files(plan, to, dtype)
     target = Path(folder)
     with replacing_together(target, files, parents=True) as stage:
@@ -102,9 +109,10 @@ def any_plan_of(
 
 def _hybrid_files(plan: ExportPlan, to: str, dtype: str) -> dict[str, str | bytes]:
     if to == "onnx":
-        from .onnx_graph import onnx_model
+        from .onnx_graph import onnx_memory, onnx_model
 
-        return {f"{plan.name}.onnx": onnx_model(plan, dtype).SerializeToString()}
+        models = {"": onnx_model(plan, dtype)} if plan.memory is None else onnx_memory(plan, dtype)
+        return {f"{plan.name}{end}.onnx": model.SerializeToString() for end, model in models.items()}
     sources = c_sources(plan, reference_of(plan), dtype)
     if to == "c":
         return dict(sources)

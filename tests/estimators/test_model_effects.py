@@ -105,7 +105,7 @@ def test_what_cannot_be_is_refused(remembering):
         StaticPIHM(effects=["tube"]).partial_fit(data[COLUMNS], data["F"])
     with pytest.raises(IncompatibleError, match="memory"):
         QAdapter(remembering).fit(data[COLUMNS], data["F"])
-    with pytest.raises(ExportError, match="remember"):
+    with pytest.raises(ExportError, match="before and after"):
         plan_of(remembering)
 
 

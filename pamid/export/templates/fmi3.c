@@ -1,4 +1,4 @@
-/* @NAME@ as an FMU: FMI 3.0, co-simulation. The outputs are functions of the present inputs; there are no states. */
+/* @NAME@ as an FMU: FMI 3.0, co-simulation. @WHAT@ */
 #include "@NAME@.h"
 
 #include <stdbool.h>
@@ -23,7 +23,7 @@ enum { OK = 0, FAILED = 3 };
 typedef struct {
     bool used;
     double time;
-    double x[INPUTS];
+    double x[INPUTS];@INSTANCE@
 } Instance;
 
 /* A pool instead of the heap. Making and freeing instances is left to one thread, as importers do. */
@@ -34,13 +34,12 @@ static const double starts[INPUTS] = {@STARTS@};
 static void reset(Instance *m)
 {
     m->time = 0;
-    memcpy(m->x, starts, sizeof starts);
+    memcpy(m->x, starts, sizeof starts);@RESET@
 }
 
 static void outputs(const Instance *m, double out[OUTPUTS])
 {
-    const @NAME@_state s = {(@NAME@_real)m->x[0], (@NAME@_real)m->x[1], (@NAME@_real)m->x[2], (@NAME@_real)m->x[3]};
-    @NAME@_real y[@NAME_UPPER@_OUTPUTS];
+@TAKE@    @NAME@_real y[@NAME_UPPER@_OUTPUTS];
     @NAME@_jet jet;
     int k;
     @NAME@_predict(&s, y, &jet);
@@ -178,7 +177,7 @@ int fmi3DoStep(void *instance, double now, double step, bool no_return, bool *ev
                double *last)
 {
     Instance *m = instance;
-    (void)no_return;
+    (void)no_return;@STEP@
     m->time = now + step;
     *event = *terminate = *early = false;
     *last = m->time;

@@ -188,6 +188,8 @@ INLINE void activate(int n, real *restrict z, real *restrict slope)
 }
 #endif
 
+@NETWORK_INPUTS@
+
 /* Standardised inputs, clamped smoothly to the range of the data, and their slopes. */
 static void scale_inputs(const real x[INPUTS], real xi[INPUTS], real slope[INPUTS])
 {
@@ -224,7 +226,8 @@ INLINE void network(const int rows, const int wide, const @NAME@_state *s, real 
     int i, r;
     (void)wide; /* a network without hidden layers has no products */
     for (r = 0; r < rows; r++) {
-        const real x[INPUTS] = {s[r].eps, s[r].deps, s[r].P, s[r].dP};
+        real x[INPUTS];
+        network_inputs(s + r, x);
         scale_inputs(x, h[0][r], scale[r]);
     }
 #if HIDDEN_LAYERS
@@ -392,4 +395,4 @@ void @NAME@_predict_rows(int n, const @NAME@_state *s, real (*y)[@NAME_UPPER@_OU
         @NAME@_predict(s, *y, jet);
 }
 
-@SINGLE@
+@SINGLE@@MEMORY_FUNCTIONS@

@@ -15,13 +15,13 @@ typedef @REAL@ @NAME@_real;
 #define @NAME_UPPER@_STACK @STACK@
 #define @NAME_UPPER@_CONSTANTS @CONSTANTS@
 
-/* The signals of one muscle at one instant. */
+@READING@/* The signals of one muscle at one instant@WHAT_MEMORY@. */
 typedef struct {
     @NAME@_real eps;  /* contraction ratio (L0 - L)/L0, dimensionless */
     @NAME@_real deps; /* its rate, 1/s */
     @NAME@_real P;    /* gas pressure, Pa, absolute */
-    @NAME@_real dP;   /* its rate, Pa/s */
-} @NAME@_state;
+    @NAME@_real dP;   /* its rate, Pa/s */@MEMORY_FIELD@
+} @NAME@_state;@MEMORY_PROTOTYPES@
 
 /* The gas volume and its derivatives. */
 typedef struct {

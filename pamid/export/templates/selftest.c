@@ -23,11 +23,9 @@ static const double tolerance[COLUMNS] = {@TOLERANCES@};
 int main(void)
 {
     static const char *const names[COLUMNS] = {@COLUMN_NAMES@};
-    int row, k, failed = 0;
+    int row, k, failed = 0;@PATH@
     for (row = 0; row < ROWS; row++) {
-        const @NAME@_state s = {(@NAME@_real)inputs[row][0], (@NAME@_real)inputs[row][1], (@NAME@_real)inputs[row][2],
-                                (@NAME@_real)inputs[row][3]};
-        @NAME@_real y[COLUMNS];
+@TAKE@        @NAME@_real y[COLUMNS];
         @NAME@_jet jet;
         @NAME@_predict(&s, y, &jet);
         y[@NAME_UPPER@_OUTPUTS] = jet.V;

@@ -1,0 +1,165 @@
+"""What a model with effects remembers, as formulas: how it begins at a first reading, and follows the next ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects._terms import changed
+from ..effects.base import Effect, Signals
+from ..effects.plant import Plant
+from ..errors import ExportError
+from ..signals.state import STATE_SIGNALS, State
+from .expression import Symbol, Symbols, as_symbol, in_order, symbol
+
+BEFORE = "was_"
+"""Prefix of the signals of the muscle at the instant before."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """The states of a model's effects, as formulas.
+
+    Parameters
+    ----------
+    states : tuple of str
+        Names of the states, such as ``"pressure_hysteresis 1"``; their symbols are ``x0``, ``x1``, …
+    begin : tuple of Symbol
+        Signals of the muscle (ε, ε̇, P, Ṗ), then its states, from the first reading: ``eps``, ``deps``, ``P``, ``dP``.
+    follow : tuple of Symbol
+        The same from the next reading, the time ``dt`` since the one before, and the signals (``was_eps``, …) and
+        states there.
+    inputs : tuple of Symbol
+        What the network reads beside the signals of the muscle, from these (``eps``, …) and the states.
+    """
+
+    states: tuple[str, ...]
+    begin: tuple[Symbol, ...]
+    follow: tuple[Symbol, ...]
+    inputs: tuple[Symbol, ...]
+
+
+class Tracer:
+    """Effects of a model, called with symbols.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Identified effects, in the order of the model.
+    equations : sequence of str
+        The model's equations.
+    plant : Plant
+        The muscle that the effects refer to.
+
+    Raises
+    ------
+    ExportError
+        An effect looks ahead.
+    """
+
+    def __init__(self, effects: Sequence[Effect], equations: Sequence[str], plant: Plant) -> None:
+        self.effects, self.equations, self.plant = list(effects), list(equations), plant
+        self.sensors = [e for e in effects if e.channel == "P" and "measure" in e.hooks()]
+        for e in self.sensors:
+            if type(e).restore is not Effect.restore and type(e).restore_next is Effect.restore_next:
+                raise ExportError(
+                    f"The effect {e.name} is undone with the readings before and after, and a controller has no later "
+                    "ones.",
+                    "effects that follow from the readings so far, such as a tube",
+                    "Fit without it, or keep the model in Python.",
+                )
+        self._names: list[str] = []
+        self._places: dict[str, slice] = {}
+        for e in self.effects:
+            if e.n_states and set(equations) & set(e.hooks()):
+                self._new(e.name, e.n_states)
+        for e in self.sensors:
+            before = symbol("before")
+            if any(s is before for s in in_order([as_symbol(e.restore_next(before, symbol("P"), symbol("dt")))])):
+                self._new(e.name, 2)
+
+    def _new(self, name: str, n: int) -> None:
+        self._places[name] = slice(len(self._names), len(self._names) + n)
+        self._names += [f"{name} {k + 1}" for k in range(n)]
+
+    def states(self, effect: Effect) -> Any:
+        """Return the symbols of an effect's states; no array entries for one that has none."""
+        place = self._places.get(effect.name)
+        return np.zeros(0) if place is None else Symbols.of([symbol(f"x{k}") for k in range(place.start, place.stop)])
+
+    def added(self, effect: Effect, equation: str) -> Any:
+        """Return what an effect adds to the force (N) or to the flow (kg/s), from the muscle's signals and its states.
+
+        Parameters
+        ----------
+        effect : Effect
+            One of the effects, or a copy of it with other values.
+        equation : str
+            The equation.
+        """
+        if equation not in effect.hooks():
+            return 0.0
+        s: Any = _signals("").with_(time=0.0 * symbol("P"))
+        if equation == "force":
+            return effect.force(s, self.states(effect), self.plant)
+        step = effect.flow(s, self.states(effect), self.plant)
+        return step.a + step.b * s.pressure_rate
+
+    def memory(self) -> Memory:
+        """Return how the states begin and follow the readings, and what the network reads of them."""
+        first, opened = self._restored(None)
+        now, followed = self._restored(_signals(BEFORE))
+        begin: list[Any] = [0.0] * len(self._names)
+        follow: list[Any] = list(begin)
+        for effect in self.effects:
+            place = self._places.get(effect.name)
+            if effect in self.sensors and place is not None:
+                begin[place], follow[place] = opened[effect.name], followed[effect.name]
+            elif place is not None:
+                begin[place] = list(effect.start(first, self.plant, 1.0))
+                x = effect.step(self.states(effect), _signals(BEFORE), now, symbol("dt"), self.plant)  # type: ignore[arg-type]
+                follow[place] = list(x)
+        return Memory(
+            tuple(self._names),
+            tuple(map(as_symbol, (*_state(first), *begin))),
+            tuple(map(as_symbol, (*_state(now), *follow))),
+            tuple(self._inputs()),
+        )
+
+    def _restored(self, before: Signals | None) -> tuple[Signals, dict[str, list[Any]]]:
+        """Return the signals of the muscle behind a reading, and what each sensor with a memory keeps of them."""
+        now, kept = _signals(""), {}
+        for e in self.sensors:
+            x, dt = self.states(e), 1.0 if before is None else symbol("dt")
+            last = (now.pressure, now.pressure_rate) if before is None or not len(x) else tuple(x)
+            P = e.restore_next(last[0], now.pressure, dt)
+            rate = e.restore_next(last[1], now.pressure_rate, dt) - e.restore_next(0.0, 0.0, 1.0)
+            now, kept[e.name] = now.with_(pressure=P, pressure_rate=rate), [P, rate]
+        return now, kept
+
+    def _inputs(self) -> list[Symbol]:
+        """Return the terms that tell of the past alone, each once, in the order of the network's inputs."""
+        found: dict[tuple[str, str], Symbol] = {}
+        for equation in self.equations:
+            for effect in self.effects:
+                if equation not in effect.hooks() or not effect.n_states:
+                    continue
+                none = changed(effect, **{p.name: 0.0 for p in effect.parameters if p.linear})
+                base = self.added(none, equation)
+                for p in effect.parameters:
+                    if p.linear and p.position == 0 and (effect.name, p.name) not in found:
+                        unit = p.nominal or 1e-3 * p.upper
+                        term = (self.added(changed(none, **{p.name: unit}), equation) - base) / unit
+                        found[effect.name, p.name] = as_symbol(term)
+        return list(found.values())
+
+
+def _signals(prefix: str) -> Signals:
+    return Signals.of_state(State(*(symbol(prefix + name) for name in STATE_SIGNALS)))
+
+
+def _state(s: Signals) -> tuple[Any, ...]:
+    return s.position, s.velocity, s.pressure, s.pressure_rate
