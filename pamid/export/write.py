@@ -37,8 +37,8 @@ def export(
     model : estimator or Pipeline
         A fitted hybrid model, its effects with it, or one that is a formula of its signals: `GeometricForce`,
         `GeometricFlow`, `PolynomialForce`, `PolynomialFlow`, `SINDyRegressor`, `LawRegressor`, `StaticForceMap`,
-        `NonlinearElastic`, `HosovskyHybrid`, `ThreeElement`, `ResidualHybrid`, `InverseModel`, `ForwardModel`; also as the last step of a
-        pipeline with rates.
+        `NonlinearElastic`, `HosovskyHybrid`, `ThreeElement`, `ResidualHybrid`, `InverseModel`, `ForwardModel`; also as
+        the last step of a pipeline with rates.
     folder : path-like
         Where to write; made if it does not exist.
     to : {"c", "onnx", "fmu"}, default="c"
