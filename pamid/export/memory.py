@@ -26,11 +26,11 @@ class Memory:
     Parameters
     ----------
     states : tuple of str
-        Names of the states, such as ``"pressure_hysteresis 1"``; their symbols are ``x0``, ``x1``, …
+        Names of the states, such as ``"pressure_hysteresis 1"``; their symbols are ``x0``, ``x1`` and so on.
     begin : tuple of Symbol
         Signals of the muscle (ε, ε̇, P, Ṗ), then its states, from the first reading: ``eps``, ``deps``, ``P``, ``dP``.
     follow : tuple of Symbol
-        The same from the next reading, the time ``dt`` since the one before, and the signals (``was_eps``, …) and
+        The same from the next reading, the time ``dt`` (s) since the one before, and the signals (``was_eps``, …) and
         states there.
     inputs : tuple of Symbol
         What the network reads beside the signals of the muscle, from these (``eps``, …) and the states.
