@@ -9,6 +9,9 @@ from typing import ClassVar
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..signals.state import Array
 
+BRAID_ANGLE = math.radians(25.0)
+"""Angle between thread and axis at rest, rad, of a braid of which nothing else is known."""
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -71,7 +74,7 @@ class Plant:
         cls,
         rest_length: float,
         rest_diameter: float,
-        braid_angle: float = math.radians(25.0),
+        braid_angle: float = BRAID_ANGLE,
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
         temperature: float = TEMPERATURE,
     ) -> Plant:

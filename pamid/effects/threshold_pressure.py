@@ -8,7 +8,7 @@ import numpy as np
 
 from ..signals.state import Array
 from .base import Effect, Parameter, Signals
-from .plant import Plant
+from .plant import BRAID_ANGLE, Plant
 
 
 class ThresholdPressure(Effect):
@@ -16,10 +16,15 @@ class ThresholdPressure(Effect):
 
     .. math:: \Delta F = \frac{p_e - p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
         p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad
-        d = p - p_0 - K \left(\frac{D(\varepsilon)}{D(0)} - 1\right)
+        d = p - p_0 - K \left(\frac{D(\varepsilon)}{D(0)} - 1\right), \qquad
+        \frac{D(\varepsilon)}{D(0)} = \frac{\sqrt{1 - (1 - \varepsilon)^2 \cos^2\theta_0}}{\sin\theta_0}
 
-    with the gauge pressure p and the braid's diameter D, which grows as the muscle contracts. A bladder touches the
-    braid at once (w = 0) or little by little.
+    with the gauge pressure p and the diameter D of a braid that lies at θ₀ = 25° at rest, which grows as the muscle
+    contracts. A bladder touches the braid at once (w = 0) or little by little.
+
+    The angle is not that of the model: a geometry that was fitted without the bladder takes part of it for its braid
+    and may come out at twice the angle, at which a diameter hardly grows. Other angles of real braids change K rather
+    than the form.
 
     Parameters
     ----------
@@ -55,10 +60,9 @@ class ThresholdPressure(Effect):
 
     def braid_pressure(self, s: Signals, plant: Plant) -> Array:
         """Return the pressure that is left for the braid, Pa absolute."""
-        angle = math.acos(min(plant.rest_length / plant.thread_length, 1.0))
         # A thread of fixed length that winds less steeply encloses a wider tube.
-        lying = np.clip((1.0 - np.asarray(s.position)) * math.cos(angle), -1.0, 1.0)
-        wider = np.sqrt(1.0 - lying**2) / math.sin(angle) - 1.0
+        lying = np.clip((1.0 - np.asarray(s.position)) * math.cos(BRAID_ANGLE), -1.0, 1.0)
+        wider = np.sqrt(1.0 - lying**2) / math.sin(BRAID_ANGLE) - 1.0
         over = s.pressure - plant.atmospheric_pressure - self.pressure - self.growth * wider
         return plant.atmospheric_pressure + 0.5 * (over + np.sqrt(over**2 + self.onset**2))
 

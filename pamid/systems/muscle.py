@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
-from ..effects.plant import Plant
+from ..effects.plant import BRAID_ANGLE, Plant
 from ..errors import MissingColumnError
 from ..signals.roles import STATE_ROLES
 from .base import Input, Problem, Quantity, System, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_BRAID = math.radians(25.0)
 
 
 class Muscle(System):
@@ -57,7 +54,7 @@ class Muscle(System):
             0.02,
             0.94,
             "between thread and axis at rest",
-            _BRAID,
+            BRAID_ANGLE,
             hint="25 degrees are 0.436 rad.",
         ),
         Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),

@@ -13,6 +13,7 @@ from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect
 from pamid.effects._memory import bouc_wen, dahl, relax
 from pamid.effects._stop import stopped, stops_along
 from pamid.effects.base import EQUATIONS, KINDS
+from pamid.effects.plant import Plant
 from pamid.effects.registry import chosen_effects
 from pamid.errors import ImplausibleParameterError, ParameterError, UnknownOptionError, UnknownParameterError
 
@@ -254,6 +255,14 @@ def test_stops_are_the_signal_less_its_play():
         z = stopped(z, x[k] - x[k - 1], 2.0)
         np.testing.assert_allclose(along[:, k], z, atol=1e-12)
     assert np.abs(along).max() == pytest.approx(1.0)
+
+
+def test_a_threshold_grows_alike_whatever_angle_a_geometry_was_fitted_with():
+    effect = make_effect("threshold_pressure", pressure=5e4, growth=1e6)
+    s = Signals(position=np.array([0.0, 0.05, 0.1]), pressure=np.full(3, 7e5))
+    left = [effect.braid_pressure(s, Plant.of_muscle(0.2, 0.01, np.radians(angle))) for angle in (25.0, 48.0)]
+    np.testing.assert_array_equal(*left)
+    assert np.all(np.diff(left[0]) < -1e5)
 
 
 def test_a_bladder_presses_above_its_threshold_alone():
