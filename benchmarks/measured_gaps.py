@@ -211,11 +211,30 @@ def festo(folder: Path, plots: Path | None) -> None:
         before, after = np.sqrt(total[:, 2] @ np.square(total[:, :2]) / total[:, 2].sum())
         closed = (before**2 - after**2) / (before**2 - floor**2)
         print(f"  all contractions left out in turn: RMSE {before:.1f} -> {after:.1f}, closed {closed:.3f}")
+    side_by_side(found)
+
+
+def side_by_side(found: dict[int, GapDiagnoser]) -> None:
+    """Print the parameters at the three lengths."""
     print("\nParameters at the three lengths")
     for name in sorted(set.union(*(set(d.effects_) for d in found.values()))):
         values = [d.effects_.get(name, {}) for d in found.values()]
         for key in sorted(set().union(*values)):
             print(f"  {name + ' ' + key:36s} " + " ".join(f"{v.get(key, np.nan):12.4g}" for v in values))
+
+
+LAWS = ["threshold_pressure", "slack", "braid_geometry", "tube", "pressure_hysteresis", "pressure_relaxation"]
+
+
+def laws(folder: Path, plots: Path | None) -> None:
+    """Diagnose each length among effects that are no polynomial of the contraction."""
+    found = {}
+    for cut in REST_LENGTH:
+        log = muscle(folder, cut)
+        found[cut], (before, after) = correct(log, ~log["last"], cut, LAWS)
+        print(f"\nFesto muscle of 10 mm and {cut} cm, {', '.join(found[cut].effects_)}")
+        print(f"  last repeats, unseen: RMSE {before:.1f} -> {after:.2f}", flush=True)
+    side_by_side(found)
 
 
 def together(folder: Path, plots: Path | None) -> None:
@@ -295,6 +314,7 @@ STUDIES = {
     "servo": (servo, "servo_pendulum"),
     "piezo": (piezo, "piezo"),
     "festo": (festo, "festo_muscles/10mm"),
+    "festo_laws": (laws, "festo_muscles/10mm"),
     "festo_together": (together, "festo_muscles/10mm"),
 }
 
