@@ -25,6 +25,8 @@ _GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
+ENDS = 0.999
+"""How near to where readings stand a sensor's range ends, as a share of it."""
 
 
 class SignalSizes(NamedTuple):
@@ -50,6 +52,8 @@ class SignalSizes(NamedTuple):
         Typical length of a run and sampling interval, s.
     feeds : dict of str to str
         The state that a chamber feeds, by the chamber's own.
+    ends : dict of str to float
+        Where readings stand exactly at the end of a sensor's range, that end.
     """
 
     spans: Mapping[str, float]
@@ -62,6 +66,7 @@ class SignalSizes(NamedTuple):
     run_length: float
     interval: float
     feeds: Mapping[str, str] = MappingProxyType({})
+    ends: Mapping[str, float] = MappingProxyType({})
 
     @property
     def time(self) -> float:
@@ -204,16 +209,18 @@ def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list
     return list(dict.fromkeys(keys))
 
 
-def _reached(p: Parameter, top: float) -> Parameter:
-    """Return the limit of a saturation within what a signal reaches: beyond, it does nothing."""
-    return replace(p, lower=0.05 * top, upper=top, nominal=0.6 * top) if p.name == "limit" else p
+def _reached(p: Parameter, top: float, least: float) -> Parameter:
+    """Return the limit of a saturation within what a signal reaches, and where it must be at least."""
+    if p.name != "limit":
+        return p
+    return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
 
 
 # --- the kinds of ports -------------------------------------------------------------------------------------
 def _placed(
     name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
     scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
-    reach: float = 0.0,
+    reach: float = 0.0, least: float = 0.0,
 ) -> Placement:  # fmt: skip
     key = f"{name}@{port}"
     known = {} if hook == "flow" else powers(effect, hook) or {}
@@ -222,13 +229,18 @@ def _placed(
         plain = [("s", unit_powers(p.unit).get("s", 0))]
         if hook in ("force", "flow"):
             words = {"N": target, "m": "", "kg": target, "rad": signal if signal != "-" else "rad"}
+            powers_of = unit_powers(p.unit)
             if hook == "flow" and target == "kg/s" and signal in _PASCAL:
                 words = {"Pa": signal}  # a flow of mass under a pressure is what the library's units are of
-            plain = [(words.get(w, w), n) for w, n in unit_powers(p.unit).items()]
+            elif hook == "flow":  # what runs off in a second is what the rate counts in
+                words |= {"Pa": signal}
+                powers_of = {**powers_of, "s": powers_of.get("s", 0) + powers_of.get("kg", 0)}
+            plain = [(words.get(w, w), n) for w, n in powers_of.items() if n]
         units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
     changes: dict[str, Any] = {} if prior is None else {"prior": prior}
     if reach and "limit" in units:
-        changes["parameters"] = tuple(_reached(p, reach / scales.target) for p in effect.parameters)
+        top, low = reach / scales.target, least / scales.target
+        changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
     bound = named(effect, key, hidden, equations=(), **changes)
     return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
 
@@ -285,6 +297,7 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                         unit,
                         unit,
                         reach=survey.tops.get(port, span),
+                        least=ENDS * survey.ends.get(port, 0.0),
                     )
                 )
     return found
@@ -339,18 +352,19 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if state in moving or not span > 0.0:
             continue
         name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
-        size = survey.gaps.get(state, 0.0)
+        size, push = survey.gaps.get(state, 0.0), 1.0
         if through:
-            size /= abs(survey.pushes.get((through, state), 1.0)) or 1.0
-            unit = simulator.port(through).unit
+            push = abs(survey.pushes.get((through, state), 1.0)) or 1.0
+            size, unit = size / push, simulator.port(through).unit
         for effect_name, (kind, found_effect) in port_effects().items():
             if kind == "chamber":
                 effect, into = found_effect, ""
                 head = _head(simulator.port(state).unit, survey, state)
-                if effect_name == "overflow":
-                    effect = _within(effect, head, survey.lows[state], survey.lows[state] + span)
-                    into = "" if through else survey.feeds.get(state, "")
                 scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
+                if effect_name == "overflow":
+                    fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
+                    effect = _within(effect, head, survey.lows[state], survey.lows[state] + span, fastest)
+                    into = "" if through else survey.feeds.get(state, "")
                 enters, at = ("input", through) if through else ("state", state)
                 hidden = () if into else ("returned",)
                 placed = _placed(
@@ -361,14 +375,19 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     return found
 
 
-def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float) -> type[Effect]:
-    """Return an overflow whose level is one that the log passes: below all of it, it would be any leak."""
+def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float, fastest: float) -> type[Effect]:
+    """Return an overflow whose level is one that the log passes: below all of it, it would be any leak.
+
+    Nor is it faster than a sample: what runs off within one is as good as at once, and no step could follow it.
+    """
     low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
     changed = []
     for p in effect.parameters:
         if p.name == "level":
             edge = 0.02 * (high - low)
             p = replace(p, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
+        if p.name == "coefficient":
+            p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))
         changed.append(p)
     return type(effect.__name__, (effect,), {"parameters": tuple(changed)})
 

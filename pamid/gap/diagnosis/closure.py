@@ -34,13 +34,13 @@ class Clusters:
         self.evidence, self.fit = evidence, fit
         self.slots = slots_of(fit.spec)
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
-        z = evidence.tangent(fit.spec, fit.x)
+        z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
-        self.A = np.column_stack([evidence.J, D])
+        self.A = np.column_stack([J, D])
         # A parameter at the end of its tolerance, or at a bound, stays there, whichever trajectory is left out.
         within = np.array([p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)], dtype=bool)
         self.moving = np.concatenate([fit.inside, within])
-        self.z = z + evidence.J @ fit.x
+        self.z = z + J @ fit.x
         w = np.empty(len(z))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
             w[part] = share * (NU + 1.0) / (NU + np.square(self.z[part] / s)) / s**2

@@ -172,7 +172,7 @@ def _of_factors(
     """Return how far runs and parts of the state disagree on the causes, and how uncertain the least certain one is."""
     evidence, fit = competition.evidence, outcome.best.fit
     # A parameter at the end of its tolerance takes up nothing: a cause may be what is beyond.
-    J = evidence.J[:, fit.inside]
+    J = evidence.slopes(fit.spec, fit.x)[:, fit.inside]
     weight = np.empty(len(fit.z))
     for part, s, share in zip(evidence.parts, fit.scales, competition.fitter.weights, strict=True):
         weight[part] = share * (NU + 1.0) / (NU + np.square(fit.z[part] / s)) / s**2

@@ -193,7 +193,8 @@ class Competition(Worth):
         spec = {k: v for k, v in fit.spec.items() if k not in without}
         z = evidence.tangent(spec, fit.x)
         m = evidence.J.shape[1]
-        fixed, lower, upper, precision = [evidence.J], [self.fitter.low], [self.fitter.high], [np.full(m, TOLERANCE)]
+        fixed, precision = [evidence.slopes(spec, fit.x)], [np.full(m, TOLERANCE)]
+        lower, upper = [self.fitter.low], [self.fitter.high]
         if spec:
             slots = slots_of(spec)
             phi = np.array([spec[name][p.name] for name, p in slots])
@@ -205,7 +206,7 @@ class Competition(Worth):
             precision += [np.zeros(D.shape[1]), np.full(smooth.shape[1], FORM_SMOOTH**-2)]
         n = len(evidence.z0)
         cost = {
-            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (ONE_MORE if spec else 0.0)
+            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (ONE_MORE if self.chosen(spec) else 0.0)
             for name in self.usable
         }
         weights = h.weights.copy()
@@ -229,7 +230,12 @@ class Competition(Worth):
         self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = (), behind: float = -np.inf
     ) -> Hypothesis:
         """Return a set of effects refitted exactly, on top of those of a hypothesis that are kept."""
-        return self._refined(self._start(about, subset, at, keep), at, behind)
+        start = self._start(about, subset, at, keep)
+        if self.evidence.curved and len(start) > 1:
+            # Where tolerances bend, a part of the set that was refitted says where they go.
+            near = max((h for key, h in self._done.items() if key < start.keys()), key=lambda h: h.plain)
+            return self._refined({**start, **near.fit.spec}, near, behind)
+        return self._refined(start, at, behind)
 
     def _promising(self, about: Subsets, contenders: Sequence[Subset]) -> list[Subset]:
         """Return what may be the cause in the order of what it promises where it would begin, where each fit is runs.
@@ -333,8 +339,8 @@ class Competition(Worth):
             fit = replace(h.fit, spec={k: v for k, v in h.fit.spec.items() if k != out})
             own = min(self._shares(fit, D[:, kept], [s for s in slots if s[0] != out]), default=np.inf) >= OF_ITS_OWN
             free = np.full(int(kept.sum()), np.inf)
-            z = self.evidence.tangent(fit.spec, fit.x)
-            found[out] = own, self.fitter.linear(z, D[:, kept], -free, free, start=fit.x).loglik
+            z, J = self.evidence.tangent(fit.spec, fit.x), self.evidence.slopes(fit.spec, fit.x)
+            found[out] = own, self.fitter.linear(z, D[:, kept], -free, free, start=fit.x, J=J).loglik
         return max(found, key=lambda name: found[name])
 
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:

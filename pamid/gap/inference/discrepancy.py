@@ -64,9 +64,9 @@ class Discrepancy:
 
     def _parts_of(self, fit: Fit) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
-        key, J = f"{fit.spec!r} {fit.x.tobytes()!r}", self.evidence.J
+        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
         if key not in self._contributions:
-            found = {}
+            found, J = {}, self.evidence.slopes(fit.spec, fit.x)
             for name in fit.spec:
                 rest = {k: v for k, v in fit.spec.items() if k != name}
                 d = -self.evidence.change(rest, fit.spec, fit.x)
@@ -126,7 +126,7 @@ class Discrepancy:
         rough = [d for k, d in direct.items() if k != name and has_form(k)]
         if not rough:
             return np.inf
-        A = np.column_stack([self.evidence.J, D])
+        A = np.column_stack([self.evidence.slopes(fit.spec, fit.x), D])
         size = np.maximum(np.sqrt(np.sum(np.square(A), axis=0)), 1e-300)
         A = A / size
         # Tolerances take up no more than they have room for.

@@ -10,6 +10,8 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
+from ..settings import TOLERANCE
+from .descent import Bounds, Prior, descend
 from .sensitivity import adds
 from .student_t import RobustFit, solve
 
@@ -23,6 +25,8 @@ MIX = 0.4
 """How far a share of another form may go in one step."""
 FAR_ENOUGH = 10.0
 """How many times what ends a fit a step must gain for the next to do without differences anew."""
+LAID, FINAL = 24, 0.1
+"""Most steps of a fit that is laid anew as it goes, and the gain that ends it."""
 PROMISED = 0.1
 """Share of what ends a fit that a step must promise to first order to be a run."""
 LOST = 300.0
@@ -88,6 +92,7 @@ class Fitter:
         start: np.ndarray | None = None,
         soft: np.ndarray | None = None,
         widening: np.ndarray | None = None,
+        J: np.ndarray | None = None,
     ) -> RobustFit:
         """Fit tolerances and further columns to residuals.
 
@@ -109,8 +114,10 @@ class Fitter:
             Factors by which the noise of each window is widened, the same for all that are compared.
         widening : array, shape (n_windows,), optional
             Further such factors that belong to what is fitted, and cost likelihood.
+        J : array, shape (n_windows, n_free), optional
+            Sensitivities to the tolerances, by default those without effects.
         """
-        J, cost = self.evidence.J, 0.0
+        J, cost = self.evidence.J if J is None else J, 0.0
         if widening is not None:
             soft = widening if soft is None else soft * widening
             parts = zip(self.evidence.parts, self.weights, strict=True)
@@ -147,6 +154,9 @@ class Fitter:
         less in another.
         """
         evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
+        if evidence.curved:
+            found = self._descended(fit.spec, fit.x, LAID, FINAL, -np.inf, held=True, turned=evidence.raw)
+            return replace(fit, x=found.x, z=evidence.white(found.z))
 
         def solved(x: np.ndarray) -> RobustFit:
             z = evidence.raw(evidence.tangent(fit.spec, x))
@@ -162,16 +172,19 @@ class Fitter:
     def approximate(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood of effects at their values, the tolerances near deviations x."""
         z = self.evidence.tangent({}, x) + self.evidence.change(spec, {}, x)
-        return self._fit({k: dict(v) for k, v in spec.items()}, z, x).loglik
+        return self._fit({k: dict(v) for k, v in spec.items()}, z, x, J=self.evidence.slopes({}, x)).loglik
 
     def promise(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
         slots = slots_of(spec)
         phi, z = np.array([spec[name][p.name] for name, p in slots]), self.evidence.tangent(spec, x)
-        return self.linear(z, *self.jacobian(slots, phi, z, x), iterations=6, start=x).loglik
+        D, lower, upper = self.jacobian(slots, phi, z, x)
+        return self.linear(z, D, lower, upper, iterations=6, start=x, J=self.evidence.slopes(spec, x)).loglik
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, the linear model of them laid where the fit ends."""
+        if self.evidence.curved:
+            return self._descended(spec, x, LAID, FINAL, -np.inf, held=True)
         return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
 
     def refine(
@@ -214,6 +227,9 @@ class Fitter:
         """Fit everything with a linear model of the tolerances, laid at deviations x; also where it was laid last."""
         slots = slots_of(spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
+        if self.evidence.curved:
+            found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
+            return found, found.x
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)
         damping, anew = 1.0, True
@@ -251,10 +267,44 @@ class Fitter:
             anew = not self.evidence.bends or added < FAR_ENOUGH * gain
         return best, x
 
+    def _descended(
+        self, spec: dict[str, dict[str, float]], x: np.ndarray, rounds: int, gain: float, behind: float,
+        held: bool = False, turned: Callable[[np.ndarray], np.ndarray] = lambda z: z,
+    ) -> Fit:  # fmt: skip
+        """Fit everything, or tolerances beside effects that are held, each step laid where the last one ended."""
+        evidence, n, slots = self.evidence, self.n, [] if held else slots_of(spec)
+        phi = np.array([spec[name][p.name] for name, p in slots])
+        ends = np.array([(p.lower, p.upper) for _, p in slots]).reshape(-1, 2)
+
+        def named(y: np.ndarray) -> dict[str, dict[str, float]]:
+            return spec if held else _spec(slots, y[n:])
+
+        def slopes(y: np.ndarray) -> np.ndarray:
+            J = evidence.slopes(named(y), y[:n])
+            D = self.jacobian(slots, y[n:], J, y[:n])[0] if slots else np.zeros((len(J), 0))
+            return turned(np.column_stack([J, D]))
+
+        def bounds(y: np.ndarray) -> Bounds:
+            back, on = _reach(slots, y[n:])
+            whole = self.high - self.low
+            return Bounds(np.concatenate([self.low, ends[:, 0]]), np.concatenate([self.high, ends[:, 1]]),
+                          np.concatenate([whole, -back]), np.concatenate([whole, on]))  # fmt: skip
+
+        def at(y: np.ndarray) -> np.ndarray:
+            return turned(evidence.z(named(y), dict(zip(evidence.free, map(float, y[:n]), strict=True))))
+
+        about = getattr(evidence, "about", np.zeros(n))
+        prior = Prior(np.concatenate([-about, 0.0 * phi]), np.concatenate([np.full(n, TOLERANCE), 0.0 * phi]))
+        start = np.concatenate([x, phi])
+        s = descend(at, slopes, start, bounds, evidence.parts, self.weights, rounds, prior, gain, behind)
+        return Fit(named(s.x), s.x[:n], s.loglik, s.z, s.scales)
+
     def _fit(
-        self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6
-    ) -> Fit:
-        s = self.linear(z, iterations=iterations, start=start, widening=self.evidence.widening(spec) if spec else None)
+        self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6,
+        J: np.ndarray | None = None,
+    ) -> Fit:  # fmt: skip
+        widening = self.evidence.widening(spec) if spec else None
+        s = self.linear(z, iterations=iterations, start=start, widening=widening, J=J)
         return Fit(spec, s.x, s.loglik - (self.evidence.freedom(spec) if spec else 0.0), s.z, s.scales)
 
     def jacobian(
@@ -266,22 +316,10 @@ class Fitter:
         only: Sequence[int] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, of some parameters alone if wanted, and how far a step may go."""
-        D, lower, upper = np.zeros((len(z), len(phi))), np.zeros(len(phi)), np.zeros(len(phi))
-        spec = _spec(slots, phi)
+        D, spec = np.zeros((len(z), len(phi))), _spec(slots, phi)
         for k, (name, p) in enumerate(slots):
             v = phi[k]
-            h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
-            h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
-            if v + h > p.upper:
-                h = -h
-            lower[k], upper[k] = p.lower - v, p.upper - v
-            if _mixes(p):
-                lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
-            elif not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
-                lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(h)))
-            elif not p.linear:
-                reach = 0.1 * (p.upper - p.lower)
-                lower[k], upper[k] = max(lower[k], -reach), min(upper[k], reach)
+            h = _nudge(p, v)
             if only is not None and k not in only:
                 continue
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
@@ -290,7 +328,7 @@ class Fitter:
                 D[:, k] = self.evidence.change({name: moved}, {name: spec[name]}, x) / h
             else:
                 D[:, k] = self.evidence.change({**spec, name: moved}, spec, x) / h
-        return D, lower, upper
+        return D, *_reach(slots, phi)
 
 
 def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
@@ -316,6 +354,29 @@ def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
     """Return the parameters of a spec's effects, in order."""
     library = all_effects()
     return [(name, p) for name in spec for p in library[name].parameters]
+
+
+def _nudge(p: Parameter, v: float) -> float:
+    """Return a small change of a parameter that stays within its bounds."""
+    h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
+    h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
+    return h if v + h <= p.upper else -h
+
+
+def _reach(slots: Sequence[tuple[str, Parameter]], phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far down and up one step may take parameters."""
+    lower, upper = np.zeros(len(phi)), np.zeros(len(phi))
+    for k, (_, p) in enumerate(slots):
+        v = phi[k]
+        lower[k], upper[k] = p.lower - v, p.upper - v
+        if _mixes(p):
+            lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
+        elif not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
+            lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(_nudge(p, v))))
+        elif not p.linear:
+            whole = 0.1 * (p.upper - p.lower)
+            lower[k], upper[k] = max(lower[k], -whole), min(upper[k], whole)
+    return lower, upper
 
 
 def _mixes(p: Parameter) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects import Parameter
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, Spec
 from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, ONE_MORE, TOLERANCE
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, slots_of
@@ -32,9 +32,9 @@ class Worth:
     def hypothesis(self, fit: Fit) -> Hypothesis:
         """Return a fit with its evidence."""
         evidence = self.evidence
-        z = evidence.tangent(fit.spec, fit.x)
+        z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
-        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening)
+        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening, J=J)
         best, width = plain, None
         value = plain.loglik
         if fit.spec:
@@ -44,7 +44,7 @@ class Worth:
             for times in FORM_TIMES:
                 trial = self.discrepancy.width(fit, times) if times else None
                 both = widening if trial is None else trial if widening is None else trial * widening
-                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both)
+                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both, J=J)
                 total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
                 scaled = columns / np.broadcast_to(total, len(z))[:, None]
                 loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
@@ -69,10 +69,10 @@ class Worth:
         """Windows of each equation."""
         return np.array([part.stop - part.start for part in self.evidence.parts])
 
-    @staticmethod
-    def _unlikely(fit: Fit) -> float:
+    def _unlikely(self, fit: Fit) -> float:
         """Return what deviations within the tolerances cost."""
-        return 0.5 * TOLERANCE * float(fit.x @ fit.x)
+        x = fit.x + getattr(self.evidence, "about", 0.0)
+        return 0.5 * TOLERANCE * float(x @ x)
 
     def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
         """Return what each effect of a fit costs for its parameters, less what is expected of it."""
@@ -85,7 +85,7 @@ class Worth:
             gain = 0.5 * float(weights @ np.square(d))
             parameters = [slots[k][1] for k in mine]
             values = [fit.spec[name][p.name] for p in parameters]
-            price = occam(D[:, mine], self.evidence.J, weights, parameters, values, gain)
+            price = occam(D[:, mine], self.evidence.slopes(fit.spec, fit.x), weights, parameters, values, gain)
             found[name] = price - self.evidence.prior(name)
         return found
 
@@ -101,11 +101,15 @@ class Worth:
         In the same equation, where the inexact form of one effect calls for another, that is a share of what they
         explain there together; but any model other than a bench's may be wrong in several ways at once.
         """
-        more = ONE_MORE * max(len(h.fit.spec) - 1, 0)
+        more = ONE_MORE * max(len(self.chosen(h.fit.spec)) - 1, 0)
         if len(h.fit.spec) < 2 or not self.evidence.exact:
             return more
         count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
         return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
+
+    def chosen(self, spec: Spec) -> list[str]:
+        """Return the effects of a set that were chosen among many, and that readings do not show by themselves."""
+        return [name for name in spec if self.evidence.prior(name) < ONE_MORE]
 
     def _gained(self, h: Hypothesis) -> np.ndarray:
         """Return what a set explains of each equation, in nats."""

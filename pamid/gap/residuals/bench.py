@@ -19,6 +19,7 @@ from ...signals.roles import ROLES
 from ..settings import LEAST_GAIN, ONE_MORE
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
+from .straight import Straight
 from .whitening import Whitening
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ RECENT = 24
 """Residuals under effects that are kept, the last ones asked for."""
 
 
-class Evidence:
+class Evidence(Straight):
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
     Residuals are turned such that their noise is independent from window to window; `raw` turns them back.

@@ -18,12 +18,12 @@ from ...simulators.catalogue import SignalSizes, placements
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
-from ..inference.student_t import loglik, solve
 from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
 from .settled import Settled
 from .single import UNTURNED, memory_of
 from .states import integral
+from .tolerances import Tolerances, rms
 from .whitening import Whitening, smoothed
 
 Active = list[tuple[Placement, Any]]
@@ -40,9 +40,6 @@ _LEAST = 1e-6
 ALIKE, NEARLY = 0.05, 0.5
 """Most that an input, and a reading, of two runs may differ, as a share of its spread in the log, for them to repeat
 each other: initial states differ, and are fitted or known anyway."""
-LAYINGS, STRAIGHT, SMALL = 8, 0.1, 0.05
-"""Most times that the tolerances are relinearised, how straight it must be not to need it, and the
-share of a tolerance that is a small change then."""
 FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
@@ -71,7 +68,7 @@ class PortWindows(NamedTuple):
     measured: np.ndarray
 
 
-class PortEvidence(Settled, ABC):
+class PortEvidence(Tolerances, Settled, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals come about.
@@ -120,6 +117,7 @@ class PortEvidence(Settled, ABC):
         self.about = np.zeros(len(self.free))
         self.skews: dict[str, np.ndarray] = {}
         self._turning: dict[str, bool] = {}
+        self._laid: dict[str, np.ndarray] = {}
         self._own: Active = []
 
     def _settle(self) -> None:
@@ -139,7 +137,7 @@ class PortEvidence(Settled, ABC):
         self.centre = centre
         plain = self._residual([], self.simulator.numbers)
         self._refuse_not_finite(plain)
-        gaps = {e: _rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
+        gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.placements = placements(self.simulator, self._survey(gaps))
         self._own = self._made_own()
         self.value = self._residual(self._own, self.simulator.numbers)
@@ -150,57 +148,14 @@ class PortEvidence(Settled, ABC):
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
-        self.J = self._slopes_of(1.0)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)), 1.0)
         if self.free and self.refit and self._bends():
             self._again()
             self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
             self._kept.clear()
             self.z0 = self._whitening.white(self.value / self.noise)
-            self.J = self._slopes_of(SMALL)
-
-    def _slopes_of(self, step: float) -> np.ndarray:
-        """Return the change of the residuals by one tolerance of each free parameter."""
-        columns = [self._nudged(np.zeros(len(e)), step * e) / step for e in np.eye(len(self.free))]
-        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
-
-    def _nudged(self, x: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return the change of the residuals by a step of the tolerances from deviations x."""
-        return self._deviated(x + step) - self._deviated(x)
-
-    def _deviated(self, x: np.ndarray) -> np.ndarray:
-        return self.z({}, dict(zip(self.free, map(float, x), strict=True)))
-
-    def _bends(self) -> bool:
-        """Begin from where wide tolerances fit best, if the way there is not straight; tell whether it was not."""
-        x, z, J = np.zeros(len(self.free)), self.z0, self.J
-        least = loglik(z, self.parts, self.weights)[0]
-        for _ in range(LAYINGS):
-            step = solve(z, J, -1.0 - self.about - x, 1.0 - self.about - x, self.parts, self.weights).x
-            for share in (1.0, 0.5, 0.25, 0.1):
-                there = self._deviated(x + share * step)
-                if (value := loglik(there, self.parts, self.weights)[0]) > least:
-                    break
-            else:
-                break
-            linear, moved = J @ (share * step), there - z
-            if _rms(moved - linear) <= STRAIGHT * _rms(linear):
-                break
-            x, z, least = x + share * step, there, value
-            J = np.column_stack([self._nudged(x, SMALL * e) / SMALL for e in np.eye(len(x))])
-        if not np.any(x):
-            return False
-        self._begin_from(x)
-        return True
-
-    def _begin_from(self, x: np.ndarray) -> None:
-        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
-        numbers = self.numbers(dict(zip(self.free, map(float, x), strict=True)))
-        self.simulator = self.simulator.with_(dict(zip(self.simulator.parameters, map(float, numbers), strict=True)))
-        self.about = self.about + x
-
-    @abstractmethod
-    def _again(self) -> None:
-        """Forget what was kept of the simulator with other parameters."""
+            self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
+        self.curved = bool(np.any(self.about))
 
     def _refuse_not_finite(self, residual: np.ndarray) -> None:
         bad = np.flatnonzero(~np.isfinite(residual))
@@ -271,7 +226,7 @@ class PortEvidence(Settled, ABC):
                 mine = self.run[part] == run
                 power[mine] = smoothed(power[mine], NEAR)
             typical = float(np.median(power)) if len(power) else 0.0
-            least = max(0.04 * typical, (_LEAST * _rms(self.value[part])) ** 2, 1e-300)
+            least = max(0.04 * typical, (_LEAST * rms(self.value[part])) ** 2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
         self._repeat()
         self._whiten()
@@ -320,7 +275,7 @@ class PortEvidence(Settled, ABC):
             (a, b), (c, d) = log.spans[i], log.spans[j]
             n = min(b - a, d - c)
             apart = {k: log.channels[k][a : a + n] - log.channels[k][c : c + n] for k in limits}
-            if n >= 0.8 * max(b - a, d - c) and all(_rms(apart[k]) <= most for k, most in limits.items()):
+            if n >= 0.8 * max(b - a, d - c) and all(rms(apart[k]) <= most for k, most in limits.items()):
                 found.append((i, j))
         return found
 
@@ -397,19 +352,19 @@ class PortEvidence(Settled, ABC):
         if key not in self._kept:
             if len(self._kept) > MOST_KEPT:
                 self._kept.clear()
-            with np.errstate(all="ignore"):
-                found = self._residual(self.active(spec), self.numbers(deviations)) + self._skewed(deviations or {})
-            found = np.where(np.isfinite(found), found, 1e3 * self.noise)
+            found = self._exactly(self.active(spec), deviations or {})
             self._kept[key] = self._whitening.white(found / self.noise)
         return self._kept[key].copy()
 
-    def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
-        return self.z(spec, dict(zip(self.free, map(float, x), strict=True))) - self.J @ x
+    def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in the units of their equations."""
+        with np.errstate(all="ignore"):
+            found = self._residual(active, self.numbers(deviations)) + self._skewed(deviations)
+        return np.where(np.isfinite(found), found, 1e3 * self.noise)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others, at deviations x."""
-        return self.tangent(spec, x) - self.tangent(about, x)
+        return self.z(spec, self._named(x)) - self.z(about, self._named(x))
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""
@@ -476,7 +431,3 @@ class PortEvidence(Settled, ABC):
     def column(self, name: str, side: int = 0) -> str:
         """Return the name under which a reader knows a signal of the state."""
         return self.roles(self.equations[side]).get(name, name) if side < len(self.equations) else name
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0

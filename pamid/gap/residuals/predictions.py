@@ -54,7 +54,7 @@ class PredictedEvidence(StretchEvidence):
         self._kept_runs: dict[int, list[np.ndarray]] = {}
         self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
         self._responses: dict[int, Response] = {}
-        self._done: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
+        self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
     def _predict(
         self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
@@ -211,6 +211,8 @@ class PredictedEvidence(StretchEvidence):
         one lag between two of which the responses are known, needs no run of its own.
         """
         known = self._ran(x0, base.u, base.p)
+        # Where tolerances are wide, what was seen about other numbers is not what happens about these.
+        done = self._done.setdefault(base.p[:, 0].tobytes() if self.curved else b"", [])
         spread = np.array([np.ptp(u) or 1.0 for u in self._u])[:, None]
         size = np.array([abs(v) or 1.0 for v in self.simulator.numbers])
         changes = []
@@ -223,20 +225,20 @@ class PredictedEvidence(StretchEvidence):
             return known
         found = []
         for k, change in enumerate(changes):
-            if not (self._done and np.any(change)):
+            if not (done and np.any(change)):
                 found.append(known[k])
                 if np.any(change):
                     break
                 continue
-            columns = np.stack([w[k] for w, _ in self._done], axis=1)
+            columns = np.stack([w[k] for w, _ in done], axis=1)
             share = np.linalg.lstsq(columns, change, rcond=1e-6)[0]
             if np.linalg.norm(change - columns @ share) > ALREADY * max(float(np.linalg.norm(change)), 0.1 * most):
                 break
-            found.append(known[k] + np.tensordot(share, np.stack([y[k] for _, y in self._done]), axes=1))
+            found.append(known[k] + np.tensordot(share, np.stack([y[k] for _, y in done]), axes=1))
         else:
             return found
         rows = self._ran(x0, drive.u, drive.p)
-        self._done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
+        done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
         return rows
 
     def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:

@@ -54,6 +54,8 @@ class ResidualSource(Protocol):
         Length of time beyond which residuals forget, s.
     sharp : sequence of slice
         Windows in which none may be far out by chance.
+    curved : bool
+        Whether tolerances are so wide that what parameters do differs within them: `slopes` are then other than `J`.
     """
 
     equations: list[str]
@@ -75,6 +77,7 @@ class ResidualSource(Protocol):
     stretch: float
     exact: bool
     bends: bool
+    curved: bool
     least_gain: float
     decisive: float
 
@@ -90,7 +93,11 @@ class ResidualSource(Protocol):
         ...
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
+        """Return what plus the slopes there times x are the exact residuals at deviations x, in tolerances."""
+        ...
+
+    def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each parameter, under effects, at deviations x."""
         ...
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:

@@ -19,11 +19,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...signals.ends import end_of
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
 from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
+from ..settings import DECIDED
 from .ports import Active, PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Spec
@@ -55,6 +57,8 @@ class ShootingEvidence(PredictedEvidence):
             self.shown = [n for n in self.shown if n in simulator.outputs]
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
         self.pushes: dict[tuple[str, str], float] = {}
+        found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
+        self.ends = {n: end for n, end in found.items() if end is not None}
         self._from: dict[str, np.ndarray] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
@@ -199,12 +203,12 @@ class ShootingEvidence(PredictedEvidence):
         found = self._changed(self.active(spec), numbers, self.active(about), numbers)
         return self._whitening.white(found / self.noise)
 
-    def _nudged(self, x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
         """Return the change of the residuals by a step of the tolerances from deviations x, to first order."""
         numbers = [self._numbers_at(v) for v in (x, x + step)]
         found = np.zeros(len(self.noise))
         if np.any(numbers[1] != numbers[0]):
-            found = found + self._changed(self._own, numbers[1], self._own, numbers[0])
+            found = found + self._changed(active, numbers[1], active, numbers[0])
         for name, column in self.skews.items():
             found = found + column * step[self.free.index(name)]
         return self._whitening.white(found / self.noise)
@@ -277,6 +281,20 @@ class ShootingEvidence(PredictedEvidence):
         return [spread[x:y] for x, y in pairwise(ends)]
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
+    def prior(self, name: str) -> float:
+        """Return the logarithm of the odds with which an effect is expected.
+
+        Readings that stand exactly at their largest while the simulator goes on say by themselves that a sensor's range
+        ends there.
+        """
+        place, odds = self.placements.get(name), super().prior(name)
+        if place is None or place.name != "sensor_saturation" or place.at not in self.ends:
+            return odds
+        end, part = self.ends[place.at], self.parts[self.equations.index(place.at)]
+        beyond = -np.sign(self.measured[part]) * self.value[part] > 3.0 * self.noise[part]
+        standing = np.array([end.rows[a : a + self.n].all() for a in self.first[part]])
+        return odds + min(DECIDED, self.n * end.surprise * int(np.sum(standing & beyond)))
+
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         log, simulator = self.log, self.simulator
         signals = self.signals()
@@ -301,7 +319,10 @@ class ShootingEvidence(PredictedEvidence):
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
         lows = {name: float(np.min(x)) for name, x in signals.items()}
         length = float(np.median(lengths))
-        return SignalSizes(spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds)
+        ends = {name: end.limit for name, end in self.ends.items()}
+        return SignalSizes(
+            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends
+        )
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
         """Return how large a constant input would have to be to make a gap like the one that is there."""

@@ -19,6 +19,7 @@ from ...signals.roles import ROLES, STATE_ROLES
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 from .remembered import Remembered
+from .straight import Straight
 
 Table = Mapping[str, np.ndarray]
 """Signals by role, see `pamid.effects.Signals`."""
@@ -45,7 +46,7 @@ def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], n
     return lambda table: nominal({**table, "pressure": table["pressure"] - ATMOSPHERIC_PRESSURE})
 
 
-class SignalEvidence:
+class SignalEvidence(Straight):
     """Residuals of one equation under effects that its model leaves out.
 
     A `pamid.gap.residuals.protocol.ResidualSource` without tolerances.

@@ -11,7 +11,10 @@ import numpy as np
 
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from .ports import LAYINGS, PortEvidence
+from ..inference.student_t import bounded
+from ..settings import TOLERANCE
+from .ports import PortEvidence
+from .tolerances import LAYINGS
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
@@ -154,9 +157,11 @@ class StretchEvidence(PortEvidence):
             A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
             left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
             size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
+            # Beside what is left as it is, tolerances are as likely as they are in fits: what hardly counts stays near.
+            prior = TOLERANCE * power(error) / sum(e.size for e in error)
             for _ in range(4):
-                H = (A / size[:, None]) @ (A / size[:, None]).T + damping * np.eye(len(d))
-                trial = np.clip(d + np.linalg.solve(H, A @ left / size) / size, -1.0, 1.0)
+                H = (A / size[:, None]) @ (A / size[:, None]).T + np.diag(damping + prior / size**2)
+                trial = d + bounded(H, (A @ left - prior * d) / size, (-1.0 - d) * size, (1.0 - d) * size) / size
                 changed = [
                     np.tensordot(trial - d, c, axes=1).reshape(e.shape) for c, e in zip(columns, error, strict=True)
                 ]

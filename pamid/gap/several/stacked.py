@@ -18,6 +18,7 @@ import numpy as np
 from ...effects import Parameter, all_effects
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, Spec
+from ..residuals.straight import Straight
 
 OF_THE_BENCH = ("rest_length", "rest_diameter", "braid_angle", "initial_contraction", "pulley_radius", "inertia")
 """Parameters that stay from day to day: lengths, angles and masses. Valves, friction and gas need not."""
@@ -43,7 +44,7 @@ class Log(NamedTuple):
     day: str
 
 
-class StackedEvidence:
+class StackedEvidence(Straight):
     """Several logs as one source of residuals; a `pamid.gap.residuals.protocol.ResidualSource`.
 
     Parameters

@@ -1,0 +1,176 @@
+"""The likeliest numbers where residuals bend: Levenberg–Marquardt steps under Student's t, within bounds.
+
+Each step is solved about where the last one ended, and taken only if the residuals there, not those of a linear model,
+are likelier. That is what a fit needs whose numbers are hardly known: what they do differs from one end of their
+tolerance to the other, and with an effect from what it is without.
+
+References
+----------
+D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", SIAM Journal on Applied
+Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...fitting.marquardt import Damping
+from .student_t import RobustFit, bounded, loglik, window_weights
+
+DAMPED = 1e-2
+"""Damping of the first step."""
+FAR = 3.0
+"""How many times what ends a fit a step must gain for the next to do without slopes anew."""
+
+
+class Prior(NamedTuple):
+    """What is expected of numbers before anything was measured: Gaussian, without a precision anything.
+
+    Parameters
+    ----------
+    centre, precision : array, shape (n,)
+        Mean, and one over the variance.
+    """
+
+    centre: np.ndarray
+    precision: np.ndarray
+
+    @classmethod
+    def none(cls, n: int) -> Prior:
+        """Return that nothing is expected."""
+        return cls(np.zeros(n), np.zeros(n))
+
+    def cost(self, x: np.ndarray) -> float:
+        """Return what numbers cost, a logarithm of likelihood."""
+        return 0.5 * float(self.precision @ np.square(x - self.centre))
+
+
+class Bounds(NamedTuple):
+    """Where numbers may be, and how far one step may take them.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (n,)
+        Least and largest values.
+    back, on : array, shape (n,)
+        Largest steps down and up, as positive numbers.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    back: np.ndarray
+    on: np.ndarray
+
+    @classmethod
+    def of(cls, lower: np.ndarray, upper: np.ndarray) -> Bounds:
+        """Return bounds that one step may cross the whole way between."""
+        return cls(lower, upper, upper - lower, upper - lower)
+
+
+def descend(
+    at: Callable[[np.ndarray], np.ndarray],
+    slopes: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+    bounds: Callable[[np.ndarray], Bounds],
+    parts: Sequence[slice],
+    weights: np.ndarray,
+    rounds: int,
+    prior: Prior,
+    enough: float = 0.3,
+    behind: float = -np.inf,
+) -> RobustFit:
+    """Maximise the likelihood of residuals over numbers that they bend with.
+
+    Parameters
+    ----------
+    at : callable
+        From numbers, shape (n,), to residuals in units of their noise, shape (n_windows,).
+    slopes : callable
+        From numbers to the derivative of the residuals, shape (n_windows, n).
+    x : array, shape (n,)
+        Where to begin.
+    bounds : callable
+        From numbers to the bounds of the next step.
+    parts : sequence of slice
+        The windows of each equation.
+    weights : array, shape (n_equations,)
+        What a window of each equation counts for.
+    rounds : int
+        Most steps.
+    prior : Prior
+        What is expected of the numbers.
+    enough : float, default=0.3
+        Gain in log-likelihood below which a step is the last.
+    behind : float, optional
+        Likelihood that a step must promise to first order to be taken.
+
+    Returns
+    -------
+    RobustFit
+        Where it ended; its residuals are exact.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.inference.descent import Bounds, Prior, descend
+    >>> t, noise = np.linspace(0.0, 3.0, 50), np.random.default_rng(0).standard_normal(50)
+    >>> y = 100.0 * np.exp(-0.8 * t) + noise
+    >>> bounds = Bounds.of(np.zeros(1), np.full(1, 5.0))
+    >>> found = descend(lambda x: y - 100.0 * np.exp(-x * t), lambda x: (100.0 * t * np.exp(-x * t))[:, None],
+    ...                 np.array([3.0]), lambda x: bounds, [slice(0, 50)], np.ones(1), 20, Prior.none(1))
+    >>> round(float(found.x[0]), 2)
+    0.8
+    """
+
+    def there(x: np.ndarray) -> RobustFit:
+        z = at(x)
+        value, scales = loglik(z, parts, weights)
+        return RobustFit(value - prior.cost(x), x, z, scales)
+
+    best = there(x)
+    damping = Damping(DAMPED, shrink=0.1, grow=10.0, least=1e-4, most=1e2)
+    A, anew = np.zeros(0), True
+    for _ in range(rounds):
+        A = slopes(best.x) if anew else A
+        w, here, room = window_weights(best, parts, weights), best, bounds(best.x)
+        H, g = A.T @ (A * w[:, None]) + np.diag(prior.precision), -(A.T @ (w * here.z))
+        g -= prior.precision * (here.x - prior.centre)
+        diagonal = np.maximum(np.diag(H), 1e-12 * float(np.max(np.diag(H), initial=1e-300)))
+        lower, upper = np.maximum(room.lower - here.x, -room.back), np.minimum(room.upper - here.x, room.on)
+        full = bounded(H, g, lower, upper)
+        promised = loglik(here.z + A @ full, parts, weights)[0] - prior.cost(here.x + full)
+        if promised <= max(behind, here.loglik + enough):
+            if anew:
+                break
+            anew = True
+            continue
+
+        def propose(much: float) -> RobustFit:
+            step = bounded(H + np.diag(much * diagonal), g, lower, upper)  # noqa: B023 - used within this round
+            return there(np.clip(here.x + step, room.lower, room.upper))  # noqa: B023
+
+        found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik)
+        if found is None:
+            if anew:
+                break
+            anew, damping.value = True, DAMPED
+            continue
+        best = found[0]
+        gain = best.loglik - here.loglik
+        if gain < enough:
+            break
+        # A step that got far says itself how slopes change (Broyden); the next but one is laid anew.
+        anew = not anew or gain < FAR * enough
+        if not anew:
+            A = _turned(A, best.x - here.x, best.z - here.z, diagonal)
+    return best._replace(loglik=best.loglik + prior.cost(best.x))
+
+
+def _turned(A: np.ndarray, moved: np.ndarray, changed: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return slopes that agree with the last step, the least change of them that does."""
+    along = size * moved
+    power = float(along @ moved)
+    return A + np.outer(changed - A @ moved, along) / power if power > 0.0 else A

@@ -1,0 +1,141 @@
+"""Parameters within their tolerances: what small changes of them do, and where wide ones begin.
+
+Where tolerances are so wide that what a parameter does differs from one end to the other, the linear model of them is
+laid anew wherever a fit has come to, and under the effects that stand there.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ..inference.descent import Bounds, Prior, descend
+from ..inference.student_t import loglik, solve
+from ..settings import TOLERANCE
+from .protocol import Spec
+from .whitening import Whitening
+
+if TYPE_CHECKING:
+    from .ports import Active
+
+LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
+"""Most times that the tolerances are relinearised, how straight it must be not to need it, the
+share of a tolerance that is a small change then; linear models that are kept."""
+
+
+class Tolerances(ABC):
+    """What a simulator's free parameters do to residuals.
+
+    Attributes
+    ----------
+    curved : bool
+        Whether tolerances are so wide that what parameters do differs within them.
+    """
+
+    simulator: Simulator
+    free: list[str]
+    about: np.ndarray
+    z0: np.ndarray
+    J: np.ndarray
+    noise: np.ndarray
+    parts: list[slice]
+    weights: np.ndarray
+    _own: Active
+    _laid: dict[str, np.ndarray]
+    _whitening: Whitening
+    curved = False
+
+    # --- what a subclass says -------------------------------------------------------------------------------
+    @abstractmethod
+    def z(
+        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    ) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in units of the noise and white."""
+
+    @abstractmethod
+    def active(self, spec: Spec) -> Active:
+        """Return the simulator's own effects and those of a spec, made."""
+
+    @abstractmethod
+    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
+        """Return the parameters changed by multiples of their tolerances."""
+
+    @abstractmethod
+    def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in the units of their equations."""
+
+    @abstractmethod
+    def _again(self) -> None:
+        """Forget what was kept of the simulator with other parameters."""
+
+    # --- what follows ---------------------------------------------------------------------------------------
+    def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return what plus the slopes there times x are the exact residuals at deviations x, in tolerances."""
+        return self.z(spec, self._named(x)) - self.slopes(spec, x) @ x
+
+    def _named(self, x: np.ndarray) -> dict[str, float]:
+        """Return deviations by the names of their parameters."""
+        return dict(zip(self.free, map(float, x), strict=True))
+
+    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
+        """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
+        there, here = (self._exactly(active, self._named(v)) for v in (x + step, x))
+        return self._whitening.white((there - here) / self.noise)
+
+    def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each free parameter, under effects and deviations x.
+
+        Where nothing bends it is `J`, whatever the effects and deviations.
+        """
+        if not self.curved or not (spec or np.any(x)):
+            return self.J
+        key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
+        if key not in self._laid:
+            while len(self._laid) >= MOST_LAID:
+                self._laid.pop(next(iter(self._laid)))
+            self._laid[key] = self._slopes_at(self.active(spec), x)
+        return self._laid[key]
+
+    def _slopes_at(self, active: Active, x: np.ndarray, step: float = SMALL) -> np.ndarray:
+        """Return the slopes under effects and deviations, by small steps."""
+        columns = [self._nudged(x, step * e, active) / step for e in np.eye(len(self.free))]
+        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+
+    def _deviated(self, x: np.ndarray) -> np.ndarray:
+        return self.z({}, self._named(x))
+
+    def _bends(self) -> bool:
+        """Begin from where wide tolerances fit best, if the way there is not straight; tell whether it was not."""
+        x = np.zeros(len(self.free))
+        least = loglik(self.z0, self.parts, self.weights)[0]
+        step = solve(self.z0, self.J, -1.0 - self.about, 1.0 - self.about, self.parts, self.weights).x
+        there = self._deviated(step)
+        linear, moved = self.J @ step, there - self.z0
+        if loglik(there, self.parts, self.weights)[0] > least and rms(moved - linear) <= STRAIGHT * rms(linear):
+            return False
+        bounds = Bounds.of(-1.0 - self.about, 1.0 - self.about)
+        prior = Prior(-self.about, np.full(len(x), TOLERANCE))
+
+        def slopes(x: np.ndarray) -> np.ndarray:
+            return self._slopes_at(self._own, x)
+
+        x = descend(self._deviated, slopes, x, lambda _: bounds, self.parts, self.weights, LAYINGS, prior).x
+        if not np.any(x):
+            return False
+        self._begin_from(x)
+        return True
+
+    def _begin_from(self, x: np.ndarray) -> None:
+        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
+        numbers = self.numbers(self._named(x))
+        self.simulator = self.simulator.with_(dict(zip(self.simulator.parameters, map(float, numbers), strict=True)))
+        self.about = self.about + x
+
+
+def rms(x: np.ndarray) -> float:
+    """Return the root mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0

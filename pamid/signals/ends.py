@@ -1,0 +1,66 @@
+"""Readings that stand exactly at the end of a sensor's range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+_FEW = 4
+"""Rows in a row at the largest size from which they are no chance."""
+_SELDOM = 0.05
+"""Share of neighbours that are equal elsewhere up to which a row of equal ones means something."""
+
+
+class End(NamedTuple):
+    """The end of a sensor's range.
+
+    Parameters
+    ----------
+    limit : float
+        The largest size that it reads.
+    rows : array of bool, shape (n,)
+        Rows that stand there.
+    surprise : float
+        Logarithm of how unlikely each of them is for readings that end nowhere.
+    """
+
+    limit: float
+    rows: np.ndarray
+    surprise: float
+
+
+def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
+    """Return the end of a sensor's range, where readings that hardly ever repeat each other stand exactly there.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Readings.
+    spans : sequence of (int, int)
+        First row of each run and the one after its last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.signals.ends import end_of
+    >>> x = np.sin(np.arange(200) / 10.0)
+    >>> end_of(x, [(0, 200)]) is None, end_of(np.minimum(x, 0.9), [(0, 200)]).limit
+    (True, 0.9)
+    """
+    size = np.abs(x)
+    limit = float(np.max(size, initial=0.0))
+    at, rows = size == limit, np.zeros(len(x), dtype=bool)
+    equal, pairs = 0, 0
+    for a, b in spans:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at[a:b].astype(int), [0]])))
+        for begin, stop in edges.reshape(-1, 2):
+            rows[a + begin : a + stop] = stop - begin >= _FEW
+        both = ~(at[a : b - 1] & at[a + 1 : b])
+        equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
+        pairs += int(np.sum(both))
+    share = max(equal, 1) / max(pairs, 1)
+    if not rows.any() or not limit > 0.0 or share > _SELDOM:
+        return None
+    return End(limit, rows, float(-np.log(share)))
