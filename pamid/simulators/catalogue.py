@@ -54,6 +54,8 @@ class SignalSizes(NamedTuple):
         The state that a chamber feeds, by the chamber's own.
     ends : dict of str to float
         Where readings stand exactly at the end of a sensor's range, that end.
+    highs : dict of str to float
+        Largest value of each state, where that is not its smallest and its range.
     """
 
     spans: Mapping[str, float]
@@ -67,6 +69,7 @@ class SignalSizes(NamedTuple):
     interval: float
     feeds: Mapping[str, str] = MappingProxyType({})
     ends: Mapping[str, float] = MappingProxyType({})
+    highs: Mapping[str, float] = MappingProxyType({})
 
     @property
     def time(self) -> float:
@@ -363,7 +366,8 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
                 if effect_name == "overflow":
                     fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
-                    effect = _within(effect, head, survey.lows[state], survey.lows[state] + span, fastest)
+                    low = survey.lows[state]
+                    effect = _within(effect, head, low, survey.highs.get(state, low + span), fastest)
                     into = "" if through else survey.feeds.get(state, "")
                 enters, at = ("input", through) if through else ("state", state)
                 hidden = () if into else ("returned",)

@@ -138,7 +138,7 @@ def descend(
         w, here, room = window_weights(best, parts, weights), best, bounds(best.x)
         H, g = A.T @ (A * w[:, None]) + np.diag(prior.precision), -(A.T @ (w * here.z))
         g -= prior.precision * (here.x - prior.centre)
-        diagonal = np.maximum(np.diag(H), 1e-12 * float(np.max(np.diag(H), initial=1e-300)))
+        diagonal = np.maximum(np.diag(H), 1e-300)  # of any unit
         lower, upper = np.maximum(room.lower - here.x, -room.back), np.minimum(room.upper - here.x, room.on)
         full = bounded(H, g, lower, upper)
         promised = loglik(here.z + A @ full, parts, weights)[0] - prior.cost(here.x + full)

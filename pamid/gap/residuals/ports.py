@@ -23,7 +23,7 @@ from .protocol import STATE, Spec
 from .settled import Settled
 from .single import UNTURNED, memory_of
 from .states import integral
-from .tolerances import Tolerances, rms
+from .tolerances import SMALL, Tolerances, differ, rms
 from .whitening import Whitening, smoothed
 
 Active = list[tuple[Placement, Any]]
@@ -148,14 +148,14 @@ class PortEvidence(Tolerances, Settled, ABC):
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
-        self.J = self._slopes_at(self._own, np.zeros(len(self.free)), 1.0)
+        straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and self._bends():
             self._again()
             self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
             self._kept.clear()
             self.z0 = self._whitening.white(self.value / self.noise)
             self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
-        self.curved = bool(np.any(self.about))
+            self.curved = self.curved or differ(straight, self.J)
 
     def _refuse_not_finite(self, residual: np.ndarray) -> None:
         bad = np.flatnonzero(~np.isfinite(residual))
@@ -377,7 +377,8 @@ class PortEvidence(Tolerances, Settled, ABC):
 
     def _touched(self, name: str) -> list[str]:
         place = self.placements[name]
-        values = {p.name: p.nominal or (0.1 * p.upper if p.linear else p.nominal) for p in place.effect.parameters}
+        known = [self.reached(p) for p in place.effect.parameters]
+        values = {p.name: p.nominal or (0.1 * p.upper if p.linear else p.nominal) for p in known}
         try:
             change = np.abs(self.raw(self.change({name: values}, {}, np.zeros(len(self.free)))))
         except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there

@@ -15,10 +15,12 @@ Proceedings Volumes 17(2), 1984. https://doi.org/10.1016/S1474-6670(17)61205-9
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from ...effects import Parameter
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
@@ -33,6 +35,9 @@ from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, power
 from .window_length import LEAST_WINDOWS, no_windows
+
+UNSURE = 4.0
+"""Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
 
 
 class ShootingEvidence(PredictedEvidence):
@@ -318,11 +323,31 @@ class ShootingEvidence(PredictedEvidence):
         lengths = [(b - a) * log.dt for a, b in log.spans]
         tops = {name: float(np.max(np.abs(x))) for name, x in signals.items()}
         lows = {name: float(np.min(x)) for name, x in signals.items()}
+        highs = {name: float(np.max(x)) for name, x in signals.items()}
+        for name in self._unsure():
+            lows[name], highs[name] = lows[name] / UNSURE, highs[name] * UNSURE
         length = float(np.median(lengths))
         ends = {name: end.limit for name, end in self.ends.items()}
         return SignalSizes(
-            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends
+            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends, highs
         )
+
+    def _unsure(self) -> list[str]:
+        """Return the states whose size the log does not tell: hidden ones, with parameters that had to be fitted."""
+        simulator = self.simulator
+        hidden = [s for s in simulator.states if s not in self.log.channels]
+        return hidden if self.curved and simulator.form == "ode" else []
+
+    def reached(self, p: Parameter) -> Parameter:
+        """Return a parameter within the bounds between which it changes anything on this log."""
+        for place in self.placements.values():
+            if place.name == "overflow" and p in place.effect.parameters and p.name == "level":
+                x, s = self._states[self.simulator.states.index(place.follows["pressure"])], place.scales
+                low, high = (float(v) * s.pressure + s.offset for v in (np.min(x), np.max(x)))
+                edge = 0.02 * (high - low)
+                low, high = max(p.lower, low + edge), min(p.upper, high - edge)
+                return replace(p, lower=low, upper=high, nominal=0.5 * (low + high)) if low < high else p
+        return p
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
         """Return how large a constant input would have to be to make a gap like the one that is there."""

@@ -14,7 +14,7 @@ from ...simulators.port_log import PortLog
 from ..inference.student_t import bounded
 from ..settings import TOLERANCE
 from .ports import PortEvidence
-from .tolerances import LAYINGS
+from .tolerances import LAYINGS, differ
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
@@ -149,13 +149,14 @@ class StretchEvidence(PortEvidence):
         A simulator whose numbers are hardly known may follow a log only with others. Levenberg–Marquardt, the initial
         states projected out of what numbers change.
         """
-        x, d, damping = x0, np.zeros(len(self.free)), 1e-2
+        x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
         for _ in range(LAYINGS):
             slopes = self._slopes(x, self._numbers_at(d))
             columns = [c.reshape(len(d), -1) for c in self._slopes_of_numbers(x, d)]
             A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
             left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
+            first = A if first is None else first
             size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
             # Beside what is left as it is, tolerances are as likely as they are in fits: what hardly counts stays near.
             prior = TOLERANCE * power(error) / sum(e.size for e in error)
@@ -174,6 +175,7 @@ class StretchEvidence(PortEvidence):
             else:
                 break
             gain, x, d, error = 1.0 - power(found) / power(error), start, trial, found
+            self.curved = self.curved or differ(first, A)
             damping *= 0.1
             if gain < 0.01:
                 break

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
 """Most times that the tolerances are relinearised, how straight it must be not to need it, the
 share of a tolerance that is a small change then; linear models that are kept."""
+CURVED = 0.3
+"""Share by which what parameters do differs between where they are given and where they fit, for it to be laid anew."""
 
 
 class Tolerances(ABC):
@@ -134,6 +136,11 @@ class Tolerances(ABC):
         numbers = self.numbers(self._named(x))
         self.simulator = self.simulator.with_(dict(zip(self.simulator.parameters, map(float, numbers), strict=True)))
         self.about = self.about + x
+
+
+def differ(before: np.ndarray, after: np.ndarray) -> bool:
+    """Tell whether what parameters do differs between where they are given and where they fit."""
+    return rms((after - before).ravel()) > CURVED * rms(before.ravel())
 
 
 def rms(x: np.ndarray) -> float:
