@@ -166,9 +166,14 @@ Shares = dict[frozenset[str], dict[str, float]]
 def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozenset[str], float]) -> frozenset[str]:
     """Return what is left of the largest set, given how much of its own each effect has and what each set is worth."""
     competition = object.__new__(Competition)
-    evidence = SimpleNamespace(tangent=lambda spec, x: np.zeros(4), exact=False)
+    evidence = SimpleNamespace(
+        tangent=lambda spec, x: np.zeros(4),
+        slopes=lambda spec, x: np.zeros((4, 0)),
+        prior=lambda name: 0.0,
+        exact=False,
+    )
     competition.evidence = evidence  # type: ignore[assignment]
-    fitter = SimpleNamespace(linear=lambda z, D, low, high, start: SimpleNamespace(loglik=0.0))
+    fitter = SimpleNamespace(linear=lambda z, D, low, high, start, J: SimpleNamespace(loglik=0.0))
     competition.fitter = fitter  # type: ignore[assignment]
 
     def hypothesis(spec: dict, *_: object) -> Hypothesis:
