@@ -89,10 +89,11 @@ class Command(Cause):
             steps = max(1, round(p["a"] / h))
             self.memory = kept[-steps - 1 :]
             return self.memory[0]
-        if n == "backlash":
+        if n in ("actuator_backlash", "slew"):
             if self.memory is None:
                 self.memory = c.copy()
-            self.memory = np.clip(self.memory, c - p["a"], c + p["a"])
+            at, play, way = self.memory, p["a"], p["a"] * h
+            self.memory = np.clip(at, c - play, c + play) if n != "slew" else at + np.clip(c - at, -way, way)
             return self.memory
         raise KeyError(n)
 
@@ -130,9 +131,10 @@ class Number(Cause):
 
 
 JOINT = ("viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag")
-INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation")
+INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation",
+         "actuator_backlash")  # fmt: skip
 OUTPUT = ("sensor_gain", "sensor_lag", "sensor_delay", "sensor_bias")
-FOREIGN = ("disturbance", "cogging", "ripple", "crosstalk", "backlash")
+FOREIGN = ("disturbance", "cogging", "ripple", "crosstalk", "slew")
 
 
 def menu(plant: Plant) -> list[tuple[str, str]]:
@@ -149,7 +151,7 @@ def foreign_menu(plant: Plant) -> list[tuple[str, str]]:
     """Return what it can have that no library holds."""
     joints = [j for j in plant.forces if not j.startswith("chamber")]
     found = [(n, j) for j in joints for n in ("disturbance", "cogging")]
-    found += [("ripple", r) for r in plant.readings] + [("backlash", i) for i in plant.inputs]
+    found += [("ripple", r) for r in plant.readings] + [("slew", i) for i in plant.inputs]
     return found + ([("crosstalk", r) for r in plant.readings] if len(plant.readings) > 1 else [])
 
 
@@ -180,7 +182,8 @@ def drawn(name: str, port: str, plant: Plant, sizes: dict[str, tuple[float, floa
             "actuator_gain": {"a": way * share}, "actuator_bias": {"a": way * share * deviation},
             "actuator_dead_zone": {"a": share * deviation}, "actuator_lag": {"a": tau}, "actuator_delay": {"a": tau},
             "actuator_saturation": {"limit": 0.5 * span * float(rng.uniform(0.35, 0.8))},
-            "backlash": {"a": 0.5 * share * deviation},
+            "actuator_backlash": {"a": 0.5 * share * deviation},
+            "slew": {"a": deviation * float(rng.uniform(8.0, 20.0)) / (plant.samples * plant.dt)},
         }[name]  # fmt: skip
         if name == "actuator_saturation" and plant.name == "tanks":
             numbers = {"limit": float(rng.uniform(2.4, 3.3))}

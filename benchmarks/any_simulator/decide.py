@@ -67,6 +67,7 @@ def hypotheses(plant: Plant, sizes: dict[str, tuple[float, float]]) -> list[Caus
             grid = {
                 "actuator_gain": [{"a": 0.05}], "actuator_bias": [{"a": 0.05 * deviation}],
                 "actuator_dead_zone": [{"a": f * deviation} for f in (0.03, 0.1, 0.3)],
+                "actuator_backlash": [{"a": 0.5 * f * deviation} for f in (0.03, 0.1, 0.3)],
                 "actuator_saturation": [{"limit": 0.5 * span * f} for f in (0.4, 0.55, 0.7)],
             }.get(name, [{"a": f * plant.dt} for f in (1.0, 2.5, 6.0)])  # fmt: skip
             found += [Command(name, port, p) for p in grid]

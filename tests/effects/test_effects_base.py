@@ -67,6 +67,7 @@ VOCABULARY = [
     "pressure_relaxation",
     "prandtl_ishlinskii",
     "actuator_hysteresis",
+    "actuator_backlash",
     "maxwell",
     "directional_friction",
     "torque_loss",

@@ -1,0 +1,64 @@
+"""Play between the command and what the actuator makes of it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..signals.paths import play
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class ActuatorBacklash(Effect):
+    r"""Lost motion in a gear or linkage of the actuator: after a reversal it stands still until the play is used up.
+
+    .. math:: u' = \mathrm{play}_w(u)
+
+    Parameters
+    ----------
+    **values : float
+        ``half_width`` w (unit of the command).
+
+    References
+    ----------
+    M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
+    https://doi.org/10.1016/S0005-1098(02)00047-X
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("actuator_backlash", half_width=0.05)
+    actuator_backlash(half_width=0.05)
+    """
+
+    name = "actuator_backlash"
+    family = "hysteresis"
+    equations = ("valve",)
+    roles = ("command",)
+    kinds = ("motor",)
+    source = "10.1016/S0005-1098(02)00047-X"
+    n_states = 1
+    sampled = True
+    parameters = (Parameter("half_width", "-", 0.0, 0.5, 0.03, "half the play"),)
+    half_width: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return the middle of the play."""
+        return np.array(s.command, dtype=float)[None]
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Drag the actuator along where the play is used up."""
+        return np.clip(x, s1.command - self.half_width, s1.command + self.half_width)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return what the actuator makes of the command along each trajectory, without a loop over time."""
+        u = np.asarray(s.command, dtype=float)
+        parts = pairwise([*np.asarray(starts).tolist(), len(u)])
+        return np.concatenate([play(u[a:b], self.half_width) for a, b in parts])[None]
+
+    def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what follows the command with play."""
+        return np.asarray(x[0])
