@@ -90,9 +90,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         # Where no hypothesis holds up in an exact fit, draws of the linear ones are no evidence beyond that.
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
-    # Where a residual stands clear of its noise there is a gap, whatever draws say: what is left to ask is its cause.
-    sure = chance < FALSE_ALARM or (beyond < FALSE_ALARM and not evidence.exact)
-    if sure and best.fit.spec and gain > evidence.least_gain:
+    if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
         verdict.outcome, verdict.part_of, verdict.trust = _trusted(competition, outcome)
         best = verdict.outcome.best
         for name in best.fit.spec:
