@@ -131,8 +131,7 @@ class Number(Cause):
 
 
 JOINT = ("viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag")
-INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation",
-         "actuator_backlash")  # fmt: skip
+INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation")
 OUTPUT = ("sensor_gain", "sensor_lag", "sensor_delay", "sensor_bias")
 FOREIGN = ("disturbance", "cogging", "ripple", "crosstalk", "slew")
 

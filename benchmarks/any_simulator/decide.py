@@ -22,6 +22,8 @@ DETECTABLE, MARGIN, FORM = 20.0, 10.0, 0.01
 SUBSTEPS = 2
 SIZED = ("actuator_gain", "sensor_gain", "parameter_deviation")
 """Causes whose effect is not straight in their size."""
+UNDRAWN = ("actuator_bias", "actuator_backlash")
+"""Causes that could be meant and are not drawn."""
 SIZES = (-0.6, -0.45, -0.3, -0.2, -0.12, -0.06, -0.03, 0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.7, 0.9)
 ROUNDS = 7
 """Sizes at which they are tried, and halvings of what lies between."""
@@ -52,7 +54,7 @@ class Decision(NamedTuple):
 def hypotheses(plant: Plant, sizes: dict[str, tuple[float, float]]) -> list[Cause]:
     """Return what may be thought of, at usual sizes and over a grid of shapes."""
     found: list[Cause] = []
-    for name, port in [*menu(plant), *(("actuator_bias", i) for i in plant.inputs)]:
+    for name, port in [*menu(plant), *((n, i) for n in UNDRAWN for i in plant.inputs)]:
         if port in plant.forces:
             x, v = plant.forces[port]
             F, speed, span = 0.1 * plant.sizes[port], sizes[plant.states[v]][0], sizes[plant.states[x]][1]
