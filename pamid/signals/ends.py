@@ -45,9 +45,9 @@ def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
     --------
     >>> import numpy as np
     >>> from pamid.signals.ends import end_of
-    >>> x = np.sin(np.arange(200) / 10.0)
-    >>> end_of(x, [(0, 200)]) is None, end_of(np.minimum(x, 0.9), [(0, 200)]).limit
-    (True, 0.9)
+    >>> x = 0.5 + np.sin(np.arange(200) / 10.0)
+    >>> end_of(x, [(0, 200)]) is None, end_of(np.minimum(x, 1.2), [(0, 200)]).limit
+    (True, 1.2)
     """
     size = np.abs(x)
     limit = float(np.max(size, initial=0.0))
