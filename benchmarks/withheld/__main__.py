@@ -53,6 +53,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--learn", action="store_true", help="take signatures alone, for the rivals of the open set to learn from"
     )
+    parser.add_argument("--few-runs", action="store_true", help="logs of one to three runs, 1,500 to 4,500 rows")
     parser.add_argument("--write", action="store_true", help="with --develop: write what was fitted into the library")
     args = parser.parse_args(argv)
 
@@ -64,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
         counts = {s: n for s, n in counts.items() if s in args.suite}
         if "several" in args.suite:
             counts["several"] = args.cases or several.COUNT
-    listed = suites.batches(counts, args.seed)
+    listed = suites.batches(counts, args.seed, suites.FEW_RUNS if args.few_runs else suites.LAYOUTS)
     folder = args.out / f"{'learn' if args.learn else 'develop' if args.develop else 'seed'}-{args.seed}"
     rivals = not (args.no_rivals or args.develop or args.learn)
     diagnose = runner.named_always if args.develop else runner.ours

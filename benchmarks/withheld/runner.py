@@ -91,8 +91,6 @@ def examine(case: Case, diagnose: Diagnose | None, rivals: bool) -> dict[str, An
             if case.spec.suite == "several":
                 out["oracle_each"] = oracle_each(case, params)
                 out["left"] = judge.left_share(case, judge.refitted(case, params), d.corrected)
-            if diagnose is named_always and len(said["causes"]) > 1:
-                out["reduced"] = reduced_always(case.log, params, names, case.spec.index).as_dict()
         except Exception as error:
             out["error"] = f"{type(error).__name__}: {error}"
             out["traceback"] = traceback.format_exc()
@@ -139,14 +137,6 @@ def ours(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> A
 def named_always(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> Any:
     """Diagnose with pamid, names being said however little is to be trusted in them: what trust is measured on."""
     with mock.patch("pamid.gap.diagnosis.open_set.TRUSTED", -1.0):
-        return ours(log, params, effects, seed)
-
-
-def reduced_always(log: pd.DataFrame, params: Any, effects: Sequence[str], seed: int) -> Any:
-    """Diagnose with pamid, faint causes being given up as ever, and what is left being named in any case."""
-    from pamid.gap.diagnosis.decide import kind_of
-
-    with mock.patch("pamid.gap.diagnosis.decide._kind", kind_of):
         return ours(log, params, effects, seed)
 
 

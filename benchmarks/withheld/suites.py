@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from .generator import Spec
 SUITES = ("none", "single", "pairs", "off-library", "confusable", "several")
 COUNTS = {"none": 600, "single": 400, "pairs": 100, "off-library": 400, "confusable": 60}
 """Cases of each suite in a full check; that of several effects is run by itself."""
-DEVELOP = {"single": 120, "pairs": 40, "off-library": 120, "confusable": 20}
+DEVELOP = {"single": 120, "pairs": 40, "off-library": 120, "confusable": 20, "several": 60}
 """Cases of each suite on which trust in names is measured."""
 LEARN = {"single": 250}
 """Cases whose signatures the rivals of the open set learn from."""
@@ -21,6 +22,8 @@ SHORT = {"none": 10, "single": 18, "pairs": 4, "off-library": 6, "confusable": 4
 """Cases of each suite in a short one."""
 LAYOUTS = ((5, 2600), (6, 2800), (4, 4200), (5, 3400))
 """Runs a log, and samples a run: 10,000 to 20,000 rows in all."""
+FEW_RUNS = ((2, 750), (1, 3000), (3, 1500), (2, 2000))
+"""The same of short logs: what is little, as many users have it."""
 BATCH = 24
 LOUD, QUIET = (1.0, 100.0), (0.17, 1.0)
 """Strengths over the floor, drawn uniformly in the logarithm."""
@@ -86,7 +89,7 @@ def specs(suite: str, count: int, root: int) -> list[Spec]:
     return [_spec(suite, k, root) for k in range(count)]
 
 
-def batches(counts: dict[str, int], root: int) -> list[Batch]:
+def batches(counts: dict[str, int], root: int, layouts: Sequence[tuple[int, int]] = LAYOUTS) -> list[Batch]:
     """Return all batches, in the order in which they are run.
 
     Parameters
@@ -95,6 +98,8 @@ def batches(counts: dict[str, int], root: int) -> list[Batch]:
         Cases of each suite.
     root : int
         Seed of the check.
+    layouts : sequence of tuple of int
+        Runs a log, and samples a run, which batches take in turns.
     """
     out: list[tuple[float, Batch]] = []
     for suite, count in counts.items():
@@ -104,7 +109,7 @@ def batches(counts: dict[str, int], root: int) -> list[Batch]:
         if suite != "several":
             listed.sort(key=lambda s: (sorted(s.targets), s.index))
         for k, start in enumerate(range(0, count, BATCH)):
-            layout = LAYOUTS[k % len(LAYOUTS)]
+            layout = layouts[k % len(layouts)]
             # Suites take turns, so that a check that is stopped holds a fair share of each.
             batch = Batch(f"{suite}-{k:03d}", tuple(listed[start : start + BATCH]), layout)
             out.append(((start + 0.5 * BATCH) / count, batch))

@@ -1,10 +1,10 @@
 r"""Fit what names are trusted by: weights of the signs of a cause beyond the library, and the bar they must pass.
 
 Causes of the development cases are named however little is to be trusted in them. A logistic regression, whose weights
-may only speak against a name, says how likely an answer is to be right from its signs; every probability that the bar
+may only speak against a name, says how likely a cause is to be right from its signs; every probability that the bar
 is set by comes from a fit without the cases of the same effects. The bar is the lowest at which
 
-.. math:: (\text{wrong answers that pass} + 1) / (\text{answers that pass}) \le \alpha
+.. math:: (\text{wrong names that pass} + 1) / (\text{names that pass}) \le \alpha
 
 with cases weighted such that one gap in five has a cause beyond the library. As conformal selection has it, of the
 names said on new cases of that mixture at most α are expected to be wrong. Cases that even the oracle cannot decide are
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -48,27 +48,47 @@ SURE = {bar:.2f}
 '''
 
 
-def right(result: Mapping[str, Any]) -> bool:
-    """Tell whether every cause that a case was given holds a true effect of the library."""
-    if result["key"]["suite"] == "off-library":
-        return False
-    true = set(result["key"]["effects"])
-    causes = [set(c["effects"]) for c in result["diagnosis"]["causes"]]
-    return bool(causes) and all(names & true for names in causes)
+class Told(NamedTuple):
+    """One cause that a case was given.
+
+    Parameters
+    ----------
+    result : mapping
+        The case.
+    signs : dict of str to float
+        The signs of the cause.
+    right : bool
+        Whether one of its names is a true effect of the library.
+    """
+
+    result: Mapping[str, Any]
+    signs: dict[str, float]
+    right: bool
+
+    @property
+    def suite(self) -> str:
+        """Suite of the case."""
+        return str(self.result["key"]["suite"])
 
 
-def told(results: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the cases in which something was named and that can be decided, also as they are with causes given up."""
+def told(results: Sequence[Mapping[str, Any]]) -> list[Told]:
+    """Return the causes of the cases in which something was named and that can be decided."""
     known = decidable(results)
-    found = [r for r in results if r["name"] in known and r.get("diagnosis", {}).get("causes")]
-    reduced = [{**r, "diagnosis": r["reduced"]} for r in found if r.get("reduced", {}).get("causes")]
-    answers = [*found, *(r for r in reduced if r["diagnosis"]["signs"]["given_up"])]
-    return [r for r in answers if r["diagnosis"]["signs"]]
+    found = []
+    for r in results:
+        causes = r.get("diagnosis", {}).get("causes", []) if r["name"] in known else []
+        found += [Told(r, c["signs"], bool({*c["effects"]} & _true(r))) for c in causes if c["signs"]]
+    return found
 
 
-def design(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
-    """Return the signs of cases, one row each, a one before them."""
-    return np.array([[1.0, *(r["diagnosis"]["signs"][n] for n in names)] for r in results])
+def _true(result: Mapping[str, Any]) -> set[str]:
+    """Return the true effects of a case that the library holds."""
+    return set() if result["key"]["suite"] == "off-library" else set(result["key"]["effects"])
+
+
+def design(causes: Sequence[Told], names: Sequence[str]) -> np.ndarray:
+    """Return the signs of causes, one row each, a one before them."""
+    return np.array([[1.0, *(c.signs[n] for n in names)] for c in causes])
 
 
 def fitted(S: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -86,7 +106,7 @@ def fitted(S: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], folds: int = 10) -> np.ndarray:
-    """Return the probability of each case by a fit without those of its fold; cases of one effect are one group."""
+    """Return the probability of each cause by a fit without those of its fold; cases of one effect are one group."""
     names = {name: k % folds for k, name in enumerate(sorted(set(groups)))}
     fold = np.array([names[g] for g in groups])
     out = np.empty(len(y))
@@ -115,25 +135,33 @@ def bar(p: np.ndarray, y: np.ndarray, weight: np.ndarray, alpha: float = ALPHA) 
 
 
 def report(results: Sequence[Mapping[str, Any]], module: Path | None = None) -> str:
-    """Fit weights and bar to the cases of `told`, write them as a module if one is named; return them as text."""
-    cases = told(results)
-    names = sorted(cases[0]["diagnosis"]["signs"])
-    S, y = design(cases, names), np.array([right(r) for r in cases])
-    weight = np.where([r["key"]["suite"] == "off-library" for r in cases], weight_beyond(results), 1.0)
-    p = held_out(S, y, ["+".join(sorted(r["key"]["effects"])) for r in cases])
+    """Fit weights and bar to the causes of `told`, write them as a module if one is named; return them as text."""
+    causes = told(results)
+    names = sorted(causes[0].signs)
+    S, y = design(causes, names), np.array([c.right for c in causes])
+    suite = np.array([c.suite for c in causes])
+    beyond = suite == "off-library"
+    weight = np.where(beyond, weight_beyond(results), 1.0)
+    p = held_out(S, y, ["+".join(sorted(c.result["key"]["effects"])) for c in causes])
     low = bar(p, y, weight)
     found = dict(zip(["constant", *names], fitted(S, y).round(2).tolist(), strict=True))
     if module is not None:
         rows = "".join(f'    "{name}": {value:g},\n' for name, value in found.items())
         module.write_text(MODULE.format(rows=rows, bar=low), encoding="utf-8")
-    library = np.array([r["key"]["suite"] != "off-library" for r in cases])
-    lines = [f"{len(cases)} decidable cases in which something was named, {int(y.sum())} right.", ""]
-    lines += [f"{name:14s} {value:6.2f}" for name, value in found.items()]
-    lines += ["", f"bar {low:.2f}", "", "bar   wrong of those named   in the library, not named   beyond it, named"]
-    for at in sorted({0.3, 0.5, 0.7, 0.9, low}):
+    logs = {s: {c.result["name"] for c in causes if c.suite == s} for s in sorted(set(suite))}
+    lines = [f"{len(causes)} causes of {sum(map(len, logs.values()))} decidable logs, {int(y.sum())} right.", ""]
+    lines += [f"{name:16s} {value:6.2f}" for name, value in found.items()]
+    library = [s for s in logs if s != "off-library"]
+    heads = [f"right ones named: {s}" for s in library]
+    lines += ["", f"bar {low:.2f}", "", "   ".join(["bar ", "wrong of those named", *heads, "beyond it, any name"])]
+    for at in sorted({0.3, 0.5, 0.6, 0.7, 0.8, 0.9, low}):
         named = p >= at
         wrong = float(np.sum(weight[named] * ~y[named]) / max(np.sum(weight[named]), 1e-12))
-        lines.append(f"{at:.2f}  {wrong:19.1%}  {np.mean(~named[library]):26.1%}  {np.mean(named[~library]):16.1%}")
+        right = [np.mean(named[y & (suite == s)]) for s in library]
+        any_name = {c.result["name"] for c, said in zip(causes, named & beyond, strict=True) if said}
+        foreign = len(any_name) / max(len(logs.get("off-library", ())), 1)
+        cells = [f"{at:.2f}", f"{wrong:20.1%}", *(f"{v:{len(h)}.1%}" for v, h in zip(right, heads, strict=True))]
+        lines.append("   ".join([*cells, f"{foreign:19.1%}"]))
     return "\n".join(lines)
 
 
@@ -144,16 +172,14 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    cases = [r for r in results if r.get("diagnosis", {}).get("signs")]
-    p = np.array(
-        [1.0 - next(c["confidence"] for c in r["diagnosis"]["candidates"] if c["effect"] == "unknown") for r in cases]
-    )
-    y = np.array([right(r) for r in cases])
+    causes = [(_true(r), c) for r in results for c in r.get("diagnosis", {}).get("causes", [])]
+    p = np.array([c["confidence"] for _, c in causes])
+    y = np.array([bool({*c["effects"]} & true) for true, c in causes])
     order = np.argsort(-p, kind="stable")
     covered, wrong = np.arange(1, len(p) + 1) / len(p), np.cumsum(~y[order]) / np.arange(1, len(p) + 1)
     figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
     axes.plot(100 * covered, 100 * wrong)
     axes.axhline(100 * ALPHA, color="0.6", linestyle="--")
-    axes.set(xlabel="answers that name causes, the most trusted first, %", ylabel="wrong among those named, %")
+    axes.set(xlabel="causes that are named, the most trusted first, %", ylabel="wrong among those named, %")
     figure.savefig(path)
     plt.close(figure)

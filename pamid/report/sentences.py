@@ -93,8 +93,10 @@ def verdict(d: Diagnosis) -> str:
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     if d.verdict == "several":
-        count = len(d.causes)
-        return f"{_count(count)} causes: {listed([_either(c) for c in d.causes])}{_reserve(d)}"
+        if all(c.with_reserve for c in d.causes):
+            return f"{_count(len(d.causes))} causes: {listed([_either(c) for c in d.causes])}{_reserve(d)}"
+        told = [_either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in d.causes]
+        return f"{_count(len(d.causes))} causes: {listed(told)}"
     first = d.causes[0]
     if len(first.effects) > 1:
         return f"One cause, and this log cannot tell which: {_either(first)}{_reserve(d)}"

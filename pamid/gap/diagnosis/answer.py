@@ -23,6 +23,7 @@ from .next_experiment import next_experiment
 from .remainder import leftover, remainder
 from .result import Diagnosis
 from .rivals import rivals_of
+from .signs import worst
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,7 +106,7 @@ def answer(
         leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
         remainder=remainder(evidence, before, after) if verdict.named else {},
         with_reserve=verdict.reserved,
-        signs=dict(verdict.trust.signs) if verdict.trust is not None else {},
+        signs=worst({name: found.signs for name, found in verdict.trust.items()}),
         hypotheses=_hypotheses(verdict),
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
         not_tested=dict(evidence.skipped),
@@ -200,10 +201,21 @@ def _causes(
         ci = tuple(part_of[name] * v for v in closed.ci90) if len(fit.spec) > 1 else closed.ci90
         names = verdict.classes.get(name, (name,))
         weights = verdict.weights.get(name, {name: 1.0})
-        confidence = (1.0 - verdict.unknown) * sum(weights.get(n, 0.0) for n in names)
+        trust = verdict.trust[name]
+        confidence = trust.probability * sum(weights.get(n, 0.0) for n in names)
         others = tuple(_in_place(fitter, verdict, name, other) for other in names[1:])
         found.append(
-            Cause(names, equation, float(confidence), float(share), (ci[0], ci[1]), parameters[name], others=others)
+            Cause(
+                names,
+                equation,
+                float(confidence),
+                float(share),
+                (ci[0], ci[1]),
+                parameters[name],
+                others=others,
+                with_reserve=not trust.sure,
+                signs=dict(trust.signs),
+            )
         )
     return sorted(found, key=lambda c: -c.share)
 

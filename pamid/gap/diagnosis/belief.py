@@ -41,6 +41,8 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         reason = ""
         if name in scores and name not in named and sure <= 0.05:
             reason = _reason(competition, verdict, scores[name], best)
+        if named and name in verdict.trust and name not in named:
+            reason = "fits beside the named causes, but is likelier to mend their inexact forms than to be a cause"
         rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), closed.get(name, 0.0), reason))
     untouched = [n for n in competition.library if n not in scores]
     rows += [
@@ -52,39 +54,17 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
 
 
 def _belief(verdict: Verdict, named: list[str]) -> dict[str, float]:
-    belief: dict[str, float] = {}
-    leads = _leads({name: verdict.part_of.get(name, 1.0) for name in named})
-    for name in named:
-        for other, w in verdict.weights[name].items():
-            if other not in named or other == name:
-                belief[other] = belief.get(other, 0.0) + w * (1.0 - verdict.unknown) * leads[name]
     if verdict.kind == "none":
         calm = float(np.clip(np.log10(max(verdict.p_value, 1e-9) / FALSE_ALARM), 0.0, 1.0))
-        belief["none"] = 0.5 + (NONE_SURE - 0.5) * calm
-        belief["unknown"] = 0.3 * (1.0 - belief["none"])
-        return belief
-    belief["unknown"] = verdict.unknown
-    belief["none"] = min(0.5, verdict.p_value)
-    if not named and verdict.trust is not None:
-        for name, w in _of_best(verdict).items():
-            belief[name] = w * verdict.trust.probability
-    return belief
-
-
-def _of_best(verdict: Verdict) -> dict[str, float]:
-    """Return how the belief that a name is right after all is shared among those of the best hypothesis."""
-    leads = _leads({name: verdict.part_of.get(name, 1.0) for name in verdict.outcome.best.fit.spec})
-    found: dict[str, float] = {}
-    for name, lead in leads.items():
+        none = 0.5 + (NONE_SURE - 0.5) * calm
+        return {"none": none, "unknown": 0.3 * (1.0 - none)}
+    # Where nothing is named, the names of the best hypothesis may be right after all.
+    belief = {"unknown": verdict.unknown, "none": min(0.5, verdict.p_value)}
+    for name, lead in verdict.leads.items():
         for other, w in verdict.weights[name].items():
-            found[other] = found.get(other, 0.0) + lead * w
-    return found
-
-
-def _leads(shares_of: dict[str, float]) -> dict[str, float]:
-    """Return the probability that each cause is the leading one, from its share of what all explain together."""
-    weight = {name: max(share, 0.02) ** 1.5 for name, share in shares_of.items()}
-    return {name: w / sum(weight.values()) for name, w in weight.items()}
+            if other not in named or other == name:
+                belief[other] = belief.get(other, 0.0) + lead * w * verdict.trust[name].probability
+    return belief
 
 
 def _reason(competition: Competition, verdict: Verdict, score: float, best: float) -> str:

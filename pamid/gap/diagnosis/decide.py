@@ -13,7 +13,6 @@ from ..inference.significance import Excess, excess, library_test, outliers
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM
 from .closure import shapley
 from .open_set import Trust, trust
-from .signs import beside
 
 
 @dataclass
@@ -30,8 +29,8 @@ class Verdict:
         The hypotheses.
     excess : list of Excess
         The residual of each equation before, against its noise.
-    trust : Trust or None
-        What speaks for the names being right; None where nothing is named.
+    trust : dict of str to Trust
+        What speaks for each name of the best set of all, whether it is said or not; empty where there is none.
     classes : dict of str to tuple of str
         For each cause the names that cannot be distinguished from it, itself first.
     weights : dict of str to dict of str to float
@@ -44,7 +43,7 @@ class Verdict:
     p_value: float
     outcome: Outcome
     excess: list[Excess]
-    trust: Trust | None = None
+    trust: dict[str, Trust] = field(default_factory=dict)
     classes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     weights: dict[str, dict[str, float]] = field(default_factory=dict)
     part_of: dict[str, float] = field(default_factory=dict)
@@ -56,13 +55,22 @@ class Verdict:
 
     @property
     def reserved(self) -> bool:
-        """Whether what is named may only look like the cause: one beyond the library is not excluded."""
-        return self.named and self.trust is not None and not self.trust.sure
+        """Whether some of what is named may only look like the cause: one beyond the library is not excluded."""
+        return self.named and not all(self.trust[name].sure for name in self.outcome.best.names)
 
     @property
     def unknown(self) -> float:
-        """Probability that a gap has a cause outside the library."""
-        return 0.0 if self.kind == "none" else 1.0 if self.trust is None else 1.0 - self.trust.probability
+        """Probability that what explains most of a gap is a cause outside the library."""
+        if self.kind == "none":
+            return 0.0
+        leads = self.leads
+        return 1.0 - sum(lead * self.trust[name].probability for name, lead in leads.items())
+
+    @property
+    def leads(self) -> dict[str, float]:
+        """Probability that each cause is the leading one, from its share of what all explain together."""
+        weight = {n: max(self.part_of.get(n, 1.0), 0.02) ** 1.5 for n in self.outcome.best.fit.spec if n in self.trust}
+        return {name: w / sum(weight.values()) for name, w in weight.items()}
 
 
 def decide(competition: Competition, outcome: Outcome, random_state: np.random.RandomState) -> Verdict:
@@ -91,40 +99,21 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
     if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
-        verdict.outcome, verdict.part_of, verdict.trust = _trusted(competition, outcome)
-        best = verdict.outcome.best
+        verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
         for name in best.fit.spec:
             about = competition.gain_about(best, name)
-            verdict.weights[name] = _weights(verdict.outcome.alternatives[name], best, name, about)
+            verdict.weights[name] = _weights(outcome.alternatives[name], best, name, about)
             verdict.classes[name] = _class(verdict.weights[name], name)
-        verdict.kind = _kind(verdict, list(best.fit.spec))
+        verdict.trust = trust(competition, outcome, verdict.part_of, verdict.classes)
+        named = [name for name in best.fit.spec if verdict.trust[name].named]
+        verdict.kind = kind_of(verdict, named) if named else "unknown"
+        if named and len(named) < len(best.fit.spec):
+            # What is not trusted is left to the remainder: it may mend the form of those beside which it acts.
+            verdict.outcome = competition.only(outcome, {name: verdict.classes[name] for name in named})
+            verdict.part_of = shapley(competition.fitter, base.fit, verdict.outcome.best.fit)
     elif beyond < FALSE_ALARM:
         verdict.kind = "unknown"
     return verdict
-
-
-def _trusted(competition: Competition, outcome: Outcome) -> tuple[Outcome, dict[str, float], Trust]:
-    """Return the best set of effects, what part each has, and the trust in it.
-
-    Where that is not to be named, the faintest of several causes is left to the remainder as long as the others are
-    then trusted more: what it explains may be an error of the form of those beside which it acts.
-    """
-    part_of = shapley(competition.fitter, outcome.base.fit, outcome.best.fit)
-    found = trust(competition, outcome, part_of)
-    while not found.named and len(part_of) > 1 and competition.evidence.exact:
-        shares = beside(competition, outcome, part_of)
-        less = competition.without(outcome, min(part_of, key=lambda name: (shares[name], part_of[name])))
-        parts = shapley(competition.fitter, less.base.fit, less.best.fit)
-        other = trust(competition, less, parts, given_up=True)
-        if other.probability <= found.probability:
-            break
-        outcome, part_of, found = less, parts, other
-    return outcome, part_of, found
-
-
-def _kind(verdict: Verdict, names: Sequence[str]) -> str:
-    assert verdict.trust is not None
-    return kind_of(verdict, names) if verdict.trust.named else "unknown"
 
 
 def kind_of(verdict: Verdict, names: Sequence[str]) -> str:

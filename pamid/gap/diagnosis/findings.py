@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 Interval = tuple[float, float]
@@ -206,6 +206,11 @@ class Cause:
         Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
     others : tuple of dict of str to ParameterEstimate
         Parameters of the other effects of a class, each fitted in the place of the first.
+    with_reserve : bool
+        Whether it stands for the effect "or something that looks like it on this log": more likely right than not, but
+        below the bar from which at most one name in twenty is wrong.
+    signs : dict of str to float
+        What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`.
 
     Examples
     --------
@@ -224,6 +229,8 @@ class Cause:
     distinguished_by: str | None = None
     where: tuple[str, ...] = ()
     others: tuple[dict[str, ParameterEstimate], ...] = ()
+    with_reserve: bool = False
+    signs: dict[str, float] = field(default_factory=dict)
 
     @property
     def told_apart_by(self) -> str | None:

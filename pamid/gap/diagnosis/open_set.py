@@ -1,14 +1,15 @@
 r"""Whether what was named is the cause, or only looks like it: what a name must show before it is said.
 
-A cause that the library does not hold is mostly imitated by one or several effects of it, with a high likelihood. It is
-given away by what the imitation leaves above the noise and the inexactness that its forms are allowed, and by effects
-that undo or mend each other. These signs are weighed by logistic regression,
+A cause that the library does not hold is mostly imitated by one or several effects of it, with a high likelihood, and
+an inexact form is mended by a further effect. Both are given away by what is left above the noise and the inexactness
+that forms are allowed, and by effects that undo or mend each other. These signs are weighed for each cause by logistic
+regression,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
-fitted to logs of benches whose cause is in the library and of ones whose cause is not. A name is said where it is more
-likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is above the
-bar at which at most one in twenty of the names said on such logs is wrong.
+fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is said where it is
+more likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is
+above the bar at which at most one in twenty of the names said on such logs is wrong.
 
 References
 ----------
@@ -18,10 +19,8 @@ https://doi.org/10.48550/arXiv.2208.02814
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
@@ -31,28 +30,34 @@ from .trusted import SIGNS, SURE, TRUSTED
 
 @dataclass(frozen=True)
 class Trust:
-    """What speaks for names being right.
+    """What speaks for a name being right.
 
     Parameters
     ----------
     probability : float
-        Probability that they are.
-    named : bool
-        Whether that is enough to say them.
-    sure : bool
-        Whether it is enough to say them without reserve.
+        Probability that it is.
     signs : dict of str to float
         What it rests on, see `signs_of`.
     """
 
     probability: float
-    named: bool
-    sure: bool
     signs: dict[str, float]
 
+    @property
+    def named(self) -> bool:
+        """Whether that is enough to say it."""
+        return self.probability >= TRUSTED
 
-def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, float], given_up: bool = False) -> Trust:
-    """Return what speaks for the names of the best hypothesis.
+    @property
+    def sure(self) -> bool:
+        """Whether it is enough to say it without reserve."""
+        return self.probability >= SURE
+
+
+def trust(
+    competition: Competition, outcome: Outcome, part_of: Mapping[str, float], classes: Mapping[str, Sequence[str]]
+) -> dict[str, Trust]:
+    """Return what speaks for each name of the best hypothesis.
 
     Parameters
     ----------
@@ -62,14 +67,17 @@ def trust(competition: Competition, outcome: Outcome, part_of: Mapping[str, floa
         Its hypotheses.
     part_of : mapping of str to float
         Each cause's share of what all explain together.
-    given_up : bool, default=False
-        Whether a cause beside these was given up.
+    classes : mapping of str to sequence of str
+        For each cause the names that cannot be distinguished from it, itself first.
     """
-    signs = signs_of(competition, outcome, part_of, given_up)
-    if not competition.evidence.exact:
-        # Any other model may be wrong in several small ways at once: names are said of what they close.
-        closed = 1.0 - signs["left_of_gap"]
-        return Trust(closed, closed > TRUSTED, closed > SURE, signs)
-    score = SIGNS["constant"] + sum(weight * signs[name] for name, weight in SIGNS.items() if name != "constant")
-    probability = float(1.0 / (1.0 + np.exp(-score)))
-    return Trust(probability, probability >= TRUSTED, probability >= SURE, signs)
+    from scipy.special import expit
+
+    found = {}
+    for name, signs in signs_of(competition, outcome, part_of, classes).items():
+        if competition.evidence.exact:
+            score = SIGNS["constant"] + sum(weight * signs[n] for n, weight in SIGNS.items() if n != "constant")
+            found[name] = Trust(float(expit(score)), signs)
+        else:
+            # Any other model may be wrong in several small ways at once: names are said of what they close.
+            found[name] = Trust(1.0 - signs["left_of_gap"], signs)
+    return found

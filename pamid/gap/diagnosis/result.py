@@ -67,11 +67,10 @@ class Diagnosis:
         What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
     with_reserve : bool
-        Whether each name stands for the effect "or something that looks like it on this log": more likely right than
-        not, but below the bar from which at most one name in twenty is wrong.
+        Whether a cause is named with reserve, see `Cause`.
     signs : dict of str to float
-        What trust in the names of the best hypothesis rests on, see `pamid.gap.diagnosis.signs.signs_of`; empty where
-        no effect explains anything.
+        What speaks against the names of the best hypothesis, each sign where it is largest over its effects, see
+        `pamid.gap.diagnosis.signs.signs_of`; empty where no effect explains anything.
     hypotheses : list of HypothesisFinding
         The sets of effects that were refitted, the likeliest first.
     deviations : dict of str to float

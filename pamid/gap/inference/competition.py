@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -153,10 +153,28 @@ class Competition(Worth):
             best = better
         return self._outcome(best, screen.singles, alternatives)
 
-    def without(self, outcome: Outcome, name: str) -> Outcome:
-        """Return what the competition would have come to without an effect of its best set."""
-        best = self._refined({k: v for k, v in outcome.best.fit.spec.items() if k != name}, outcome.best)
-        return self._outcome(best, outcome.singles, {n: self._alternatives(best, n) for n in best.fit.spec})
+    def only(self, outcome: Outcome, classes: Mapping[str, Collection[str]]) -> Outcome:
+        """Return what the competition would have come to with some effects of its best set alone.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            What it came to.
+        classes : mapping of str to collection of str
+            The effects to keep, each with those that stand in its place as alternatives.
+        """
+
+        def kept(h: Hypothesis, also: str) -> Hypothesis:
+            spec = {k: v for k, v in h.fit.spec.items() if k in classes or k == also}
+            return self._refined(spec, h)
+
+        best = kept(outcome.best, "")
+        alternatives = {}
+        for name, names in classes.items():
+            others = ((h, next(iter(h.names - (outcome.best.names - {name})))) for h in outcome.alternatives[name])
+            found = [kept(h, other) for h, other in others if other in names and other != name]
+            alternatives[name] = sorted([best, *found], key=lambda h: -h.score)
+        return self._outcome(best, outcome.singles, alternatives)
 
     def _outcome(
         self, best: Hypothesis, singles: dict[str, Single], alternatives: dict[str, list[Hypothesis]]

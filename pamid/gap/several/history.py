@@ -284,7 +284,7 @@ def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
             "parameter": main, "value": p.value, "low": low, "high": high, "unit": p.unit
         }  # fmt: skip
     confidences = {c.effect: c.confidence for c in found.candidates[:_SHOWN]}
-    left = float(found.signs.get("left_of_gap", 1.0)) if found.causes else 1.0
+    left = float(found.remainder.get("share", 1.0)) if found.causes else 1.0
     return Round(logs, recorded, found.verdict, confidences, parameters, left)
 
 
