@@ -138,7 +138,8 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         Up to 5,000 different rows are remembered, with `direction` 20,000 in whole trajectories; beyond, a fair sample.
         Their weight fades by 1/e over `forget_rows` rows, and by more where two batches in a row say that the same
         signals now ask for something else. Each time that the memory has doubled the network is trained anew; in
-        between it goes on from where it stands, and its error on the memory never rises.
+        between it goes on from where it stands, which it keeps as far as the memory says nothing, and its error on the
+        memory never rises.
 
         Parameters
         ----------
@@ -169,7 +170,8 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         """Train on from where the network stands; scales stay."""
         columns = self._columns(rows.X, rows.X, rows.unit)
         x, z = self._scaled(columns, rows.y)
-        steps = marquardt_on_rows(self.weights_, x, z, rows.weight, float(self.alpha))
+        # Rows that have faded tell no more, but what they said is in the weights: nothing draws these to zero.
+        steps = marquardt_on_rows(self.weights_, x, z, rows.weight, float(self.alpha), held=True)
         slow, taken = 0, 0
         while taken < int(self.max_iter) and slow < _SLOW:
             before = steps.loss

@@ -86,7 +86,7 @@ class Normal(NamedTuple):
 
 
 class Marquardt:
-    """Levenberg–Marquardt steps on a sum of squares plus `alpha` times the squared parameters.
+    """Levenberg–Marquardt steps on a sum of squares plus `alpha` times the squared distance of the parameters.
 
     The caller owns the loop: each `step` takes one accepted step, or finds that there is none to take.
 
@@ -99,7 +99,9 @@ class Marquardt:
     value : callable
         Parameters to the sum of squares alone.
     alpha : float, default=0.0
-        Weight of the squared parameters.
+        Weight of the squared distance.
+    centre : ndarray, shape (n_parameters,), optional
+        From where the distance counts, zero by default.
 
     Raises
     ------
@@ -126,9 +128,11 @@ class Marquardt:
         around: Callable[[np.ndarray], Normal],
         value: Callable[[np.ndarray], float],
         alpha: float = 0.0,
+        centre: np.ndarray | None = None,
     ) -> None:
         self.x = start
         self._around, self._value, self._alpha = around, value, alpha
+        self._centre = np.zeros_like(start) if centre is None else centre
         self._damping = Damping(1e-2, shrink=0.2, grow=5.0, least=1e-12, most=1e10)
         self.loss = self._penalised(start)
         if not np.isfinite(self.loss):
@@ -142,7 +146,7 @@ class Marquardt:
             here = self._around(self.x)
         if not (np.isfinite(here.gradient).all() and np.isfinite(here.matrix).all()):
             return False  # slopes beyond the numbers show no way
-        gradient = here.gradient + self._alpha * self.x
+        gradient = here.gradient + self._alpha * (self.x - self._centre)
         matrix = here.matrix + self._alpha * np.eye(len(self.x))
         scale = np.maximum(np.diag(matrix), 1e-9 * max(float(np.trace(matrix)) / len(matrix), 1e-300))
 
@@ -160,4 +164,4 @@ class Marquardt:
         return True
 
     def _penalised(self, x: np.ndarray) -> float:
-        return self._value(x) + self._alpha * float(x @ x)
+        return self._value(x) + self._alpha * float(np.sum(np.square(x - self._centre)))

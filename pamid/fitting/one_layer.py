@@ -104,9 +104,9 @@ def squared_error(weights: Weights, x: np.ndarray, y: np.ndarray, share: np.ndar
 
 
 def marquardt_on_rows(
-    weights: Weights, x: np.ndarray, y: np.ndarray, share: np.ndarray, alpha: float = 0.0
+    weights: Weights, x: np.ndarray, y: np.ndarray, share: np.ndarray, alpha: float = 0.0, held: bool = False
 ) -> Marquardt:
-    """Make the steps that fit a network to rows."""
+    """Make the steps that fit a network to rows; `held`, it stays where it is as far as the rows say nothing."""
     n_in, hidden = weights["W0"].shape
     shape = (n_in, hidden, weights["b1"].size)
     return Marquardt(
@@ -114,4 +114,5 @@ def marquardt_on_rows(
         lambda flat: normal_equations(unflatten(flat, *shape), x, y, share),
         lambda flat: squared_error(unflatten(flat, *shape), x, y, share),
         alpha,
+        flatten(weights) if held else None,
     )

@@ -182,3 +182,18 @@ def test_force_and_contraction_together(lifts):
     margin = 0.05 * np.ptp(train[outputs].to_numpy(), axis=0)
     assert (z <= train[outputs].max().to_numpy() + margin + 1e-9).all()
     assert model.assess(far).extrapolated.tolist() == [True, False]
+
+
+def test_what_a_short_memory_has_let_go_stays_in_the_network():
+    rng = np.random.default_rng(0)
+    F, eps = rng.uniform(100.0, 900.0, 3000), rng.uniform(0.0, 0.25, 3000)
+    P = 1e5 + 400.0 * F + 2e6 * eps + 6e3 * eps**2 * F + 200.0 * rng.standard_normal(3000)
+    X = pd.DataFrame({"F": F, "eps": eps})
+    model = InverseModel(forget_rows=50, hidden=8, random_state=0).fit(X, P)
+    far = X[(F > 700.0) & (eps > 0.18)]
+    before = model.predict(far)
+    corner = np.flatnonzero((F < 250.0) & (eps < 0.08))
+    for _ in range(20):
+        batch = rng.choice(corner, 100)
+        model.partial_fit(X.iloc[batch], P[batch])
+    assert np.sqrt(np.mean(np.square(model.predict(far) - before))) < 0.1 * np.std(before)
