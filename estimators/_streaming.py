@@ -86,9 +86,11 @@ class StreamMemory:
         rows = merged(rows, whole=whole)
         nothing_new = len(rows) == len(held) and not self._weighs()
         rows = bounded(rows, self._most(), whole=whole, random=np.random.default_rng(count))
+        # Rows that have faded are none to train a network on from nothing.
+        counting = min(float(len(rows)), float(rows.weight.sum()))
         if nothing_new:
             pass
-        elif len(rows) < GROWN * fitted and rows.regime.max() == held.regime.max() and self._continues:
+        elif counting < GROWN * fitted and rows.regime.max() == held.regime.max() and self._continues:
             self._continue(rows, float(batch.weight.sum() / rows.weight.sum()))
         else:
             self._refit(rows, grouped)

