@@ -26,7 +26,7 @@ class Bias(Effect):
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
         """Return the reading less the offset."""
-        return reading - self.offset
+        return self.restore_next(reading, reading, np.asarray(dt))
 
     def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
         """Return the reading less the offset."""
@@ -45,7 +45,7 @@ class Gain(Effect):
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
         """Return the value behind the reading."""
-        return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
+        return self.restore_next(reading, reading, np.asarray(dt))
 
     def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
         """Return the value behind the reading."""

@@ -120,8 +120,9 @@ class Tracer:
                 begin[place], follow[place] = opened[effect.name], followed[effect.name]
             elif place is not None:
                 begin[place] = list(effect.start(first, self.plant, 1.0))
-                x = effect.step(self.states(effect), _signals(BEFORE), now, symbol("dt"), self.plant)  # type: ignore[arg-type]
-                follow[place] = list(x)
+                # Traced once with symbols in place of numbers; the time of a step is one of them, too.
+                dt: Any = symbol("dt")
+                follow[place] = list(effect.step(self.states(effect), _signals(BEFORE), now, dt, self.plant))
         return Memory(
             tuple(self._names),
             tuple(map(as_symbol, (*_state(first), *begin))),
