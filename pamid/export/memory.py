@@ -34,12 +34,15 @@ class Memory:
         states there.
     inputs : tuple of Symbol
         What the network reads beside the signals of the muscle, from these (``eps``, …) and the states.
+    finest : Effect or None
+        That of the effects which needs the finest floating type; None where each does with any.
     """
 
     states: tuple[str, ...]
     begin: tuple[Symbol, ...]
     follow: tuple[Symbol, ...]
     inputs: tuple[Symbol, ...]
+    finest: Effect | None = None
 
 
 class Tracer:
@@ -128,6 +131,7 @@ class Tracer:
             tuple(map(as_symbol, (*_state(first), *begin))),
             tuple(map(as_symbol, (*_state(now), *follow))),
             tuple(self._inputs()),
+            min((e for e in self.effects if e.resolution), key=lambda e: e.resolution, default=None),
         )
 
     def _restored(self, before: Signals | None) -> tuple[Signals, dict[str, list[Any]]]:

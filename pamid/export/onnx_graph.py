@@ -71,12 +71,7 @@ def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
 def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
     """Write a plan with memory as two ONNX models, one for the first readings and one for each next one.
 
-    Parameters
-    ----------
-    plan : ExportPlan
-        The model.
-    dtype : {"float64", "float32"}, default="float64"
-        Floating type of inputs, weights and outputs.
+    Parameters and errors are those of `onnx_model`.
 
     Returns
     -------
@@ -84,11 +79,6 @@ def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
         By the ends of their names. ``"_begin"``: input ``X`` as in `onnx_model`, one row a muscle. ``""``: beside it
         ``memory`` of shape (n, n_memory) and ``dt`` of shape (1,), the time since the reading before (s). Outputs of
         both: those of `onnx_model` and the ``memory`` after the reading (``memory_next``), which the next call takes.
-
-    Raises
-    ------
-    ExportError
-        onnx is not installed.
     """
     assert plan.memory is not None
     found = {}

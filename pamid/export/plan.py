@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -150,32 +150,6 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     outputs = tuple(_output(law, effects, plant, tracer) for law in laws())
     centre, width = (network.scale.mean, network.scale.spread) if network else _typical(anchor)
 
-    if tracer is not None:
-        remembered = tracer.memory()
-        notes.append("What effects remember begins with the first reading, as at rest, and follows each next one.")
-        if effects:
-            raise ExportError(
-                f"The model has effects of its own, and {', '.join(e.name for e in effects)} shall be added to it.",
-                "one or the other",
-                "Leave --effect out, or fit with effects=.",
-            )
-        along = partial(_along, last)
-        return ExportPlan(
-            name,
-            type(last).__name__,
-            anchor,
-            network,
-            factor,
-            offset,
-            outputs,
-            lambda x: along(x, last.predict).reshape(len(x), -1),
-            lambda x: tuple(np.asarray(v) for v in along(x, last.volume)),
-            np.asarray(centre)[:4],
-            np.asarray(width)[:4],
-            tuple(notes),
-            remembered,
-        )
-
     def volumes(x: np.ndarray) -> tuple[np.ndarray, ...]:
         return tuple(np.asarray(v) for v in volume.jet(State(*x.T)))
 
@@ -186,19 +160,41 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
             [y + _added(law, effects, plant, state) for y, law in zip(predicted, laws(), strict=True)]
         )
 
-    return ExportPlan(
-        name,
-        type(last).__name__,
-        anchor,
-        network,
-        factor,
-        offset,
-        outputs,
-        predict,
-        volumes,
-        np.asarray(centre),
-        np.asarray(width),
-        tuple(notes),
+    plan = ExportPlan(
+        name=name,
+        estimator=type(last).__name__,
+        anchor=anchor,
+        network=network,
+        factor=factor,
+        offset=offset,
+        outputs=outputs,
+        predict=predict,
+        volume=volumes,
+        centre=np.asarray(centre)[:4],
+        width=np.asarray(width)[:4],
+        notes=tuple(notes),
+    )
+    return plan if tracer is None else _remembering(plan, last, tracer, effects)
+
+
+def _remembering(plan: ExportPlan, model: Any, tracer: Tracer, added: Sequence[Effect]) -> ExportPlan:
+    """Return the plan of a model with effects of its own, whose answers follow a path of readings."""
+    memory = tracer.memory()
+    if added:
+        raise ExportError(
+            f"The model has effects of its own, and {', '.join(e.name for e in added)} shall be added to it.",
+            "one or the other",
+            "Leave --effect out, or fit with effects=.",
+        )
+    return replace(
+        plan,
+        predict=lambda x: _along(model, x, model.predict).reshape(len(x), -1),
+        volume=lambda x: tuple(np.asarray(v) for v in _along(model, x, model.volume)),
+        notes=(
+            *plan.notes,
+            "What effects remember begins with the first reading, as at rest, and follows each next one.",
+        ),
+        memory=memory,
     )
 
 

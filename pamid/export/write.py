@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..effects.base import Effect
 from ..effects.plant import Plant
 from ..errors import ExportError, UnknownOptionError
@@ -83,10 +85,12 @@ def export(
     if dtype not in REALS:
         raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
     plan = any_plan_of(model, name, effects, plant)
-    if dtype == "float32" and isinstance(plan, ExportPlan) and plan.memory and "backlash 1" in plan.memory.states:
+    finest = plan.memory.finest if isinstance(plan, ExportPlan) and plan.memory else None
+    if finest and finest.resolution < (step := float(np.finfo(dtype).eps)):
         raise ExportError(
-            "The ends of a backlash are told from its middle by less than a float32 resolves.",
-            "float64",
+            f"The effect {finest.name} tells signals apart that differ by {finest.resolution:g} of their size, and "
+            f"{dtype} resolves {step:.1g}.",
+            "a finer floating type",
             "Pass --dtype float64.",
         )
     files = _formula_files(plan, to, dtype) if isinstance(plan, FormulaPlan) else _hybrid_files(plan, to, dtype)
