@@ -42,7 +42,7 @@ class Backlash(Effect):
     source = "10.1016/S0005-1098(02)00047-X"
     n_states = 1
     path_dependent = True
-    resolution = 1e-9  # the driven side is engaged where it stands at an end of the play, up to rounding
+    least_difference = 1e-9  # the driven side is engaged where it stands at an end of the play, up to rounding
     parameters = (Parameter("half_width", "-", 0.0, 0.1, 2e-3, "half the play", position=1),)
     half_width: float
 
@@ -63,7 +63,7 @@ class Backlash(Effect):
         """Return the flow of the driven side's volume less that of the joint's."""
         y = x[0]
         lost = s.position - y
-        engaged = (np.abs(lost) >= (1.0 - self.resolution) * self.half_width) & (lost * s.velocity >= 0.0)
+        engaged = (np.abs(lost) >= (1.0 - self.least_difference) * self.half_width) & (lost * s.velocity >= 0.0)
         rate = plant.volume_slope(y) * np.where(engaged, s.velocity, 0.0) - plant.volume_slope(s.position) * s.velocity
         room = plant.volume(y) - plant.volume(s.position)
         return FlowTerm(s.pressure * rate / plant.RT, room / (plant.heat_capacity_ratio * plant.RT))

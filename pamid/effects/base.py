@@ -238,7 +238,7 @@ class Effect(ABC):
     """Whether the memory moves once a control period rather than continuously."""
     on_braid: ClassVar[bool] = False
     """Whether its force grows with the pressure that presses on the braid, which another effect may hold back."""
-    resolution: ClassVar[float] = 0.0
+    least_difference: ClassVar[float] = 0.0
     """Relative difference of two signals that its equations must tell apart; 0 where rounding only blurs the result."""
     channel: ClassVar[str] = ""
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""

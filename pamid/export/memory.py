@@ -131,7 +131,7 @@ class Tracer:
             tuple(map(as_symbol, (*_state(first), *begin))),
             tuple(map(as_symbol, (*_state(now), *follow))),
             tuple(self._inputs()),
-            min((e for e in self.effects if e.resolution), key=lambda e: e.resolution, default=None),
+            min((e for e in self.effects if e.least_difference), key=lambda e: e.least_difference, default=None),
         )
 
     def _restored(self, before: Signals | None) -> tuple[Signals, dict[str, list[Any]]]:

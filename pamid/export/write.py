@@ -86,9 +86,9 @@ def export(
         raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
     plan = any_plan_of(model, name, effects, plant)
     finest = plan.memory.finest if isinstance(plan, ExportPlan) and plan.memory else None
-    if finest and finest.resolution < (step := float(np.finfo(dtype).eps)):
+    if finest and finest.least_difference < (step := float(np.finfo(dtype).eps)):
         raise ExportError(
-            f"The effect {finest.name} tells signals apart that differ by {finest.resolution:g} of their size, and "
+            f"The effect {finest.name} tells signals apart that differ by {finest.least_difference:g} of their size, and "
             f"{dtype} resolves {step:.1g}.",
             "a finer floating type",
             "Pass --dtype float64.",
