@@ -20,6 +20,7 @@ from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 from .remembered import Remembered
 from .straight import Straight
+from .window_length import LEAST_WINDOWS
 
 Table = Mapping[str, np.ndarray]
 """Signals by role, see `pamid.effects.Signals`."""
@@ -30,7 +31,6 @@ INPUTS = {channel: ROLES[channel] for channel in ("P", "q")}
 """For each sensor channel of an input its role."""
 WINDOW = 0.02
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
-LEAST_WINDOWS = 400
 MOST_KEPT = 2000
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
 UNTURNED = -12.0
