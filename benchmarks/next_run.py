@@ -4,8 +4,9 @@ The first log holds two slow runs. Then every arm records one run of its own, al
 was left alone: it may be the wrong one. Pairs of causes and every fourth other case go on once more where no name is
 left alone; the other cases have one round.
 
-Run with ``python benchmarks/next_run.py --cases 30``. Each case leaves one file in ``--out``, so that a stopped run
-goes on where it was; ``--report`` only prints what is there.
+Run with ``python benchmarks/next_run.py --cases 30``, on several cores with ``--jobs``; a case takes about half a
+minute of one core. Each leaves one file in ``--out``, so that a stopped run goes on where it was; ``--report`` only
+prints what is there.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from benchmarks.withheld.catalogue import CONFUSABLE, VOCABULARY
 from benchmarks.withheld.excitation import Reference
@@ -125,6 +128,7 @@ class Arm:
         if self.name == "designed":
             said["next_seconds"] = self.planned
             said["tells"] = bool(self.plan.tells)
+            said["alike"] = [[list(names) for names in pair] for pair in self.plan.alike]
             said["realised"] = _realised(before, self.plan, self.history.logs, self.history.params, self.case)
         self.rounds.append(said)
 
@@ -205,44 +209,64 @@ def _realised(before: Any, plan: Any, more: dict[str, Any], params: Any, case: C
 
 
 # --- all cases ------------------------------------------------------------------------------------------------
-def examine(group: Sequence[Spec], write: Callable[[str, dict[str, Any]], None]) -> None:
-    """Run all arms on some cases, and write what came of each."""
+def examine(group: Sequence[Spec], folder: Path) -> None:
+    """Run all arms on some cases, and write what came of each as soon as it is complete."""
+    # A diagnosis names a run of a list, too, which no arm records.
+    with mock.patch("pamid.gap.several.engine.next_experiment", lambda *_: (None, ())):
+        cases = generate(group, LAYOUT)
+        firsts, arms = {}, {}
+        for case in cases:
+            firsts[case.spec.name], arms[case.spec.name] = _begin(case)
+        for turn in range(ROUNDS):
+            live = {c.spec.name: [a for a in arms[c.spec.name] if not a.done] for c in cases}
+            with_runs = [c for c in cases if live[c.spec.name]]
+            for name in [c.spec.name for c in cases if not live[c.spec.name]]:
+                _write(firsts[name], arms[name], folder)
+            cases = with_runs
+            if not cases:
+                return
+            plans = [[a.next_run() for a in live[c.spec.name]] for c in cases]
+            longest = max(len(p) for p in plans)
+            padded = [p + [p[-1]] * (longest - len(p)) for p in plans]
+            for c, logs in zip(cases, record_more(cases, padded, turn), strict=True):
+                for arm, log in zip(live[c.spec.name], logs, strict=False):
+                    arm.take(log)
+        for case in cases:
+            _write(firsts[case.spec.name], arms[case.spec.name], folder)
+
+
+def _begin(case: Case) -> tuple[dict[str, Any], list[Arm]]:
+    """Diagnose the first log of a case, from which all arms go on."""
     from pamid.effects.registry import chosen_effects
     from pamid.gap.several.go_on import go_on
     from pamid.gap.several.history import History
 
-    cases = generate(group, LAYOUT)
-    arms: list[Arm] = []
-    firsts = []
-    for case in cases:
-        history = History(simulator(case.sim_toml), chosen_effects("all", "bench"))
-        began = time.process_time()
-        first = go_on(history, {"first": case.log})
-        firsts.append((_said(first, case), time.process_time() - began))
-        for name in ARMS:
-            own = History(history.params, history.library, dict(history.logs), dict(history.held), list(history.rounds))
-            arms.append(Arm(name, case, first, own))
-    for turn in range(ROUNDS):
-        live = [a for a in arms if not a.done]
-        if not live:
-            break
-        with_runs = [c for c in cases if any(a.case is c for a in live)]
-        plans = [[a.next_run() for a in live if a.case is c] for c in with_runs]
-        longest = max(len(p) for p in plans)
-        padded = [p + [p[-1]] * (longest - len(p)) for p in plans]
-        for c, logs in zip(with_runs, record_more(with_runs, padded, turn), strict=True):
-            for arm, log in zip([a for a in live if a.case is c], logs, strict=False):
-                arm.take(log)
-    for case, (said, seconds) in zip(cases, firsts, strict=True):
-        result = {
-            "suite": case.spec.suite,
-            "name": case.spec.name,
-            "true": case.key["effects"].keys() and {k: v["strength"] for k, v in case.key["effects"].items()},
-            "first": said,
-            "seconds": seconds,
-            "arms": {a.name: a.rounds for a in arms if a.case is case},
-        }
-        write(case.spec.name, result)
+    history = History(simulator(case.sim_toml), chosen_effects("all", "bench"))
+    began = time.process_time()
+    first = go_on(history, {"first": case.log})
+    result = {
+        "suite": case.spec.suite,
+        "name": case.spec.name,
+        "true": {k: v["strength"] for k, v in case.key["effects"].items()},
+        "first": _said(first, case),
+        "seconds": time.process_time() - began,
+    }
+    own = [
+        History(history.params, history.library, dict(history.logs), dict(history.held), list(history.rounds))
+        for _ in ARMS
+    ]
+    return result, [Arm(name, case, first, h) for name, h in zip(ARMS, own, strict=True)]
+
+
+def _write(first: dict[str, Any], arms: Sequence[Arm], folder: Path) -> None:
+    write_json(folder / f"{first['name']}.json", {**first, "arms": {a.name: a.rounds for a in arms}})
+
+
+def _examine_unless_late(group: Sequence[Spec], folder: Path, until: float) -> str:
+    if time.time() > until:
+        return ""
+    examine(group, folder)
+    return f"{group[0].suite} to {group[-1].index}"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -252,6 +276,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=417, help="seed of the cases")
     parser.add_argument("--suite", choices=SUITES, action="append", help="only this suite; may be repeated")
     parser.add_argument("--out", type=Path, default=Path("results/next_run"), metavar="DIR", help="where results go")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no further case after this")
     parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")
     args = parser.parse_args(argv)
@@ -262,12 +287,11 @@ def main(argv: list[str] | None = None) -> int:
     groups = [(k / len(cases), cases[k : k + GROUP]) for cases in listed for k in range(0, len(cases), GROUP)]
     # The suites take turns, so that a run that is stopped has cases of each.
     groups.sort(key=lambda g: g[0])
-    began = time.monotonic()
-    for _, group in groups if not args.report else []:
-        missing = [s for s in group if not (folder / f"{s.name}.json").is_file()]
-        if missing and time.monotonic() - began < 60.0 * args.minutes:
-            examine(missing, lambda name, result: write_json(folder / f"{name}.json", result))
-            print(f"{group[0].suite} to {group[-1].index}, {(time.monotonic() - began) / 60:.1f} min", file=sys.stderr)
+    missing = [[s for s in g if not (folder / f"{s.name}.json").is_file()] for _, g in groups if not args.report]
+    began = time.time()
+    work = (delayed(_examine_unless_late)(g, folder, began + 60.0 * args.minutes) for g in missing if g)
+    for done in filter(None, Parallel(n_jobs=args.jobs, return_as="generator_unordered")(work)):
+        print(f"{done}, {(time.time() - began) / 60:.1f} min", file=sys.stderr)
     names = {s.name for cases in listed for s in cases}
     found = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*.json")) if p.stem in names]
     if not found:
@@ -331,6 +355,12 @@ def report(found: Sequence[dict[str, Any]], command: str) -> str:
             single,
             says("right", single, 1),
         ),
+        row(
+            "the same, or no run tells the first from the right one, as `next` said",
+            "–",
+            single,
+            lambda arm: share([_right_or_alike(f) for f in single]) if arm == "designed" else "–",
+        ),
         row("left open by the first log: right effect first then", "–", left, says("right", left, 0)),
         row("after one run", "random ≥ 8 points behind", left, says("right", left, 1)),
         row("right effect named alone after one run", "–", left, one(left, 1)),
@@ -390,6 +420,12 @@ def _kinds(found: Sequence[dict[str, Any]]) -> list[str]:
             f"{len(closed_by)} |"
         )
     return lines
+
+
+def _right_or_alike(f: dict[str, Any]) -> bool:
+    said = f["arms"]["designed"][0]
+    pairs = [{tuple(names) for names in pair} for pair in said.get("alike", [])]
+    return bool(said["right"]) or any({(true,), (said["first"],)} in pairs for true in f["true"])
 
 
 def _one(said: dict[str, Any]) -> bool:
