@@ -35,7 +35,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "of its own",
     )
     group.add_argument(
-        "--since", metavar="DIR", help="go on from the diagnosis in DIR: its posterior is the prior of this one"
+        "--since",
+        metavar="DIR",
+        help="go on from the diagnosis in DIR: its posterior is the prior of this one, and "
+        "its simulator that of this one where none is named",
     )
 
 
@@ -67,6 +70,13 @@ def logs_of(args: argparse.Namespace) -> dict[str, pd.DataFrame] | None:
     if not wanted(args) and all(log["trajectory"].nunique() == 1 for log in found.values()):
         return None
     return found
+
+
+def simulator_before(args: argparse.Namespace) -> BenchParameters | None:
+    """Return the simulator of the diagnosis that the arguments go on from; None where they begin anew."""
+    from ..gap.several.history import read_history
+
+    return read_history(args.since).params if args.since else None
 
 
 def diagnosed(

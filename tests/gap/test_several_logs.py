@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -117,7 +118,7 @@ def test_logs_that_cannot_be_of_one_bench_are_refused(healthy: pd.DataFrame) -> 
         diagnose_logs({"first": healthy, "second": larger}, NOMINAL, ["leakage"])
     flow = healthy.drop(columns=["F1", "F2"])
     force = healthy.drop(columns=["mdot1", "mdot2", "u1", "u2"])
-    with pytest.raises(MissingColumnError, match="same columns"):
+    with pytest.raises(MissingColumnError, match=r"first lacks F1, F2 and second lacks mdot1, mdot2, u1, u2"):
         diagnose_logs({"first": flow, "second": force}, NOMINAL, ["leakage"])
 
 
@@ -275,6 +276,10 @@ def test_parameters_are_determined_where_one_explanation_is_left(leaking: pd.Dat
     plan = plan_next([rival], {"log": leaking}, NOMINAL, Limits(seconds=2.0, runs=2), designs=10)
     assert plan.purpose == "parameters" and len(plan.runs) == 2
     assert plan.shrinks["leakage.conductance"] > 1.1
+    with patch("pamid.gap.design.search.NARROWS", 1e3):
+        plan = plan_next([rival], {"log": leaking}, NOMINAL, Limits(seconds=1.0), designs=8)
+    assert not plan.tells and not plan.runs and len(plan.closest) == 1
+    assert "no run within the limits" in summary(plan)
 
 
 def test_a_file_of_runs_that_are_none_says_so(tmp_path: Path) -> None:
@@ -315,9 +320,12 @@ def test_the_loop_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixt
     page = (tmp_path / "diagnosis-2" / "report.html").read_text()
     assert "Before and after this log" in page and "Log by log" in page
     capsys.readouterr()
-    since = ["--since", f"{folder}/diagnosis", *sim, "--out", f"{folder}/three", *quiet]
-    assert main(["diagnose", f"{folder}/second.parquet", *since, *library]) == 2
-    assert "--since" in capsys.readouterr().err
+    since = ["--since", f"{folder}/diagnosis", "--out", f"{folder}/three", *quiet]
+    (tmp_path / "alone").mkdir()
+    log = (tmp_path / "second.parquet").rename(tmp_path / "alone" / "second.parquet")
+    # No simulator lies beside the log: that of the earlier diagnosis is taken.
+    assert main(["diagnose", str(log), *since, *library]) == 2
+    assert "--effects or --without is given with --since" in capsys.readouterr().err
 
 
 def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() -> None:

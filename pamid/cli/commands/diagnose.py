@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
-from .._several import HISTORY, add_options, diagnosed, logs_of, wanted
+from .._several import HISTORY, add_options, diagnosed, logs_of, simulator_before, wanted
 from .._simulators import CORRECTED, add_trust_option, port_simulator_of, write_corrected
 from ..common import (
     DONE,
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     logs = logs_of(args) if bench else None
     history: History | None = None
     log = load_log(args, check_units=ported is None) if not bench else None  # a port says itself which unit it is in
-    params = simulator_of(args) if bench else None
+    params = simulator_of(args) or simulator_before(args) if bench else None
     if params is None and bench:
         raise ParameterError(
             "No simulator is named, and none lies beside the log.",
@@ -240,10 +240,11 @@ def _source(args: argparse.Namespace, log: Any) -> Source:
     from ...report.sections import Source
 
     logs = args.log if isinstance(args.log, list) else [args.log]
+    unnamed = f"the simulator of {_short(args.since)}" if args.since else "the simulator beside it"
     more = f" and {len(logs) - 1} more" if len(logs) > 1 else ""
     return Source(
         log=f"{_short(logs[0])}{more}",
-        simulator=_short(args.sim) if args.sim else "the simulator beside it",
+        simulator=_short(args.sim) if args.sim else unnamed,
         rows=len(log),
         runs=int(log["trajectory"].nunique()) if "trajectory" in log else 0,
     )

@@ -39,6 +39,8 @@ DRAWS = 4
 """Draws of what could be true of an explanation, beside its best fit."""
 SIMULATED = 0.1
 """Belief from which an explanation's own runs are simulated, to see them as it would make them."""
+NARROWS = 0.1
+"""Gain in information about parameters, in nats, from which a run is worth its time: intervals narrower by a tenth."""
 CHANNELS = ("q", "P", "F", "mdot")
 Z80 = 1.2816
 
@@ -262,9 +264,10 @@ class _Search:
         if self.purpose == "parameters":
             gain = self._value(told[0][0], chosen)
             shrinks = self._shrinks(told[0][0], chosen)
+            tells = bool(gain > NARROWS)
             return Plan(
-                self.purpose, runs, self.limits, names, beliefs, [], gain, gain > 0.1, shrinks=shrinks,
-                designs=self.looked,
+                self.purpose, runs if tells else [], self.limits, names, beliefs, [], gain, tells, shrinks=shrinks,
+                designs=self.looked, closest=[] if tells else runs,
             )  # fmt: skip
         outlook = self._outlook(told, chosen)
         between, expected = self._expected(told, chosen, outlook)

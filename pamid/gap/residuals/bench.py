@@ -12,7 +12,7 @@ from ...effects import Effect, Parameter, Plant, all_effects, make_effect
 from ...equations.base import Equation, Residual
 from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
-from ...equations.log import BenchLog
+from ...equations.log import BenchLog, columns_of
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
 from ...signals.roles import ROLES
@@ -63,6 +63,8 @@ class Evidence(Straight):
         Parameters that have a tolerance.
     J : array, shape (n_windows, n_free)
         What a deviation of one tolerance does to the residuals.
+    columns : list of str
+        Columns of the log that equations may read, beside the angle.
     skipped : dict of str to str
         Equations that the log does not allow, and why.
     weights : array, shape (n_equations,)
@@ -92,6 +94,7 @@ class Evidence(Straight):
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
         channels = [c for c in CHANNELS if log.holds(c)]
+        self.columns = [column for c in CHANNELS for column in columns_of(c) if log.reads(column)]
         self.runs: list[Run] = list(log.runs(Model(params, settled=True), channels))
         pool_noise([run.stretch for run in self.runs])
         self.trajectories = list(dict.fromkeys(run.trajectory for run in self.runs))

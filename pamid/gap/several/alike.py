@@ -35,9 +35,10 @@ def check_alike(logs: Mapping[str, Evidence]) -> None:
     """
     for (one, a), (two, b) in combinations(logs.items(), 2):
         if not set(a.equations) & set(b.equations):
+            lacks = [f"{x} lacks {', '.join(c)}" for x, c in ((one, _lacks(a, b)), (two, _lacks(b, a))) if c]
             raise MissingColumnError(
-                f"{one} allows the equations {', '.join(a.equations) or 'none'}, {two} "
-                f"{', '.join(b.equations) or 'none'}.",
+                f"{' and '.join(lacks)}{': ' * bool(lacks)}{one} allows the equations "
+                f"{', '.join(a.equations) or 'none'}, {two} {', '.join(b.equations) or 'none'}.",
                 "logs with the same columns",
                 "Map the columns of both logs alike; a cause can only be shared where both tell of it.",
             )
@@ -54,6 +55,11 @@ def check_alike(logs: Mapping[str, Evidence]) -> None:
                     f"Check the units of {two if abs(np.log(second)) > abs(np.log(first)) else one}, or diagnose the "
                     "logs of different benches one by one.",
                 )
+
+
+def _lacks(evidence: Evidence, other: Evidence) -> list[str]:
+    """Return the columns that another log has."""
+    return [c for c in other.columns if c not in evidence.columns]
 
 
 def _size(evidence: Evidence, equation: str) -> float | None:
