@@ -44,8 +44,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def shell(*argv: str, **options) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-c", "import sys; from pamid.cli import main; sys.exit(main())", *argv]
-    return subprocess.run(command, capture_output=True, text=True, **options)
+    return subprocess.run([sys.executable, "-m", "pamid", *argv], capture_output=True, text=True, **options)
 
 
 def files(folder: Path) -> list[str]:
