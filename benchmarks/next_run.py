@@ -101,8 +101,9 @@ class Arm:
         if self.name == "designed":
             began = time.process_time()
             self.plan = plan_next(
-                self.found.rivals, self.history.logs, self.history.params, limits, designs=DESIGNS, seed=k
-            )
+                self.found.rivals, self.history.logs, self.history.params, limits, designs=DESIGNS,
+                library=self.history.library, seed=k,
+            )  # fmt: skip
             self.planned = time.process_time() - began
             # Where nothing tells within the limits, what comes closest is recorded nevertheless.
             run = next(iter([*self.plan.runs, *self.plan.closest]), run)

@@ -282,6 +282,22 @@ def test_parameters_are_determined_where_one_explanation_is_left(leaking: pd.Dat
     assert "no run within the limits" in summary(plan)
 
 
+def test_where_no_effect_is_left_the_run_shows_what_could_not_have_shown() -> None:
+    slow, none = simulate(NOMINAL, SLOW, seed=0), [Rival({}, {}, 0.0, 1.0)]
+    library = ["leakage", "valve_saturation"]
+    plan = plan_next(none, {"log": slow}, NOMINAL, Limits(seconds=2.0), designs=24, library=library)
+    assert plan.purpose == "unseen" and plan.tells and len(plan.runs) == 1
+    assert plan.explanations == [(), ("valve_saturation",)]  # a leak of typical size would have shown
+    assert "valve saturation" in summary(plan) and "falls behind" in outcomes(plan)[0]
+    # The valve opens further in it, so far that a typical limit shows.
+    again = simulate(NOMINAL, plan.trajectories(), seed=0)
+    assert again[["u1", "u2"]].abs().max().max() > 2.0 * slow[["u1", "u2"]].abs().max().max()
+    calm = Limits(seconds=1.0, angle=4.0, rate=5.0, frequency=1.0, pressure=0.0, rise=0.0, shut=False)
+    plan = plan_next(none, {"log": slow}, NOMINAL, calm, designs=8, library=library)
+    assert not plan.tells and not plan.runs and "Nor would any run" in summary(plan)
+    assert plan_next(none, {"log": slow}, NOMINAL, library=["leakage"], designs=8).purpose == "none"
+
+
 def test_a_file_of_runs_that_are_none_says_so(tmp_path: Path) -> None:
     file = tmp_path / "runs.toml"
     for text, said in (

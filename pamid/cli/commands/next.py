@@ -24,7 +24,7 @@ Design the next run after 'pamid diagnose --out DIR': of a continuous family of 
 multisines, holds, one muscle at constant pressure, pressures that rise together, valves shut; amplitude, frequency,
 offset and mean pressure within the limits of the bench) the one under which the explanations that are left, each
 refitted, differ most. Up to five runs share the time. Where one explanation is left, the run that best determines its
-parameters.
+parameters; where no effect is left, the run that shows those which could not have shown.
 
 It says beforehand what each outcome would mean, and when no run within the limits could tell.
 
@@ -83,13 +83,14 @@ def run(args: argparse.Namespace) -> int:
     out = check_folder(args.out or str(Path(args.folder) / "next"), FILES, size=_ROOM, parents=True)
     if not 8 <= args.designs <= 20_000:
         raise ParameterError(f"--designs is {args.designs}.", "8 to 20000", "Leave it at 200.")
-    rivals, logs, params, angle = _undecided(Path(args.folder))
+    rivals, logs, params, library, angle = _undecided(Path(args.folder))
     limits = _limits(args, angle)
     started = time.perf_counter()
     with progress(args, "Designing") as step:
         plan = plan_next(
-            rivals, logs, params, limits, designs=args.designs, purpose=args.purpose, seed=args.seed, progress=step
-        )
+            rivals, logs, params, limits, designs=args.designs, purpose=args.purpose, library=library, seed=args.seed,
+            progress=step,
+        )  # fmt: skip
     files = _write(plan, out)
     if args.json:
         print_json({**plan.as_dict(), "files": {f.name: str(f) for f in files}})
@@ -111,8 +112,8 @@ def _limits(args: argparse.Namespace, angle: float) -> Any:
     )  # fmt: skip
 
 
-def _undecided(folder: Path) -> tuple[list[Any], dict[str, Any], Any, float]:
-    """Return what a diagnosis left open, the logs of its last day, the simulator then, the largest angle in degrees."""
+def _undecided(folder: Path) -> tuple[list[Any], dict[str, Any], Any, list[str], float]:
+    """Return what a diagnosis left open, the logs of its last day, simulator, library and largest angle in degrees."""
     import numpy as np
 
     from ...gap.several.history import read_history
@@ -121,7 +122,8 @@ def _undecided(folder: Path) -> tuple[list[Any], dict[str, Any], Any, float]:
     last = list(history.held.values())[-1]
     now = {name: log for name, log in history.logs.items() if history.held[name].day == last.day}
     swing = max(float(np.nanmax(np.abs(log["q"]))) for log in history.logs.values())
-    return history.rivals, now, last.under(history.params), float(np.clip(np.degrees(swing), 5.0, 45.0))
+    angle = float(np.clip(np.degrees(swing), 5.0, 45.0))
+    return history.rivals, now, last.under(history.params), history.library, angle
 
 
 def _write(plan: Plan, out: Path) -> list[Path]:

@@ -60,8 +60,8 @@ class Plan:
     Parameters
     ----------
     purpose : str
-        ``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"none"``, where there is
-        nothing to ask.
+        ``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"unseen"``, where no
+        effect is left, to show those that would not have shown; ``"none"``, where there is nothing to ask.
     runs : list of DesignedRun
         The runs; empty where none would help.
     limits : Limits
@@ -74,8 +74,8 @@ class Plan:
         Each pair of explanations, either one true.
     clarity : float
         What the runs were chosen by, in nats: the information that they are expected to give on which explanation is
-        true, at most the entropy of the beliefs; for parameters, half the gain in the logarithm of the determinant of
-        their precision.
+        true, at most the entropy of the beliefs; on each effect that would not have shown; for parameters, half the
+        gain in the logarithm of the determinant of their precision.
     tells : bool
         Whether the runs would distinguish the explanations.
     alike : list of (tuple of str, tuple of str)

@@ -227,6 +227,24 @@ class Discrimination:
         return float(np.linalg.slogdet(k.curvature(H))[1])
 
 
+def shown(outlook: np.ndarray) -> float:
+    """Return what runs are chosen by where the first explanation is that no effect is there.
+
+    Parameters
+    ----------
+    outlook : array, shape (n, n, n_draws)
+        Differences in log-likelihood, row true, column refitted.
+
+    Returns
+    -------
+    float
+        Nats: the information on whether it is there, summed over all effects, each against none at even odds.
+    """
+    even = np.array([0.5, 0.5])
+    pairs = [np.array([[np.zeros_like(d), d], [d, np.zeros_like(d)]]) for d in outlook[1:, 0]]
+    return sum((gained(pair, even) for pair in pairs), 0.0)
+
+
 def gained(outlook: np.ndarray, beliefs: np.ndarray) -> float:
     """Return what runs are chosen by: the information about which explanation is true that they are expected to give.
 

@@ -17,7 +17,8 @@ from .family import DesignedRun, Limits, draw, near
 from .followed import controller_of
 from .known import Known, known_of
 from .plan import TELLS, Expected, Plan
-from .score import Discrimination, gained
+from .score import Discrimination, gained, shown
+from .unseen import unseen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,6 +87,7 @@ def plan_next(
     *,
     designs: int = 200,
     purpose: str = "auto",
+    library: Sequence[str] = (),
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Plan:
@@ -105,6 +107,8 @@ def plan_next(
         Designs to look at.
     purpose : {"auto", "discriminate", "parameters"}, default="auto"
         What the runs are for; "auto" determines parameters where only one explanation is left.
+    library : sequence of str, default=()
+        Effects that may be there: where the logs speak for none, the runs are to show those that could not have shown.
     seed : int, default=0
         Seed of the designs.
     progress : callable, optional
@@ -142,6 +146,10 @@ def plan_next(
         if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
             chosen = [r for r in chosen if r.effects][:1]
         asked = "discriminate" if len(chosen) > 1 else "parameters"
+        if not chosen and purpose != "parameters" and rivals:
+            # Nothing speaks for an effect. Those that would not have shown may be there all the same.
+            chosen, asked = unseen(bench.logs, rivals[0], library, TELLS), "unseen"
+            chosen = chosen if len(chosen) > 1 else []
         if not chosen:
             return Plan("none", [], limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
         rng = np.random.default_rng(seed)
@@ -228,6 +236,8 @@ class _Search:
     def _value(self, told: Discrimination, chosen: Sequence[int]) -> float:
         if self.purpose == "parameters":
             return 0.5 * (told.information(chosen) - told.information([]))
+        if self.purpose == "unseen":
+            return shown(told.outlook(chosen))
         return gained(told.outlook(chosen), self.beliefs)
 
     # --- the search -----------------------------------------------------------------------------------------
@@ -271,6 +281,13 @@ class _Search:
             )  # fmt: skip
         outlook = self._outlook(told, chosen)
         between, expected = self._expected(told, chosen, outlook)
+        if self.purpose == "unseen":
+            expected = [e for e in expected if e.truth and not e.rival]
+            tells = any(e.nats >= TELLS for e in expected)
+            return Plan(
+                self.purpose, runs if tells else [], self.limits, names, beliefs, expected, shown(outlook), tells,
+                designs=self.looked, closest=[] if tells else runs,
+            )  # fmt: skip
         pairs = [(i, j) for i in range(len(names)) for j in range(i)]
         alike = [(names[j], names[i]) for i, j in pairs if min(between[i, j], between[j, i]) < TELLS]
         top = max((min(between[0, j], between[j, 0]) for j in range(1, len(names))), default=0.0)
@@ -301,7 +318,7 @@ class _Search:
         return chosen
 
     def _together(self, told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> float:
-        if self.purpose == "parameters":
+        if self.purpose != "discriminate":
             return self._value(told[0][0], chosen)
         return gained(self._outlook(told, chosen), self.beliefs)
 

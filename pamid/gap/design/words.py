@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .plan import Plan
+from .plan import TELLS, Plan
 
 
 def summary(plan: Plan) -> str:
@@ -12,6 +12,10 @@ def summary(plan: Plan) -> str:
     if plan.purpose == "none":
         return "Nothing is undecided, and no cause is named whose parameters a run could determine."
     said = [named(n) for n in plan.explanations]
+    if plan.purpose == "unseen":
+        listed = ", ".join(said[1:])
+        now = "The next recording is to show them." if plan.tells else "Nor would any run within the limits show them."
+        return f"The logs need no effect, but would hardly have shown these at their typical size: {listed}. {now}"
     if plan.purpose == "parameters":
         if not plan.tells:
             return f"Only {said[0]} is left, and no run within the limits would narrow its parameters by much."
@@ -34,6 +38,12 @@ def summary(plan: Plan) -> str:
 def outcomes(plan: Plan) -> list[str]:
     """Return what each outcome would mean, and what would stay open."""
     found = []
+    if plan.purpose == "unseen":
+        for e in plan.expected if plan.runs else []:
+            clear = f"the simulator without it falls behind by {e.nats:.3g} nats, most in the {e.equation} equation"
+            said = clear if e.nats >= TELLS else "it would not show in this run, either"
+            found.append(f"If it has {named(e.truth)}, {said}.")
+        return found
     for truth in plan.explanations:
         mine = [e for e in plan.expected if e.truth == truth]
         if not plan.runs or not mine:

@@ -1,0 +1,59 @@
+"""Effects that the logs so far could not have shown: what a run is about where nothing else is undecided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...effects import all_effects
+from ..diagnosis.rivals import Rival
+from ..residuals.bench import Evidence
+from ..settings import TOLERANCE
+from .expected_cost import expected_cost
+
+MOST = 6
+"""Effects that a run is designed to show at once."""
+
+
+def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown: float) -> list[Rival]:
+    """Return no effect, and the effects that would hardly have shown in logs at their typical size.
+
+    Parameters
+    ----------
+    logs : sequence of Evidence
+        The logs.
+    base : Rival
+        The simulator as it was refitted to them, without effects.
+    library : sequence of str
+        Effects that may be there.
+    shown : float
+        Log-likelihood that an effect must cost, the tolerances refitted, to have shown, in nats.
+
+    Returns
+    -------
+    list of Rival
+        No effect first, then those that would have shown least; none of them is likelier than another.
+    """
+    known, found = all_effects(), []
+    for name in library:
+        if not any(log.touched([name]) for log in logs):
+            continue  # no run shows what no equation reads
+        typical = {p.name: float(p.nominal) for p in known[name].parameters}
+        cost = sum(_cost(log, {name: typical}, base) for log in logs)
+        if cost < shown:
+            found.append((cost, Rival({name: typical}, dict(base.deviations), 0.0, 0.0)))
+    found.sort(key=lambda f: f[0])
+    rivals = [base, *(rival for _, rival in found[:MOST])]
+    return [Rival(r.effects, r.deviations, r.score, 1.0 / len(rivals)) for r in rivals]
+
+
+def _cost(log: Evidence, spec: dict[str, dict[str, float]], base: Rival) -> float:
+    """Return what an effect costs the simulator without it in a log, its tolerances refitted."""
+    x = np.array([float(base.deviations.get(name, 0.0)) for name in log.free])
+    d = log.change(spec, {}, x)
+    H = log.J.T @ log.J + TOLERANCE * np.eye(len(x))
+    step = np.linalg.solve(H, log.J.T @ d)
+    left = d - log.J @ step
+    parts = [float(expected_cost(left[part, None], 0.0)[0][0]) for part in log.parts if part.stop > part.start]
+    return sum(parts) + 0.5 * TOLERANCE * float(step @ step)
