@@ -52,15 +52,17 @@ def check_number(
     value: Any, where: str, unit: str, lower: float, upper: float, hint: str = "", comment: str = ""
 ) -> float:
     """Return ``value`` as a float if it is a plausible number, else raise what says why not."""
+    of = "" if unit == "-" else f" {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise SimulatorTypeError(f"{where} is {value!r}.", f"a number in {unit}", "Write the number without quotes.")
+        expected = f"a number in{of}" if of else "a number"
+        raise SimulatorTypeError(f"{where} is {value!r}.", expected, "Write the number without quotes.")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not lower <= number <= upper:  # NaN fails as well
         remedy = hint if math.isfinite(number) and hint else "Correct the value."
-        raise ImplausibleParameterError(f"{where} is {number:g} {unit}.", f"{lower:g} to {upper:g} {unit}", remedy)
+        raise ImplausibleParameterError(f"{where} is {number:g}{of}.", f"{lower:g} to {upper:g}{of}", remedy)
     return number
 
 

@@ -136,8 +136,6 @@ def read_with_notes(
     notes = Notes()
     frames = []
     for path in files:
-        if path.stat().st_size == 0:
-            raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
         tables, zero_run = format_of(path).read(path, settings, max_bytes)
         frames.append((path, tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)))
     return in_order(pd.concat(_with_unique_names(frames), ignore_index=True), notes), notes

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import difflib
 import fnmatch
+import math
+import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
@@ -103,10 +106,9 @@ class SignalMapping:
             settings = dict(value)
             for key in ("allowed", "range"):
                 if settings.get(key) is not None:
-                    settings[key] = tuple(float(v) for v in _sequence(settings[key], f"{signal}.{key}"))
-            for key in ("scale", "offset", "offset_after"):
-                if key in settings:
-                    settings[key] = _number(settings[key], f"{signal}.{key}")
+                    settings[key] = tuple(
+                        _number(v, f"{signal}.{key}") for v in _sequence(settings[key], f"{signal}.{key}")
+                    )
             mapping = cls(**settings)
         else:
             raise MappingError(
@@ -119,6 +121,7 @@ class SignalMapping:
 
     def validate(self, signal: str) -> None:
         """Raise where what is said of a signal does not agree."""
+        _require_kinds(self, f"{signal}.")
         unit = self.si_unit(signal)
         known = self.dimension(signal)
         pressure = unit.dimension == "pressure" if unit else known == "pressure"
@@ -136,7 +139,7 @@ class SignalMapping:
             )
         if self.sign not in (1, -1):
             raise MappingError(f"{signal}.sign is {self.sign!r}.", "1 or -1", "Use scale for other factors.")
-        if self.range is not None and (len(self.range) != 2 or self.range[0] > self.range[1]):
+        if self.range is not None and (len(self.range) != 2 or not self.range[0] <= self.range[1]):
             raise MappingError(f"{signal}.range is {list(self.range)}.", "[lowest, highest]", "Correct it.")
 
     def si_unit(self, signal: str) -> Unit | None:
@@ -329,12 +332,10 @@ class LogMapping:
         if settings and not (set(settings) & keys):
             settings = {"signals": settings}
         _require_known(settings, sorted(keys), "the mapping")
-        signals = settings.get("signals", {})
-        if not isinstance(signals, Mapping):
-            raise MappingError(f"signals is a {type(signals).__name__}.", "a table of signals", "Correct the mapping.")
+        signals = _table(settings.get("signals", {}), "signals")
         settings["signals"] = {str(name): SignalMapping.from_value(str(name), v) for name, v in signals.items()}
         settings["files"] = tuple(_file_constants(entry) for entry in _sequence(settings.get("files", ()), "files"))
-        for name, value in dict(settings.get("constants", {})).items():
+        for name, value in _table(settings.get("constants", {}), "constants").items():
             parse_quantity(value, name)
         if "ambient_pressure" in settings:
             settings["ambient_pressure"] = parse_quantity(settings["ambient_pressure"], "P")
@@ -346,13 +347,17 @@ class LogMapping:
 
     def validate(self) -> None:
         """Raise where an option is none of those offered."""
+        _require_kinds(self)
+        for name, mark in (("decimal", self.decimal), ("thousands", self.thousands)):
+            if mark is not None and len(mark) != 1:
+                raise MappingError(f"{name} is {mark!r}.", "one character", "Correct the mapping.")
         for name, value, offered in (
             ("time_order", self.time_order, _ORDERS),
             ("duplicates", self.duplicates, _DUPLICATES),
         ):
             if value not in offered:
                 raise MappingError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct the mapping.")
-        if not isinstance(self.skip_rows, int) or isinstance(self.skip_rows, bool) or self.skip_rows < 0:
+        if self.skip_rows < 0:
             raise MappingError(f"skip_rows is {self.skip_rows!r}.", "a number of rows, 0 or more", "Correct it.")
         if not 3e4 < self.ambient_pressure < 2e5:
             raise UnitError(
@@ -391,7 +396,7 @@ def _file_constants(entry: Any) -> FileConstants:
             f"An entry of files is {entry!r}.", "a table with match and constants", "Correct the mapping."
         )
     _require_known(entry, ["match", "constants"], f"the files {entry['match']}")
-    constants = entry.get("constants", {})
+    constants = _table(entry.get("constants", {}), f"constants of the files {entry['match']}")
     for name, value in constants.items():
         parse_quantity(value, name)
     return FileConstants(entry["match"], dict(constants))
@@ -406,6 +411,38 @@ def _require_known(given: Mapping[str, Any], known: list[str], where: str) -> No
             f"only {', '.join(known)}",
             f"Did you mean '{near[0]}'?" if near else "Remove it.",
         )
+
+
+_KINDS = {
+    str: "text", bool: "true or false", float: "a finite number", int: "a whole number", tuple: "a list",
+    Mapping: "a table",
+}  # fmt: skip
+"""What the values of a setting are called in a file."""
+
+
+def _require_kinds(of: Any, where: str = "") -> None:
+    """Raise where a setting is not of the kind that its field declares."""
+    for name, hint in get_type_hints(type(of)).items():
+        value, offered = getattr(of, name), get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+        kinds = [get_origin(kind) or kind for kind in offered if kind is not types.NoneType]
+        if not (value is None and len(kinds) < len(offered)) and not any(_is_a(value, kind) for kind in kinds):
+            raise MappingError(
+                f"{where}{name} is {value!r}.", " or ".join(_KINDS[kind] for kind in kinds), "Correct the mapping."
+            )
+
+
+def _is_a(value: Any, kind: Any) -> bool:
+    if isinstance(value, bool) or kind is bool:
+        return kind is bool and isinstance(value, bool)
+    if kind is float:
+        return isinstance(value, Real) and math.isfinite(value)
+    return isinstance(value, Integral if kind is int else kind)
+
+
+def _table(value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise MappingError(f"{where} is {value!r}.", "a table", "Correct the mapping.")
+    return value
 
 
 def _sequence(value: Any, where: str) -> Sequence[Any]:

@@ -217,10 +217,6 @@ def _raw(
     path: Path, settings: LogMapping, rows: int, max_bytes: int
 ) -> Iterator[tuple[list[RawTable], pd.DataFrame | None]]:
     """Yield the tables of a file, cut between trajectories where its format allows it."""
-    from pamid.errors import EmptyLogError
-
-    if path.stat().st_size == 0:
-        raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
     kind = format_of(path)
     slicer = _SLICERS.get(kind.name)
     sliced = slicer(path, settings, rows, max_bytes) if slicer is not None else None

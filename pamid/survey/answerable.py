@@ -160,7 +160,7 @@ def _held(f: Facts) -> tuple[bool | None, str]:
 def _speeds_of_filling(f: Facts) -> tuple[bool | None, str]:
     c = f.coverage
     octaves = c.bandwidth / c.lowest if c.lowest > 0 else 0.0
-    said = f"movement from {c.lowest:.2g} to {c.bandwidth:.2g} Hz"
+    said = f"movement from {c.lowest:.2g} to {c.bandwidth:.2g} Hz" if c.bandwidth > 0 else _movement(c)
     return ((octaves > 20 and c.bandwidth > 1) or (None if octaves > 5 else False)), said
 
 

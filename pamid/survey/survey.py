@@ -182,9 +182,9 @@ def _channel_warnings(c: Channel) -> list[str]:
         return [f"{c.name} holds no reading."]
     if c.missing > 0:
         burst = f", the longest stretch {c.longest_missing:.2g} s" if c.longest_missing > 0 else ""
-        found.append(f"{c.name}: {100 * c.missing:.2g} % of the readings are missing{burst}.")
+        found.append(f"{c.name}: {100 * c.missing:.3g} % of the readings are missing{burst}.")
     if c.frozen > 0:
-        found.append(f"{c.name} repeats one value for long while others move in {100 * c.frozen:.2g} % of the rows.")
+        found.append(f"{c.name} repeats one value for long while others move in {100 * c.frozen:.3g} % of the rows.")
     if c.clipped:
         end = {"low": "lower end", "high": "upper end", "both": "both ends"}[c.clipped]
         found.append(

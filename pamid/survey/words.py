@@ -32,7 +32,7 @@ def channel_rows(channels: list[Channel]) -> tuple[list[str], list[list[str]]]:
             shown(c.high, c.unit),
             shown(c.noise, c.unit),
             shown(c.step, c.unit) if c.step > 0 else "-",
-            f"{100 * c.missing:.2g} %" if c.missing else "-",
+            f"{100 * c.missing:.3g} %" if c.missing else "-",
         ]
         for c in channels
     ]

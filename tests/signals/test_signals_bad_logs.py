@@ -106,7 +106,7 @@ CASES = {
     "no path at all": (lambda d: [], None, errors.LogNotFoundError, "No log is given"),
     "path of another type": (lambda d: [3], None, errors.ParameterError, "3"),
     "empty": (text(""), None, errors.EmptyLogError, "empty"),
-    "blank lines only": (text("\n\n  \n"), None, errors.LogFormatError, "log.csv"),
+    "blank lines only": (text("\n\n  \n"), None, errors.EmptyLogError, "empty"),
     "header only": (text("time,q\n"), None, errors.EmptyLogError, "no rows"),
     "parquet without rows": (table(time=np.zeros(0), q=np.zeros(0)), None, errors.EmptyLogError, "no rows"),
     "binary garbage": (text(bytes(range(256)) * 40), None, errors.LogFormatError, "binary"),
@@ -170,7 +170,7 @@ CASES = {
     "gauge of a force": (text(CSV), {"F": {"column": "q", "gauge": True}}, errors.MappingError, "pressures only"),
     "unit against gauge": (text(CSV), {"P": {"unit": "barg", "gauge": False}}, errors.MappingError, "agree"),
     "sign of two": (text(CSV), {"q": {"sign": 2}}, errors.MappingError, "1 or -1"),
-    "scale as text": (text(CSV), {"q": {"scale": "2"}}, errors.MappingError, "a number"),
+    "scale as text": (text(CSV), {"q": {"scale": "2"}}, errors.MappingError, "a finite number"),
     "ambient in bar": (text(CSV), {"signals": Q, "ambient_pressure": 1.013}, errors.UnitError, "in Pa"),
     "constant without number": (text(CSV), {"signals": Q, "constants": {"eps": "small"}}, errors.MappingError, "small"),
     "length without rest length": (

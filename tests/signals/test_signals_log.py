@@ -392,6 +392,27 @@ def test_a_mapping_is_the_same_from_dict_toml_and_objects(tmp_path):
     assert built.constants_of("folder/run50.mat") == {}
 
 
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("decimal", 3), ("decimal", "ab"), ("thousands", ""), ("delimiter", 3), ("header", -5), ("header", "no"),
+        ("keep_others", "no"), ("entries", 3), ("trajectory", True), ("skip_rows", -1), ("constants", [1]),
+        ("files", 3), ("sampling_period", float("nan")), ("P.gauge", "no"), ("P.gauge", 1), ("P.check", "no"),
+        ("P.own", 3),
+        ("P.scale", float("nan")), ("P.offset", float("inf")), ("P.offset_after", "2"), ("P.range", ["a", 1]),
+        ("P.range", [float("nan"), 1]), ("P.column", []), ("P.column", 1.5), ("P.unit", 5), ("P.sign", True),
+    ],
+)  # fmt: skip
+def test_a_setting_of_another_kind_is_named(setting, value):
+    name, _, of_signal = setting.partition(".")
+    source = {"signals": {name: {of_signal: value}}} if of_signal else {setting: value}
+    with pytest.raises(MappingError) as caught:
+        LogMapping.load(source)
+    assert caught.value.found.startswith(f"{setting} is")
+    assert caught.value.expected
+    assert caught.value.remedy
+
+
 def test_a_mapping_in_objects_is_checked_too(tmp_path):
     (tmp_path / "a.csv").write_text("time,q\n0,0\n0.1,0\n")
     with pytest.raises(MappingError, match="time_order"):

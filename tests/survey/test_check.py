@@ -17,6 +17,7 @@ from pamid.survey import survey_html
 from pamid.survey.answerable import RULES
 from pamid.survey.separation import _responses, _told
 from pamid.survey.survey import survey
+from pamid.survey.words import channel_rows
 from pamid.systems.cylinder import Cylinder
 
 BENCH = BenchParameters.for_muscle("B")
@@ -68,6 +69,13 @@ def test_gaps_jitter_and_mixed_rates_are_told():
     assert told(survey(run(w=80.0)), "rates lose their peaks")
 
 
+def test_a_channel_without_a_reading_and_a_run_of_three_rows_are_put_in_words():
+    gone = survey(run(F=np.nan))
+    assert next(row for row in channel_rows(gone.channels)[1] if row[0] == "F")[-1] == "100 %"
+    short = simulate(BENCH, [sine(3, 12, samples=100)], seed=0).iloc[:3]
+    assert not any("nan" in a.why for a in survey(short).answers)
+
+
 def test_faults_of_sensors_are_told():
     burst, frozen = run(), run()
     burst.loc[100:160, "F"] = np.nan
@@ -75,7 +83,7 @@ def test_faults_of_sensors_are_told():
     clipped = run().assign(F=lambda d: d["F"].clip(upper=d["F"].quantile(0.8)))
     coarse = run().assign(P=lambda d: 2e4 * np.round(d["P"] / 2e4))
     empty = run(F=np.nan)
-    assert told(survey(burst), "F: 5.1 % of the readings are missing, the longest stretch 0.3")
+    assert told(survey(burst), "F: 5.08 % of the readings are missing, the longest stretch 0.3")
     assert told(survey(frozen), "F repeats one value")
     assert told(survey(clipped), "F piles up at the upper end")
     assert told(survey(coarse), "steps over its range")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pamid._discovery import modules
-from pamid.errors import LogFormatError
+from pamid.errors import EmptyLogError, LogFormatError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -151,11 +151,15 @@ def format_of(path: Path) -> Format:
 
     Raises
     ------
+    EmptyLogError
+        If the file holds nothing, or blanks alone.
     LogFormatError
         If the content is of no known format, or of another than the name says.
     """
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
+    if not head.strip():
+        raise EmptyLogError(f"{path.name} is empty.", "a log with at least two rows", "Record or copy it again.")
     suffix = path.suffix.lower()
     named = [f for f in all_formats() if suffix in f.extensions]
     for candidate in named:
