@@ -5,6 +5,7 @@ printed beside that of the numbers as they are, with the cases that the change w
 benchmarks/settings.py``; ``--number NAME`` takes one of them, ``--cases N`` more cases, and ``--out FILE`` keeps each
 answer, so that an interrupted run goes on where it was. A number whose change does nothing could go; one that gains by
 a change is wrong. What trust in names rests on was fitted to the numbers as they are, and is not fitted anew.
+``--computed`` prints instead what numbers that stand beside a computation do to it, which takes minutes.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks import _computed
 from benchmarks.withheld import judge, metrics, suites
 from benchmarks.withheld.generator import Case, generate
 from pamid.gap import settings
@@ -133,7 +135,12 @@ def main() -> None:
     parser.add_argument("--number", action="append", choices=sorted(numbers()), help="only this one; may be repeated")
     parser.add_argument("--cases", type=int, default=24, help="about so many cases")
     parser.add_argument("--out", type=Path, help="file that keeps the answers")
+    parser.add_argument("--computed", action="store_true", help="numbers that stand beside a computation instead")
     args = parser.parse_args()
+    if args.computed:
+        for line in _computed.table():
+            print(line, flush=True)
+        return
     counts = {suite: max(1, round(share * args.cases)) for suite, share in SHARES.items()}
     cases = [case for batch in suites.batches(counts, SEED) for case in generate(batch.specs, batch.layout)]
     answers = Answers(cases, args.out)

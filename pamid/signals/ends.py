@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-_FEW = 4
-"""Rows in a row at the largest size from which they are no chance."""
 _SELDOM = 0.05
 """Share of neighbours that are equal elsewhere up to which a row of equal ones means something."""
+_IN_A_ROW = 4
+"""Rows in a row at the largest size from which they are no chance: `_SELDOM` cubed is one in eight thousand."""
 
 
 class End(NamedTuple):
@@ -56,7 +56,7 @@ def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
     for a, b in spans:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at[a:b].astype(int), [0]])))
         for begin, stop in edges.reshape(-1, 2):
-            rows[a + begin : a + stop] = stop - begin >= _FEW
+            rows[a + begin : a + stop] = stop - begin >= _IN_A_ROW
         both = ~(at[a : b - 1] & at[a + 1 : b])
         equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
         pairs += int(np.sum(both))

@@ -9,13 +9,15 @@ import numpy as np
 from .noise import noise_level
 
 DURATION = 0.1
-"""Shortest rest, s."""
+"""Shortest rest, s; rests and motions are found as well with half and with twice as much
+(``benchmarks/settings.py --computed``)."""
 ROWS = 20
 """Least rows of a rest."""
 SLOW = 0.01
-"""Share of the fastest motion below which a position may rest."""
+"""Share of the fastest motion below which a position may rest; as little hangs on it."""
 NOISE = 8.0
-"""Range of what noise alone does to a resting position within that time, in standard deviations: a hundred samples."""
+"""Range that a hundred samples of noise alone exceed once in 14,000 times, in standard deviations: the studentised
+range (``scipy.stats.studentized_range.sf(8, 100, inf)``)."""
 
 
 def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:

@@ -25,8 +25,8 @@ _GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
-ENDS = 0.999
-"""How near to where readings stand a sensor's range ends, as a share of it."""
+NEAR_END = 1e-3
+"""How near to where readings stand a sensor's range ends, as a share of it: as far off is the end that is found."""
 
 
 class SignalSizes(NamedTuple):
@@ -300,7 +300,7 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                         unit,
                         unit,
                         reach=survey.tops.get(port, span),
-                        least=ENDS * survey.ends.get(port, 0.0),
+                        least=(1.0 - NEAR_END) * survey.ends.get(port, 0.0),
                     )
                 )
     return found

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
-_TELLING = 0.02  # of a lever's moment: a smaller change of cos q over the log cannot be told from an offset
+_TELLING = 0.02  # of a lever's moment: a smaller change of cos q cannot be told from an offset (settings.py --computed)
 _LEAST = 50  # rows of motion that say what drives a joint
 _UNEVEN = 0.02  # of a step: times that vary by more are brought to equal steps before rates are taken
 _STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters

@@ -20,9 +20,6 @@ from ..errors import UnknownOptionError
 from ..signals.state import Array, State
 from .base import VolumeJet
 
-_FEW = 256
-"""Numbers up to which one call that takes its time with each is quicker than several that do not."""
-
 
 @dataclass(frozen=True)
 class InputScale:
@@ -207,8 +204,6 @@ def _activate(z: np.ndarray, activation: str) -> tuple[np.ndarray, np.ndarray]:
         return t, 1.0 - t * t
     s = expit(z)
     if activation == "softplus":
-        if z.size <= _FEW:
-            return np.logaddexp(0.0, z), s
         return np.maximum(z, 0.0) + np.log1p(np.exp(-np.abs(z))), s
     if activation == "silu":
         return z * s, s + z * (s - s * s)

@@ -18,7 +18,8 @@ from ..inference.student_t import GAUSSIAN
 from ..settings import NU
 
 SIZES = np.concatenate([[0.0], np.geomspace(0.05, 3000.0, 70)])
-"""Misfits that are tabulated, in units of noise."""
+"""Misfits that are tabulated, in units of noise. This grid and the next cost 0.01 nats a window at the most
+(``benchmarks/settings.py --computed``)."""
 SCALES = 1.25 ** np.arange(24)
 """Scales that an equation is tried with, up to 170."""
 

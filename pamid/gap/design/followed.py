@@ -28,11 +28,13 @@ if TYPE_CHECKING:
 
 READ = ("q_ref", "q", "P1", "P2", "u1", "u2")
 SMOOTH = 15
-"""Samples over which the angle is smoothed before its rate is taken."""
+"""Samples over which the angle is smoothed before its rate is taken: the motion to come is the same with half and with
+twice as many (``benchmarks/settings.py --computed``)."""
 PRIOR = 0.001
-"""Weight of the simulator's own gains, as a share of what the logs say of each."""
+"""Weight of the simulator's own gains, as a share of what the logs say of each: it decides what they leave open."""
 SETTINGS = {"forward": (0.0, 1.5), "bandwidth": (4.0, 80.0), "damping": (0.1, 3.0), "pressure_time": (3e-3, 0.1)}
-"""Settings that are fitted, and the range that they are kept in."""
+"""Settings that are fitted, and the range in which a bench can be controlled: a guard; ranges twice as wide give
+the same motion."""
 
 
 def controller_of(logs: Iterable[pd.DataFrame], params: BenchParameters) -> Controller:

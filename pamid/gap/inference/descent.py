@@ -21,9 +21,9 @@ from ...fitting.marquardt import Damping
 from .student_t import RobustFit, bounded, loglik, window_weights
 
 DAMPED = 1e-2
-"""Damping of the first step."""
-FAR = 3.0
-"""How many times what ends a fit a step must gain for the next to do without slopes anew."""
+"""Damping of the first step; what a fit comes to does not hang on it (``benchmarks/settings.py --computed``)."""
+BROYDEN = 3.0
+"""How many times what ends a fit a step must gain for the next to do without slopes anew: time alone hangs on it."""
 
 
 class Prior(NamedTuple):
@@ -163,7 +163,7 @@ def descend(
         if gain < enough:
             break
         # A step that got far says itself how slopes change (Broyden); the next but one is laid anew.
-        anew = not anew or gain < FAR * enough
+        anew = not anew or gain < BROYDEN * enough
         if not anew:
             A = _turned(A, best.x - here.x, best.z - here.z, diagonal)
     return best._replace(loglik=best.loglik + prior.cost(best.x))

@@ -14,7 +14,7 @@ from .gauss_newton import Fit
 from .sensitivity import Template
 
 REPLICATES = 199
-_AT_ONCE = 64  # templates, so that they take less memory than the draws
+_AT_ONCE = 64  # templates, so that they take less memory than the draws; the answer is the same for any number
 ALIKE = 0.01
 """Share of an effect that parameters within their tolerances must leave for it to be told from them. What is left of
 less is of second order: a change that makes residuals and their noise smaller, which no score of first order counts."""
