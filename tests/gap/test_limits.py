@@ -8,9 +8,10 @@ import pytest
 from pamid.estimators import GapDiagnoser
 from sklearn.base import BaseEstimator, RegressorMixin
 
-from pamid.bench import BenchParameters, simulate, sine, step
+from pamid.bench import BenchParameters, Controller, simulate, sine, step
 from pamid.effects import Parameter
 from pamid.gap import diagnose
+from pamid.gap.design.family import DesignedRun
 from pamid.gap.inference.sensitivity import grid
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
@@ -40,6 +41,19 @@ def test_a_valve_that_saturates_is_found_beside_a_stronger_cause(limit: float) -
     assert {name for cause in found.causes for name in cause.effects} == {"joint_damping", "valve_saturation"}
     [saturation] = [cause for cause in found.causes if cause.effects == ("valve_saturation",)]
     assert saturation.parameters["limit"].value == pytest.approx(limit, abs=0.02)
+
+
+@pytest.mark.parametrize("share", [0.85, 0.7])
+def test_a_limit_is_found_far_below_full_opening_where_commands_stay_small(share: float) -> None:
+    run = DesignedRun("steps", 1.5, frequency=13.0, amplitude=14.0).trajectory("steps")
+    calm = Controller(pressure_time=0.1, bandwidth=10.0)
+    most = float(simulate(NOMINAL, [run], seed=0, controller=calm)[["u1", "u2"]].abs().max().max())
+    assert most < 0.3
+    limited = [("valve_saturation", {"limit": share * most})]
+    log = simulate(NOMINAL, [run], effects=limited, seed=0, controller=calm)
+    found = diagnose(log, NOMINAL, ["valve_saturation", "supply_droop", "valve_asymmetry"])
+    assert [cause.effects for cause in found.causes] == [("valve_saturation",)]
+    assert found.causes[0].parameters["limit"].value == pytest.approx(share * most, rel=0.01)
 
 
 def test_a_reading_that_saturates_is_found_from_what_the_model_reaches() -> None:

@@ -33,6 +33,8 @@ class Template:
         Change of the residuals for a unit of each parameter, or for the effect as it stands.
     lower, upper : array, shape (n_columns,)
         Bounds of the coefficients.
+    top : float, default=inf
+        Of a limit, where it begins to act: what the signal reaches.
     """
 
     effect: str
@@ -41,6 +43,7 @@ class Template:
     columns: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    top: float = np.inf
 
     def starts(self, x: np.ndarray) -> list[dict[str, float]]:
         """Return all parameters of the effect at fitted coefficients, in one or two readings of what they say."""
@@ -53,6 +56,8 @@ class Template:
             [p], share = sizes, float(max(x[0], 0.005))
             found.append({**self.fixed, p.name: p.lower + (self.fixed[p.name] - p.lower) * share})
             found.append({**self.fixed, p.name: min(p.upper, self.fixed[p.name] / share)})
+            if p.idle and self.top < np.inf:  # part of a limit's effect is a limit nearer to what the signal reaches
+                found.append({**self.fixed, p.name: self.top + (self.fixed[p.name] - self.top) * share})
         return found
 
 
@@ -71,7 +76,8 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
         bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
-            found.append(Template(effect.name, fixed, tuple(p.name for p in linear), D, lower, upper))
+            top = min((p.upper for p in others if p.idle), default=np.inf)
+            found.append(Template(effect.name, fixed, tuple(p.name for p in linear), D, lower, upper, top))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -330,8 +331,12 @@ class Evidence(Straight):
         return None
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within what the log reaches: here its own bounds."""
-        return p
+        """Return a limit of the valves' command within what the command reaches: beyond, it does nothing."""
+        if not (p.idle and p.unit == "-" and self.reads("u")):
+            return p
+        top = max(float(np.nanmax(np.abs(run.u), initial=0.0)) for run in self.runs)
+        upper = min(p.upper, top)
+        return replace(p, upper=upper, nominal=min(p.nominal, 0.6 * upper)) if p.lower < 0.6 * upper else p
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""

@@ -221,8 +221,8 @@ class StackedEvidence(Straight):
         return None
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within what the log reaches: here its own bounds."""
-        return p
+        """Return a parameter within what any of the logs reaches."""
+        return max((log.evidence.reached(p) for log in self.logs), key=lambda within: within.upper)
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
