@@ -118,6 +118,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
     PortEvidence
         The residuals.
     """
+    from .residuals.choice import motion_is_hidden
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
@@ -125,9 +126,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
     if derived is None:
         return ShootingEvidence(at_ports, simulator, refit=refit)
     found = DirectEvidence(at_ports, simulator, derived, refit)
-    # Where noise or steps hide the motion of positions from row to row, the paths that they add up to still show it.
-    hidden = derived and (found.buried() or found.coarse())
-    return ShootingEvidence(at_ports, simulator, refit=refit) if hidden else found
+    return ShootingEvidence(at_ports, simulator, refit=refit) if motion_is_hidden(found) else found
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

@@ -18,7 +18,7 @@ MOST = 1e9
 
 
 class Runner:
-    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample.
+    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or in lines between.
 
     Parameters
     ----------
@@ -30,10 +30,14 @@ class Runner:
         Its joints: one without a position gets a path.
     substeps : int, default=1
         Steps in a sample.
+    lines : bool, default=False
+        Whether inputs go straight to the next sample; over each step they stand at their mean.
     """
 
-    def __init__(self, simulator: Simulator, dt: float, joints: Sequence[JointPort] = (), substeps: int = 1) -> None:
-        self.simulator, self.dt, self.substeps = simulator, dt, substeps
+    def __init__(
+        self, simulator: Simulator, dt: float, joints: Sequence[JointPort] = (), substeps: int = 1, lines: bool = False
+    ) -> None:
+        self.simulator, self.dt, self.substeps, self.lines = simulator, dt, substeps, lines
         self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
 
     def states(
@@ -76,7 +80,8 @@ class Runner:
                 break
             now = p[k] if p.ndim == 3 else p
             for j in range(self.substeps):
-                x, memory = self._step(t[k] + j * h, h, x, u[k], now, acting, memory, paths)
+                held = u[k] + (j + 0.5) / self.substeps * (u[k + 1] - u[k]) if self.lines else u[k]
+                x, memory = self._step(t[k] + j * h, h, x, held, now, acting, memory, paths)
                 x = np.clip(np.nan_to_num(x, nan=most), -most, most)
         return out
 

@@ -12,12 +12,12 @@ effect that acts on a joint adds to one equation.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ...equations.windows import average, span, starts
-from ...signals.noise import quantisation_step
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest, resting_rows
@@ -35,9 +35,11 @@ from ...simulators.structure import (
 )
 from ..settings import OF_ITS_OWN
 from .balance import Balance
+from .between_rows import NOTE, go_in_lines
 from .kinematic import bent, both_measured, nuisances
 from .ports import Active, PortWindows
 from .states import integral, pairs_of, roles_of
+from .tolerances import SMALL
 from .turned import Instants, Turned, by_drives, by_inertia
 from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
@@ -91,12 +93,13 @@ class DirectEvidence(UndoneEvidence):
             self.pushes = pushes_of(simulator, *at, step)
             self.joints: list[JointPort] = joints_of(simulator, self.pairs, self.pushes)
             self.feeds = fed_by(simulator, *at)
-            self._base_rates = self._rates(self._x, self._u, self._u, simulator.numbers)
+            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
         else:
             self.pushes, self.joints = {}, []
         self.balances = self._balances()
         self._turned: Turned | None = None
         self._lay_windows()
+        self._hold()
         self._turned = self._turn()
         if self._turned is not None and self._turned.forces:
             units = {j.name: j.unit for j in self.joints}
@@ -108,31 +111,20 @@ class DirectEvidence(UndoneEvidence):
         """Forget what was kept of the simulator with other parameters."""
         self._asked.clear()
         if self.simulator.form == "ode":
-            self._base_rates = self._rates(self._x, self._u, self._u, self.simulator.numbers)
+            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
             some = some_instants(self.log.n)
             step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
             self.pushes = pushes_of(self.simulator, self.log.t[some], self._x[:, some], self._u[:, some], step)
 
-    def buried(self) -> bool:
-        """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
-        modelled = self._base_rates[:, : self.log.n]
-        second = [(p, b) for p, b in zip(self.parts, self.balances, strict=True) if b.order == 2]
-        if not second or (self._turned is not None and self._turned.forces):
-            return False
-        return any(
-            float(np.median(self.noise[p])) > float(np.sqrt(np.mean(np.square(modelled[b.row])))) for p, b in second
-        )
+    @property
+    def modelled(self) -> np.ndarray:
+        """What the simulator says of the rates at both ends of each step, inputs held, shape (n_states, 2 n_rows)."""
+        return self._base_rates if self.held else self._rates(self._x, self._u, self._u, self.simulator.numbers)
 
-    def coarse(self) -> bool:
-        """Tell whether a velocity is derived from a position that moves by less than its resolution from row to row.
-
-        Such a reading stands still and jumps: what follows the velocity, as the sign of a friction does, is not seen.
-        """
-        for position, velocity in self.derived.items():
-            way = np.abs(self._table[velocity]) * self.log.dt
-            if float(np.sqrt(np.mean(np.square(way)))) < quantisation_step(self.log.channels[position]):
-                return True
-        return False
+    @property
+    def says_forces(self) -> bool:
+        """Whether residuals are turned into forces."""
+        return self._turned is not None and self._turned.forces
 
     # --- the equations --------------------------------------------------------------------------------------
     def _balances(self) -> list[Balance]:
@@ -197,6 +189,30 @@ class DirectEvidence(UndoneEvidence):
                     found[joint.name] = rows
                     self.notes.append(at_rest(joint.position, float(rows.mean())))
         return found
+
+    def _ends(self, u: np.ndarray) -> np.ndarray:
+        """Return the inputs at the end of each step."""
+        return u if self.held else _next(u, self.log)
+
+    def _hold(self) -> None:
+        """See whether inputs are held over each step, or go straight to the next row."""
+        if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
+            return
+        known, found = self.simulator.numbers, []
+        for self.held in (False, True):
+            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
+            self._asked.clear()
+            found.append(self._residual([], known))
+        steps = [self.numbers({name: SMALL}) for name in self.free]
+        others = [self._residual([], p) - found[1] for p in steps]
+        ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
+        parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        beside = np.column_stack(others) if others else np.zeros((ends[-1], 0))
+        if go_in_lines(found[1], found[0], parts, beside):
+            self.held = False
+            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
+            self.notes.append(NOTE)
+        self._asked.clear()
 
     def _skew(self) -> None:
         """Let what is no cause by itself vary within tolerances.
@@ -353,10 +369,10 @@ class DirectEvidence(UndoneEvidence):
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
     ) -> np.ndarray:
         """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
-        ends = (u if self.held else _next(u, self.log)) + _next(pushed - u, self.log)
+        ends = self._ends(u) + _next(pushed - u, self.log)
         if restored or p.ndim != 1:
             return self._rates(x, pushed, ends, p)
-        change = np.hstack([pushed - self._u, ends - (self._u if self.held else _next(self._u, self.log))])
+        change = np.hstack([pushed - self._u, ends - self._ends(self._u)])
         moved = [k for k in range(len(change)) if np.any(change[k])]
         slopes = [self._slope(k, p) for k in moved]
         if any(s is None for s in slopes):
@@ -370,7 +386,7 @@ class DirectEvidence(UndoneEvidence):
         """Return the rates of the motion as it was read, at both ends of each step; kept for the latest parameters."""
         if np.array_equal(p, self.simulator.numbers):
             return self._base_rates
-        return self._kept_rates(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._u, p))
+        return self._kept_rates(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._ends(self._u), p))
 
     def _kept_rates(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
         if key not in self._asked:
@@ -389,7 +405,7 @@ class DirectEvidence(UndoneEvidence):
 
     def _found_slope(self, k: int, p: np.ndarray) -> np.ndarray:
         step = float(np.ptp(self._u[k])) or 1.0
-        up, ends = self._u.copy(), (self._u if self.held else _next(self._u, self.log)).copy()
+        up, ends = self._u.copy(), self._ends(self._u).copy()
         up[k] += step
         ends[k] += step
         return (self._rates(self._x, up, ends, p) - self._base(p)) / step

@@ -12,6 +12,7 @@ from ...simulators.base import Simulator
 from ...simulators.integrate import Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from .between_rows import drawn
 from .ports import Active
 from .response import Drive, Response
 from .states import integral
@@ -50,6 +51,8 @@ class PredictedEvidence(StretchEvidence):
         super().__init__(log, simulator, whole, refit)
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
+        self.lines = False
+        """Whether inputs go straight from row to row, instead of being held over each step."""
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
         self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
@@ -83,7 +86,7 @@ class PredictedEvidence(StretchEvidence):
             elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] += self._force(place, made)
-        return Drive(u, p, active)
+        return Drive(u, p, active, self.lines)
 
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
         """Return channels as faulty sensors read them, in place."""
@@ -150,16 +153,17 @@ class PredictedEvidence(StretchEvidence):
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
-        key = hash((x0.tobytes(), u.tobytes(), named(acting, p)))
+        key = hash((x0.tobytes(), u.tobytes(), named(acting, p), self.lines))
         if key in self._kept_states:
             return self._kept_states[key]
-        simulator, log = self.simulator, self.log
+        simulator, log, given = self.simulator, self.log, u
+        u = drawn(u, log.starts, self.substeps) if self.lines else u
         length = max(s.stop - s.first for s in self.stretches)
         rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
         copies = p[None] if p.ndim == 2 else p
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
-        runner = Runner(simulator, log.dt, self.joints, self.substeps)
+        runner = Runner(simulator, log.dt, self.joints, self.substeps, self.lines)
         x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
         self.simulated += many
         stretches = self.stretches * many
@@ -169,7 +173,7 @@ class PredictedEvidence(StretchEvidence):
             for k, (s, own) in enumerate(zip(stretches, states, strict=True)):
                 at = slice(s.first, s.stop)
                 with np.errstate(all="ignore"):
-                    outputs[k] = simulator.output(log.t[at], own, u[:, at], copies[k // len(self.stretches)][:, at])
+                    outputs[k] = simulator.output(log.t[at], own, given[:, at], copies[k // len(self.stretches)][:, at])
         while len(self._kept_states) >= MOST_STATES:
             self._kept_states.pop(next(iter(self._kept_states)))
         self._kept_states[key] = states, outputs
@@ -272,7 +276,7 @@ class PredictedEvidence(StretchEvidence):
 
     def _response(self, x0: np.ndarray, drive: Drive, states: list[np.ndarray]) -> Response:
         """Return how runs respond to small changes; kept for the latest ones."""
-        key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p)))
+        key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p), drive.lines))
         if key not in self._responses:
             while len(self._responses) >= MOST_RESPONSES:
                 self._responses.pop(next(iter(self._responses)))

@@ -21,6 +21,7 @@ from ...simulators.base import Simulator
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
+from .between_rows import drawn
 from .ports import Active
 
 _TERMS, _SMALL = 8, 0.25
@@ -36,10 +37,12 @@ class Drive:
         Inputs and parameters under the effects that act on them.
     active : list of (Placement, Effect)
         All effects; those that act like forces do so along the states.
+    lines : bool, default=False
+        Whether inputs go straight from row to row, instead of being held.
     """
 
-    def __init__(self, u: np.ndarray, p: np.ndarray, active: Active) -> None:
-        self.u, self.p = u, p
+    def __init__(self, u: np.ndarray, p: np.ndarray, active: Active, lines: bool = False) -> None:
+        self.u, self.p, self.lines = u, p, lines
         self.acting = [(place, made) for place, made in active if place.acts]
 
 
@@ -87,7 +90,11 @@ class Response:
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inputs amid each step, and what effects add to the rates themselves."""
         before, simulator = self.before, self.simulator
-        u, added = drive.u[:, before].copy(), np.zeros((len(x), len(before)))
+        u = drive.u[:, before].copy()
+        if drive.lines:
+            whole = drawn(drive.u, self.log.starts, 1)
+            u = 0.5 * (whole[:, before] + whole[:, before + 1])
+        added = np.zeros((len(x), len(before)))
         for place, made in drive.acting:
             force = self._force(place, made, x, drive.u)
             force = 0.5 * (force[before] + force[before + 1])

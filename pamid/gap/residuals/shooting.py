@@ -21,6 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...effects import Parameter
+from ...equations.noise import channel_noise, noise_beside
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
@@ -28,13 +29,15 @@ from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED
+from .between_rows import NOTE, go_in_lines
 from .ports import Active, PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, power
-from .window_length import LEAST_WINDOWS, no_windows
+from .tolerances import SMALL
+from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
 UNSURE = 4.0
 """Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
@@ -60,6 +63,7 @@ class ShootingEvidence(PredictedEvidence):
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]
+        self._heard: dict[str, float] = {}
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
         self.pushes: dict[tuple[str, str], float] = {}
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
@@ -67,13 +71,49 @@ class ShootingEvidence(PredictedEvidence):
         self._from: dict[str, np.ndarray] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
+        self._hear()
         # A stretch holds enough windows for its initial state to leave something to compare.
         shortest = min(s.stop - s.first for s in self.stretches)
-        self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST))
+        fastest = min(longest_window(log.channels[n], log) for n in self.shown)
+        self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST, fastest))
         self._look()
         self._blocks()
+        self._hold()
         self._skew()
         self._settle()
+
+    def _hear(self) -> None:
+        """Take motion that is fast beside the rows out of what neighbouring samples differ by, as it is predicted."""
+        plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
+        for name, drive in zip(self.shown, plain, strict=True):
+            x, least = self.log.channels[name], self.sigma[name]
+            found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
+            lengths = [b - a for a, b in self.log.spans]
+            self._heard[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
+            self.sigma[name] = max(self._heard[name], 1e-4 * float(np.std(x)), 1e-12)
+
+    def _hold(self) -> None:
+        """See whether inputs are held over each step, or go straight to the next row."""
+        if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
+            return
+        known, found = self.simulator.numbers, []
+        others = [self._changed([], self.numbers({name: SMALL}), [], known) for name in self.free]
+        for self.lines in (False, True):
+            self._plain = self._predict(self._x0, [], known)
+            found.append(self._residual([], known))
+        ends = np.arange(len(self.shown) + 1) * len(self.windows[0].first)
+        parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        beside = np.column_stack(others) if others else np.zeros((ends[-1], 0))
+        self.lines = go_in_lines(found[0], found[1], parts, beside)
+        if self.lines:
+            self.notes.append(NOTE)
+            self._again()
+            self._hear()
+        self._plain = self._predict(self._x0, [], known)
+
+    def channel_noise(self, name: str, width: int = 10) -> float:
+        """Return the standard deviation of a channel's noise a sample, without what was predicted of it."""
+        return self._heard.get(name) or super().channel_noise(name, width)
 
     def _look(self) -> None:
         """See how the simulator moves: its states along the log, its joints, and what its inputs do."""
@@ -144,7 +184,7 @@ class ShootingEvidence(PredictedEvidence):
         late = self._u.copy()
         late[:, 1:] = 0.5 * (self._u[:, 1:] + self._u[:, :-1])
         late[:, self.log.starts] = self._u[:, self.log.starts]
-        column = self._compared([], [], *self._near(self._x0, base, Drive(late, base.p, [])))
+        column = self._compared([], [], *self._near(self._x0, base, Drive(late, base.p, [], self.lines)))
         if np.any(column):
             self.skews[f"skew of {', '.join(driven)}"] = column
         self.free = [*self.free, *self.skews]

@@ -26,6 +26,9 @@ ASTRAY = 10.0
 """Standard deviations of a signal by which a prediction that runs away misses it."""
 SHORTEST = 24
 """Least samples of a stretch."""
+FORGETS, AT_ONCE, GONE = (500, 2000, 8000), 8, 1e-3
+"""Lengths over which it is asked whether a simulator forgets where it began, how many such stretches make it worth
+while, and what is then left of an initial state's largest effect."""
 
 
 class Segment(NamedTuple):
@@ -73,7 +76,7 @@ class StretchEvidence(PortEvidence):
 
     def _lay(self) -> None:
         """Choose the longest stretches that the simulator can follow, and fit where each begins."""
-        longest = max(b - a for a, b in self.log.spans)
+        longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
         length, rising = longest, False
         while True:
@@ -105,7 +108,7 @@ class StretchEvidence(PortEvidence):
             length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
         length = max(s.stop - s.first for s in self.stretches)
-        whole = length >= longest
+        whole = length >= max(b - a for a, b in self.log.spans)
         pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
         self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
 
@@ -116,6 +119,22 @@ class StretchEvidence(PortEvidence):
             edges = np.linspace(a, b, count + 1).astype(int)
             found += [Segment(int(x), int(y)) for x, y in pairwise(edges)]
         return found
+
+    def _needed(self) -> int:
+        """Return the longest stretch that is worth while: the longest run, or less where nothing is left of its begin.
+
+        Stretches that lie side by side run together, and what is long forgotten ties no two of them to each other.
+        """
+        longest = max(b - a for a, b in self.log.spans)
+        if self.simulator.form != "ode" or self.whole or not self.simulator.states:
+            return longest
+        for length in FORGETS:
+            if length * AT_ONCE > longest:
+                break
+            self.stretches = self._cut(length)
+            if all(forgotten(slopes) for slopes in self._slopes(self._starts())):
+                return max(s.stop - s.first for s in self.stretches)
+        return longest
 
     def _starts(self) -> np.ndarray:
         """Return first guesses of the initial states: what was measured, else where runs start."""
@@ -246,6 +265,12 @@ class StretchEvidence(PortEvidence):
             H = (A / size[:, None]) @ (A / size[:, None]).T + 1e-9 * np.eye(len(A))
             columns.append(np.linalg.solve(H, A @ np.nan_to_num(e).ravel() / size) / size)
         return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
+
+
+def forgotten(slopes: np.ndarray) -> bool:
+    """Tell whether nothing is left of initial states halfway along, from what they do, shape (n_states, n_shown, n)."""
+    size = np.max(np.abs(slopes), axis=1)
+    return bool(np.all(np.max(size[:, size.shape[1] // 2 :], axis=1) <= GONE * np.max(size, axis=1)))
 
 
 def beside(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -53,9 +53,7 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
     most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
     shortest = most
     for rate in rates:
-        frequency = _top_frequency(rate.modelled, log)
-        if frequency > 0.0:
-            shortest = min(shortest, round(1.0 / (PER_PERIOD * frequency * log.dt)))
+        shortest = min(shortest, longest_window(rate.modelled, log))
     n = max(1, shortest, min(most, 3 if log.n > 3 * LEAST_WINDOWS else 1))
     told = _told(n, rates, log.dt)
     while n < most and np.any(told * n < HIDDEN**-2):
@@ -65,6 +63,20 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
             break
         n, told = longer, more
     return n
+
+
+def longest_window(x: np.ndarray, log: PortLog) -> int:
+    """Return the samples of the longest window in which the fastest motion of a signal is not averaged away.
+
+    Parameters
+    ----------
+    x : array, shape (n_rows,)
+        The signal.
+    log : PortLog
+        The log.
+    """
+    frequency = _top_frequency(x, log)
+    return max(1, round(1.0 / (PER_PERIOD * frequency * log.dt))) if frequency > 0.0 else log.n
 
 
 def no_windows(log: PortLog, n: int) -> ShortTrajectoryError:

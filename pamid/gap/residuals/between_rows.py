@@ -1,0 +1,86 @@
+"""What inputs do between the rows of a log: a controller holds them, while measured ones go on to the next.
+
+Over a step the two differ by half of what the input changes by. Where rows are far apart beside the motion that is more
+than many causes do, and a file does not say which it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+NEAR_ONE, CERTAIN = 0.25, 4.0
+"""How near to its size what lines would change must be in the residuals, and by how many standard errors it must be
+known as near."""
+NOTE = "Inputs go on from row to row: held over each step, as a controller's are, they explain the log less well."
+
+
+def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
+    r"""Return inputs whose means over pieces of straight lines between rows act as smooth inputs through the rows do.
+
+    Lines let a sine of the angular frequency :math:`\omega` keep the share
+    :math:`\mathrm{sinc}^2 \approx 1 - (\omega h)^2 / 12`, means over m pieces of a step of them
+    :math:`1 - (\omega h / m)^2 / 24`; the second difference, which is :math:`-(\omega h)^2 u`, makes up for both.
+
+    Parameters
+    ----------
+    u : array, shape (n_inputs, n)
+        Inputs at the rows.
+    starts : array of int
+        First row of each run.
+    substeps : int
+        Pieces of a step.
+    """
+    out = u.copy()
+    bend = u[:, 2:] - 2.0 * u[:, 1:-1] + u[:, :-2]
+    for a in starts:
+        bend[:, max(a - 2, 0) : a] = 0.0  # no row knows of another run
+    out[:, 1:-1] -= (1.0 / 12.0 + 1.0 / (24.0 * substeps**2)) * bend
+    return out
+
+
+def go_in_lines(held: np.ndarray, lines: np.ndarray, parts: Sequence[slice], others: np.ndarray) -> bool:
+    """Tell whether residuals say that inputs go on from row to row.
+
+    What lines would change is looked for in the differences from window to window, where inputs that jump stand out and
+    motion does not: it is there as a whole, or it is not.
+
+    Parameters
+    ----------
+    held, lines : array, shape (n_windows,)
+        Residuals with inputs that are held over each step, and that go in lines.
+    parts : sequence of slice
+        The windows of each equation.
+    others : array, shape (n_windows, n_others)
+        What parameters within tolerances do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.gap.residuals.between_rows import go_in_lines
+    >>> rng = np.random.default_rng(0)
+    >>> rest, jumps, none = 0.1 * rng.standard_normal(400), rng.standard_normal(400), np.zeros((400, 0))
+    >>> go_in_lines(rest + jumps, rest, [slice(0, 400)], none), go_in_lines(rest, rest - jumps, [slice(0, 400)], none)
+    (True, False)
+    """
+    found, wanted, beside = [], [], []
+    for part in parts:
+        own = np.diff(held[part])
+        size = float(np.sqrt(np.mean(np.square(own)))) if len(own) else 0.0
+        if size > 0.0:
+            found.append(own / size)
+            wanted.append(np.diff(held[part] - lines[part]) / size)
+            beside.append(np.diff(others[part], axis=0) / size)
+    if not found:
+        return False
+    y, c, A = np.concatenate(found), np.concatenate(wanted), np.concatenate(beside)
+    if A.shape[1]:
+        A = A / (np.linalg.norm(A, axis=0) + 1e-300)
+        y, c = (v - A @ np.linalg.lstsq(A, v, rcond=1e-9)[0] for v in (y, c))
+    power = float(c @ c)
+    if not power > 0.0:
+        return False
+    share = float(c @ y) / power
+    error = float(np.sqrt(np.mean(np.square(y - share * c)) / power))
+    return abs(share - 1.0) < NEAR_ONE and CERTAIN * error < NEAR_ONE

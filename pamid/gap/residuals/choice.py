@@ -1,0 +1,69 @@
+"""Whether equations can be held against a log directly, or what they say has to be predicted over stretches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...signals.noise import quantisation_step
+from .direct import DirectEvidence
+from .tolerances import rms
+
+BENT = 0.02
+"""Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
+
+
+def motion_is_hidden(found: DirectEvidence) -> bool:
+    """Tell whether noise, steps or the time between rows hide the motion of positions from row to row.
+
+    The paths that motions add up to still show it then.
+
+    Parameters
+    ----------
+    found : DirectEvidence
+        The equations held against the log.
+    """
+    return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
+
+
+def buried(found: DirectEvidence) -> bool:
+    """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
+    return any(noise > rms(start) for noise, start, _ in _accelerations(found))
+
+
+def coarse(found: DirectEvidence) -> bool:
+    """Tell whether a velocity is derived from a position that moves by less than its resolution from row to row.
+
+    Such a reading stands still and jumps: what follows the velocity, as the sign of a friction does, is not seen.
+    """
+    for position, velocity in found.derived.items():
+        way = np.abs(found.signals()[velocity]) * found.log.dt
+        if rms(way) < quantisation_step(found.log.channels[position]):
+            return True
+    return False
+
+
+def fast(found: DirectEvidence) -> bool:
+    """Tell whether an acceleration bends so much from row to row that straight lines between rows miss its means.
+
+    A line between two values of a(t) misses its mean over a step by a'' h²/12. What inputs do, which are held over a
+    step, bends nothing.
+    """
+    begins = found.log.starts
+    for noise, start, end in _accelerations(found):
+        bend = np.diff(end - start, prepend=0.0) / 12.0
+        bend[begins], bend[np.append(begins[1:], found.log.n) - 1] = 0.0, 0.0
+        if rms(bend) > max(noise, BENT * rms(start)):
+            return True
+    return False
+
+
+def _accelerations(found: DirectEvidence) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Return the noise of accelerations, and what the simulator says of them at both ends of each step."""
+    if found.says_forces:
+        return []
+    n = found.log.n
+    return [
+        (float(np.median(found.noise[part])), found.modelled[b.row, :n], found.modelled[b.row, n:])
+        for part, b in zip(found.parts, found.balances, strict=True)
+        if b.order == 2
+    ]
