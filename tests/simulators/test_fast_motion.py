@@ -49,7 +49,7 @@ def fast(request) -> tuple[bool, pd.DataFrame]:
     return request.param, driven(4000, request.param)
 
 
-def test_a_spring_at_nine_rows_a_period_is_named_with_its_size():
+def test_a_spring_at_nine_rows_a_period_is_named_with_its_size():  # 12 s: stretches are cut from 4,000 rows on
     found = diagnose_simulator(driven(4000, True), spring(), ["nonlinear_stiffness", "actuator_lag"])
     [cause] = found.causes
     assert (found.verdict, cause.effects) == ("cause", ("nonlinear_stiffness",))
