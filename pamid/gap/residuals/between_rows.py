@@ -7,8 +7,11 @@ than many causes do, and a file does not say which it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
+
+from ...simulators.port_log import PortLog
 
 NEAR_ONE, CERTAIN = 0.25, 4.0
 """How near to its size what lines would change must be in the residuals, and by how many standard errors it must be
@@ -40,7 +43,7 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
     return out
 
 
-def go_in_lines(held: np.ndarray, lines: np.ndarray, parts: Sequence[slice], others: np.ndarray) -> bool:
+def go_in_lines(held: np.ndarray, lines: np.ndarray, counts: Sequence[int], others: np.ndarray) -> bool:
     """Tell whether residuals say that inputs go on from row to row.
 
     What lines would change is looked for in the differences from window to window, where inputs that jump stand out and
@@ -50,8 +53,8 @@ def go_in_lines(held: np.ndarray, lines: np.ndarray, parts: Sequence[slice], oth
     ----------
     held, lines : array, shape (n_windows,)
         Residuals with inputs that are held over each step, and that go in lines.
-    parts : sequence of slice
-        The windows of each equation.
+    counts : sequence of int
+        How many windows each equation has.
     others : array, shape (n_windows, n_others)
         What parameters within tolerances do.
 
@@ -61,11 +64,12 @@ def go_in_lines(held: np.ndarray, lines: np.ndarray, parts: Sequence[slice], oth
     >>> from pamid.gap.residuals.between_rows import go_in_lines
     >>> rng = np.random.default_rng(0)
     >>> rest, jumps, none = 0.1 * rng.standard_normal(400), rng.standard_normal(400), np.zeros((400, 0))
-    >>> go_in_lines(rest + jumps, rest, [slice(0, 400)], none), go_in_lines(rest, rest - jumps, [slice(0, 400)], none)
+    >>> go_in_lines(rest + jumps, rest, [400], none), go_in_lines(rest, rest - jumps, [400], none)
     (True, False)
     """
     found, wanted, beside = [], [], []
-    for part in parts:
+    ends = np.cumsum([0, *counts])
+    for part in (slice(int(a), int(b)) for a, b in pairwise(ends)):
         own = np.diff(held[part])
         size = float(np.sqrt(np.mean(np.square(own)))) if len(own) else 0.0
         if size > 0.0:
@@ -84,3 +88,19 @@ def go_in_lines(held: np.ndarray, lines: np.ndarray, parts: Sequence[slice], oth
     share = float(c @ y) / power
     error = float(np.sqrt(np.mean(np.square(y - share * c)) / power))
     return abs(share - 1.0) < NEAR_ONE and CERTAIN * error < NEAR_ONE
+
+
+def after(x: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return each row's successor within its run; the last row stays.
+
+    Parameters
+    ----------
+    x : array, shape (n_signals, n)
+        Signals at the rows.
+    log : PortLog
+        The log.
+    """
+    at = np.arange(log.n) + 1
+    for _, b in log.spans:
+        at[b - 1] = b - 1
+    return x[:, at]

@@ -12,7 +12,6 @@ effect that acts on a joint adds to one equation.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,11 +34,11 @@ from ...simulators.structure import (
 )
 from ..settings import OF_ITS_OWN
 from .balance import Balance
-from .between_rows import NOTE, go_in_lines
+from .between_rows import NOTE, after, go_in_lines
 from .kinematic import bent, both_measured, nuisances
 from .ports import Active, PortWindows
 from .states import integral, pairs_of, roles_of
-from .tolerances import SMALL
+from .tolerances import SMALL, rms
 from .turned import Instants, Turned, by_drives, by_inertia
 from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
@@ -191,8 +190,7 @@ class DirectEvidence(UndoneEvidence):
         return found
 
     def _ends(self, u: np.ndarray) -> np.ndarray:
-        """Return the inputs at the end of each step."""
-        return u if self.held else _next(u, self.log)
+        return u if self.held else after(u, self.log)
 
     def _hold(self) -> None:
         """See whether inputs are held over each step, or go straight to the next row."""
@@ -203,12 +201,9 @@ class DirectEvidence(UndoneEvidence):
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
             self._asked.clear()
             found.append(self._residual([], known))
-        steps = [self.numbers({name: SMALL}) for name in self.free]
-        others = [self._residual([], p) - found[1] for p in steps]
-        ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
-        parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        beside = np.column_stack(others) if others else np.zeros((ends[-1], 0))
-        if go_in_lines(found[1], found[0], parts, beside):
+        others = [self._residual([], self.numbers({name: SMALL})) - found[1] for name in self.free]
+        beside = np.column_stack(others) if others else np.zeros((len(found[1]), 0))
+        if go_in_lines(found[1], found[0], [len(w.first) for w in self.windows], beside):
             self.held = False
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
             self.notes.append(NOTE)
@@ -250,7 +245,7 @@ class DirectEvidence(UndoneEvidence):
                 if place.enters == "output" and place.at == b.channel and place.at in self.simulator.states:
                     x = place.truth(made, x, log.dt, log.starts)
             sizes = [
-                _rms(np.concatenate([
+                rms(np.concatenate([
                     average(b.rate(y[a:e], log.dt), self.n, b.order + 1, first)
                     for (a, e), first in zip(log.spans, firsts, strict=True)
                 ]))
@@ -362,14 +357,14 @@ class DirectEvidence(UndoneEvidence):
         t = np.concatenate([log.t, log.t + log.dt])
         wide = _wide(p, log.n)
         return self.simulator.rate(
-            t, np.hstack([x, _next(x, log)]), np.hstack([u0, u1]), np.hstack([wide, _next(wide, log)])
+            t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([wide, after(wide, log)])
         )
 
     def _total_rates(
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
     ) -> np.ndarray:
         """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
-        ends = self._ends(u) + _next(pushed - u, self.log)
+        ends = self._ends(u) + after(pushed - u, self.log)
         if restored or p.ndim != 1:
             return self._rates(x, pushed, ends, p)
         change = np.hstack([pushed - self._u, ends - self._ends(self._u)])
@@ -441,7 +436,7 @@ class DirectEvidence(UndoneEvidence):
             found = []
             if b.order:
                 start = rates[b.row, : log.n] + added[b.row]
-                end = rates[b.row, log.n :] + _next(added[b.row : b.row + 1], log)[0]
+                end = rates[b.row, log.n :] + after(added[b.row : b.row + 1], log)[0]
             else:
                 modelled = outputs[b.row]
                 for place, made in active:
@@ -500,17 +495,5 @@ class DirectEvidence(UndoneEvidence):
         return roles_of(self.simulator, self.joints, equation)
 
 
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))
-
-
 def _wide(p: np.ndarray, n: int) -> np.ndarray:
     return p if p.ndim == 2 else np.repeat(p[:, None], n, axis=1)
-
-
-def _next(x: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return each row's successor within its run; the last row stays."""
-    at = np.arange(log.n) + 1
-    for _, b in log.spans:
-        at[b - 1] = b - 1
-    return x[:, at]

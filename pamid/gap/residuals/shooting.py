@@ -101,10 +101,8 @@ class ShootingEvidence(PredictedEvidence):
         for self.lines in (False, True):
             self._plain = self._predict(self._x0, [], known)
             found.append(self._residual([], known))
-        ends = np.arange(len(self.shown) + 1) * len(self.windows[0].first)
-        parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        beside = np.column_stack(others) if others else np.zeros((ends[-1], 0))
-        self.lines = go_in_lines(found[0], found[1], parts, beside)
+        beside = np.column_stack(others) if others else np.zeros((len(found[0]), 0))
+        self.lines = go_in_lines(found[0], found[1], [len(w.first) for w in self.windows], beside)
         if self.lines:
             self.notes.append(NOTE)
             self._again()
