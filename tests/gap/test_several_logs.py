@@ -354,6 +354,18 @@ def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() ->
     assert set(found.next_experiment.separates) <= set(library)
 
 
+def test_a_second_cause_takes_no_confidence_from_the_first() -> None:
+    both = [("leakage", {"conductance": 2e-10}), ("viscous_friction", {})]
+    history = History(NOMINAL, ["leakage", "viscous_friction", "dead_volume"])
+    found = go_on(history, {"one": simulate(NOMINAL, RUNS, effects=both, seed=0)})
+    assert found.verdict == "several"
+    sure = history.rounds[0].confidences
+    assert {c.effects[0]: c.confidence for c in found.causes} == pytest.approx(
+        {name: sure[name] for name in ("leakage", "viscous_friction")}
+    )
+    assert min(sure["leakage"], sure["viscous_friction"]) > 0.6
+
+
 def test_a_demo_whose_log_tells_one_effect_has_no_second_round(tmp_path: Path) -> None:
     (tmp_path / "diagnosis").mkdir()
     found = tmp_path / "diagnosis" / "diagnosis.json"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -150,6 +151,8 @@ def plan_next(
             # Nothing speaks for an effect. Those that would not have shown may be there all the same.
             chosen, asked = unseen(bench.logs, rivals[0], library, TELLS), "unseen"
             chosen = chosen if len(chosen) > 1 else []
+        total = sum(r.belief for r in chosen) or 1.0
+        chosen = [replace(r, belief=r.belief / total) for r in chosen]  # of those that are compared
         if not chosen:
             return Plan("none", [], limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
         rng = np.random.default_rng(seed)

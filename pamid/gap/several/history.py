@@ -46,7 +46,7 @@ class Round:
     verdict : str
         The verdict.
     confidences : dict of str to float
-        Confidence of the likeliest candidates.
+        Confidence of the likeliest candidates: of several causes in each, else adding to one over the library.
     parameters : dict of str to dict
         For each cause its main parameter: ``parameter``, ``value``, ``low``, ``high``, ``unit``.
     left : float
@@ -283,9 +283,17 @@ def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
         parameters[cause.effects[0]] = {
             "parameter": main, "value": p.value, "low": low, "high": high, "unit": p.unit
         }  # fmt: skip
-    confidences = {c.effect: c.confidence for c in found.candidates[:_SHOWN]}
     left = float(found.remainder.get("share", 1.0)) if found.causes else 1.0
-    return Round(logs, recorded, found.verdict, confidences, parameters, left)
+    return Round(logs, recorded, found.verdict, _confidences(found), parameters, left)
+
+
+def _confidences(found: Diagnosis) -> dict[str, float]:
+    """Return the confidence of the likeliest candidates; each of several causes may be sure by itself."""
+    sure = {c.effect: c.confidence for c in found.candidates[:_SHOWN]}
+    for cause in found.causes if found.verdict == "several" else []:
+        total = sum(sure.get(name, 0.0) for name in cause.effects)
+        sure |= {name: cause.confidence * sure[name] / total for name in cause.effects if sure.get(name, 0.0) > 0.0}
+    return dict(sorted(sure.items(), key=lambda item: -item[1]))
 
 
 def _simulator(params: BenchParameters) -> dict[str, Any]:
