@@ -1,14 +1,15 @@
 r"""Fit what names are trusted by: weights of the signs of a cause beyond the library, and the bar they must pass.
 
 Causes of the development cases are named however little is to be trusted in them. A logistic regression, whose weights
-may only speak against a name, says how likely a cause is to be right from its signs; every probability that the bar
-is set by comes from a fit without the cases of the same effects. The bar is the lowest at which
+may only speak against a name, says how likely a cause is to be right from its signs, on any log, whether anyone could
+tell or not. Every probability that the bar is set by comes from a fit without the cases of the same effects. The bar is
+the lowest at which
 
 .. math:: (\text{wrong names that pass} + 1) / (\text{names that pass}) \le \alpha
 
 with cases weighted such that one gap in five has a cause beyond the library. As conformal selection has it, of the
-names said on new cases of that mixture at most α are expected to be wrong. Cases that even the oracle cannot decide are
-left out.
+names said on new cases of that mixture at most α are expected to be wrong. Cases that even the oracle cannot decide do
+not count for the bar.
 
 References
 ----------
@@ -59,11 +60,14 @@ class Told(NamedTuple):
         The signs of the cause.
     right : bool
         Whether one of its names is a true effect of the library.
+    decidable : bool
+        Whether the oracle tells the true cause from others on this log.
     """
 
     result: Mapping[str, Any]
     signs: dict[str, float]
     right: bool
+    decidable: bool
 
     @property
     def suite(self) -> str:
@@ -72,13 +76,14 @@ class Told(NamedTuple):
 
 
 def told(results: Sequence[Mapping[str, Any]]) -> list[Told]:
-    """Return the causes of the cases in which something was named and that can be decided."""
+    """Return the causes of the cases in which something was named."""
     known = decidable(results)
-    found = []
-    for r in results:
-        causes = r.get("diagnosis", {}).get("causes", []) if r["name"] in known else []
-        found += [Told(r, c["signs"], bool({*c["effects"]} & _true(r))) for c in causes if c["signs"]]
-    return found
+    return [
+        Told(r, c["signs"], bool({*c["effects"]} & _true(r)), r["name"] in known)
+        for r in results
+        for c in r.get("diagnosis", {}).get("causes", [])
+        if c["signs"]
+    ]
 
 
 def _true(result: Mapping[str, Any]) -> set[str]:
@@ -140,29 +145,41 @@ def report(results: Sequence[Mapping[str, Any]], module: Path | None = None) -> 
     names = sorted(causes[0].signs)
     S, y = design(causes, names), np.array([c.right for c in causes])
     suite = np.array([c.suite for c in causes])
-    beyond = suite == "off-library"
-    weight = np.where(beyond, weight_beyond(results), 1.0)
+    known = np.array([c.decidable for c in causes])
+    weight = np.where(suite == "off-library", weight_beyond(results), 1.0)
     p = held_out(S, y, ["+".join(sorted(c.result["key"]["effects"])) for c in causes])
-    low = bar(p, y, weight)
+    low = bar(p[known], y[known], weight[known])
     found = dict(zip(["constant", *names], fitted(S, y).round(2).tolist(), strict=True))
     if module is not None:
         rows = "".join(f'    "{name}": {value:g},\n' for name, value in found.items())
         module.write_text(MODULE.format(rows=rows, bar=low), encoding="utf-8")
-    logs = {s: {c.result["name"] for c in causes if c.suite == s} for s in sorted(set(suite))}
-    lines = [f"{len(causes)} causes of {sum(map(len, logs.values()))} decidable logs, {int(y.sum())} right.", ""]
+    logs = {c.result["name"] for c in causes}
+    lines = [f"{len(causes)} causes of {len(logs)} logs, {int(y.sum())} right, {int(known.sum())} decidable.", ""]
     lines += [f"{name:16s} {value:6.2f}" for name, value in found.items()]
-    library = [s for s in logs if s != "off-library"]
+    lines += ["", f"bar {low:.2f}"]
+    for title, some in (("all", np.ones(len(y), dtype=bool)), ("decidable", known)):
+        lines += ["", title, *_at_bars(causes, p, weight, some, sorted({0.3, 0.5, 0.6, 0.7, 0.8, 0.9, low}))]
+    return "\n".join(lines)
+
+
+def _at_bars(
+    causes: Sequence[Told], p: np.ndarray, weight: np.ndarray, some: np.ndarray, bars: Sequence[float]
+) -> list[str]:
+    """Return a table of what bars let pass of some causes."""
+    suite, y = np.array([c.suite for c in causes]), np.array([c.right for c in causes])
+    logs = np.array([c.result["name"] for c in causes])
+    library = sorted({*suite[some]} - {"off-library"})
+    beyond = some & (suite == "off-library")
     heads = [f"right ones named: {s}" for s in library]
-    lines += ["", f"bar {low:.2f}", "", "   ".join(["bar ", "wrong of those named", *heads, "beyond it, any name"])]
-    for at in sorted({0.3, 0.5, 0.6, 0.7, 0.8, 0.9, low}):
-        named = p >= at
+    lines = ["   ".join(["bar ", "wrong of those named", *heads, "beyond it, any name"])]
+    for at in bars:
+        named = some & (p >= at)
         wrong = float(np.sum(weight[named] * ~y[named]) / max(np.sum(weight[named]), 1e-12))
-        right = [np.mean(named[y & (suite == s)]) for s in library]
-        any_name = {c.result["name"] for c, said in zip(causes, named & beyond, strict=True) if said}
-        foreign = len(any_name) / max(len(logs.get("off-library", ())), 1)
+        right = [np.mean(p[some & y & (suite == s)] >= at) for s in library]
+        foreign = len({*logs[named & beyond]}) / max(len({*logs[beyond]}), 1)
         cells = [f"{at:.2f}", f"{wrong:20.1%}", *(f"{v:{len(h)}.1%}" for v, h in zip(right, heads, strict=True))]
         lines.append("   ".join([*cells, f"{foreign:19.1%}"]))
-    return "\n".join(lines)
+    return lines
 
 
 def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:

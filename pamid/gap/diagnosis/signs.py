@@ -18,6 +18,7 @@ from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU
 from .agreement import over_labels, over_rates
 from .closure import Clusters, closures
+from .findings import Closure
 
 LAGS = 8
 """Windows back to which what is left is held against its own past."""
@@ -47,6 +48,7 @@ def signs_of(
         inexactness; a half counts as all.
         ``left_of_equation``, ``left_beside``, ``left_of_gap``: share of the power beyond the noise that is left in its
         equation, in that of a cause in which it is most, and in all.
+        ``unexplained``: that share of each equation with a gap, averaged over them: weak ones count like strong ones.
         ``predictable``: share of what is left in its equation that a flexible function of the state predicts on other
         trajectories.
         ``coloured``: root mean square correlation of what is left there with its own past.
@@ -115,6 +117,7 @@ class _Told:
         return {
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
+            "unexplained": self._unexplained,
             "undone": self._undone(name),
             "faint": -0.25 * np.log(max(share, 1e-3)),
             **self._of_factor(name),
@@ -136,7 +139,8 @@ class _Told:
                 "left_of_equation": still / room if room > 0 else 0.0,
                 "predictable": self.flexible.remainder(name, self.best.fit.z).share if enough else 0.0,
                 "coloured": _colour(self.evidence, self.best.z, part),
-                "unclosed": 1.0 - self._closed[k],
+                # Two runs tell nothing of what would be closed on others.
+                "unclosed": 1.0 - self._closures[k].ci90[0] if len(self.evidence.trajectories) > 2 else 0.0,
             }
         return self._equations[k]
 
@@ -146,14 +150,17 @@ class _Told:
         return sum(_excess(self.after[part]) for part in self.evidence.parts) / room if room > 0 else 0.0
 
     @cached_property
-    def _closed(self) -> list[float]:
-        """The lower ends of what is closed on unseen runs, equation by equation; all where two runs tell nothing."""
-        if len(self.evidence.trajectories) < 3:
-            return [1.0] * len(self.evidence.equations)
+    def _unexplained(self) -> float:
+        """A cause beyond the library, imitated in one equation, stays as it was in the others."""
+        squares = [np.square([c.rmse_before, c.rmse_after, c.noise_floor]) for c in self._closures]
+        left = [(a - f) / (b - f) for b, a, f in squares if b > (1.0 + EXCESS) ** 2 * f]
+        return float(np.mean(np.clip(left, 0.0, 1.0))) if left else 0.0
+
+    @cached_property
+    def _closures(self) -> list[Closure]:
         clusters = Clusters(self.competition.fitter, self.best.fit)
         after, held_out = self.evidence.raw(clusters.z), self.evidence.raw(clusters.held_out())
-        found = closures(self.evidence, self.before, held_out, after, np.random.RandomState(0))
-        return [closure.ci90[0] for closure in found]
+        return closures(self.evidence, self.before, held_out, after, np.random.RandomState(0))
 
     def _undone(self, name: str) -> float:
         part = self.evidence.parts[self.main[name]]

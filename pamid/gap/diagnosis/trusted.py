@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 SIGNS = {
-    "constant": 3.13,
-    "alike": -3.2,
-    "coloured": -2.32,
-    "disagreeing": -1.05,
-    "faint": -1.32,
-    "left": -2.11,
-    "left_beside": -3.77,
-    "left_of_equation": -0.16,
-    "left_of_gap": -0.41,
-    "paced": -2.17,
-    "predictable": -1.31,
-    "uncertain": -0.34,
-    "unclosed": -0.7,
-    "undone": -1.5,
-    "uneven": -0.66,
+    "constant": 2.39,
+    "alike": 0,
+    "coloured": -1.45,
+    "disagreeing": 0,
+    "faint": -1.48,
+    "left": -1.8,
+    "left_beside": -2.72,
+    "left_of_equation": 0,
+    "left_of_gap": 0,
+    "paced": -2.05,
+    "predictable": -0.65,
+    "uncertain": 0,
+    "unclosed": -0.85,
+    "undone": -1.86,
+    "uneven": -0.77,
+    "unexplained": -0.64,
 }
 """Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`."""
 TRUSTED = 0.5
 """Probability from which a name is said: it is then more likely right than not."""
-SURE = 0.80
+SURE = 0.81
 """Probability from which at most one name in twenty is wrong, where one gap in five has a cause beyond the library."""
