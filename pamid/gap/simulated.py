@@ -12,8 +12,10 @@ import numpy as np
 from ..effects.registry import effects_beside
 from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
+from ..simulators.forces import as_force, force_per_input
 from ..simulators.placement import Placement
 from ..simulators.port_log import port_log
+from ..simulators.structure import some_instants
 from .diagnosis.findings import Candidate, Cause, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .engine import explain
@@ -210,8 +212,10 @@ def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
     causes = [_cause(c, places) for c in found.causes]
     known = found.verdict in ("cause", "class", "several")
     corrected = corrected_simulator(evidence, found) if known else None
+    forces = _forces(evidence, found, corrected) if corrected is not None else []
     return replace(
         found,
+        notes=[*found.notes, *forces],
         causes=causes,
         candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, evidence),
@@ -235,6 +239,31 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
             numbers[place.at] = numbers[place.at] * (1.0 + values["deviation"])
     kept = [(p.name, p.port, v) for p, v in added if p.enters != "parameter" or "deviation" not in v]
     return simulator.with_(numbers, [*simulator.effects, *kept])
+
+
+def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> list[str]:
+    """Return notes of what sizes in the unit of an input come to in newtons, where a mass says it."""
+    if corrected.form != "ode":
+        return []
+    notes, some, signals = [], some_instants(evidence.log.n), evidence.signals()
+    x, u = (np.array([signals[n][some] for n in names]) for names in (corrected.states, corrected.inputs))
+    for joint in evidence.joints:
+        force = force_per_input(corrected, joint, evidence.log.t[some], x, u)
+        if force is None:
+            continue
+        told: dict[str, str] = {}
+        for cause in found.causes:
+            for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False):
+                place = evidence.placements[name]
+                volts = place.name == "back_emf" or place.port != joint.name  # a back-EMF is no force
+                sizes = {} if volts else _at(place, parameters)
+                for word, p in sizes.items():
+                    if (size := as_force(p.value, p.unit, joint.unit, force)) is not None:
+                        told[f"{place.name} {word}".replace("_", " ")] = f"{size[0]:.4g} {size[1]}"
+        if told:
+            at = f"1 {joint.unit} at {joint.through} acts like {force.factor:.4g} {force.unit} at {joint.name}"
+            notes.append(f"With {force.mass}, {at}: {', '.join(f'{k} {v}' for k, v in told.items())}.")
+    return notes
 
 
 def _cause(cause: Cause, places: Mapping[str, Placement]) -> Cause:

@@ -24,6 +24,7 @@ _EXPERIMENT_UNITS = {
 }  # fmt: skip
 _WORTH_SAYING = 0.01  # share of a gap
 _NOTHING = 0.02  # share closed that is not worth a name
+_FEW_RUNS = 3  # runs below which pieces of a log are left out by turns
 NOT_EFFECTS = ("none", "unknown")
 
 
@@ -243,13 +244,27 @@ def which(d: Diagnosis) -> str:
     if d.verdict == "several":
         parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
         low = min(c.confidence for c in d.causes)
-        return f"{_capital(listed(parts))}; confidence {percent(low)} or more in each."
+        sizes = [f"{_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
+        text = f"{_capital(listed(parts))}; confidence {percent(low)} or more in each."
+        return f"{text} Sizes: {'; '.join(sizes)}." if sizes else text
     cause = d.causes[0]
     certain, place = f"confidence {percent(cause.confidence)}", f"in the {equation(cause.equation)} equation"
     if len(cause.effects) > 1:
         text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
-        return f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
+        text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
+        return f"{text} Size: {_names(cause)[0]} {brief}." if (brief := _brief(cause)) else text
     return f"{_capital(_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
+
+
+def _brief(cause: Cause) -> str:
+    """Return the first parameters of a cause's likeliest effect, those that a log bounds with their intervals."""
+    told = []
+    for name, p in list(cause.parameters.items())[:2]:
+        known = all(math.isfinite(end) for end in p.ci90)
+        told.append(
+            f"{name.replace('_', ' ')} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else "")
+        )
+    return ", ".join(told)
 
 
 def _sizes(cause: Cause) -> str:
@@ -296,17 +311,23 @@ def how_far(d: Diagnosis) -> str:
     main = d.causes[0].equation
     closures = sorted(d.closure, key=lambda c: (c.equation != main, -order.get(c.equation, 0.0)))
     if not closures:
-        return "How much of the gap closes could not be tested on runs that the fit had not seen."
+        return f"How much of the gap closes could not be tested on {_unseen(d)} that the fit had not seen."
     c = closures[0]
     it = "them" if len(d.causes) > 1 else "the likelier one" if len(d.causes[0].effects) > 1 else "it"
     text = (
         f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the "
-        f"{equation(c.equation)} gap on runs that the fit had not seen: {amount(c.rmse_before, c.unit)} becomes "
-        f"{amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
+        f"{equation(c.equation)} gap on {_unseen(d)} that the fit had not seen: "
+        f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     )
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
     others = [f"{equation(o.equation)} {percent(o.closed_share)}" for o in rest]
     return f"{text}; {listed(others)}." if others else f"{text}."
+
+
+def _unseen(d: Diagnosis) -> str:
+    """Return what the fit had not seen: whole runs, or pieces where a simulator's log holds one or two."""
+    few = any(c.where for c in d.causes) and d.windows["trajectory"].nunique() < _FEW_RUNS
+    return "pieces of the log" if few else "runs"
 
 
 def _errors(d: Diagnosis) -> str:

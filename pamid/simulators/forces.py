@@ -1,0 +1,83 @@
+"""What a unit of an input comes to as a force, where a number of a simulator is the mass that says it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .base import Simulator
+from .dimensions import unit_powers, unit_text
+from .structure import JointPort, pushes_of
+
+_STEP, _CLOSE = 1e-3, 1e-4
+
+
+class ForcePerInput(NamedTuple):
+    """What drives a joint, as a force.
+
+    Parameters
+    ----------
+    factor : float
+        Newtons or newton metres in a unit of the input.
+    unit : str
+        ``"N"`` or ``"N m"``.
+    mass : str
+        The parameter that says so.
+    """
+
+    factor: float
+    unit: str
+    mass: str
+
+
+def force_per_input(
+    simulator: Simulator, joint: JointPort, t: np.ndarray, x: np.ndarray, u: np.ndarray
+) -> ForcePerInput | None:
+    r"""Return what a unit of the input that drives a joint comes to as a force; None where no parameter says it.
+
+    A parameter m is the mass of the joint if it has that unit and what the input does to the velocity's rate is as its
+    inverse. Then
+
+    .. math:: F/u = m\,\partial\dot v/\partial u
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    joint : JointPort
+        The joint, driven through an input in another unit.
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Instants at which it is asked.
+    """
+    if not joint.through or simulator.form != "ode":
+        return None
+    speed = unit_powers(simulator.port(joint.velocity).unit)
+    turns = "rad" in speed
+    wanted, unit = ({"kg": 1, "m": 2}, "N m") if turns else ({"kg": 1}, "N")
+    if (not turns and "m" not in speed) or unit_powers(joint.unit) in (unit_powers("N"), unit_powers("N m")):
+        return None
+    step, where = 1e-3 * np.array([np.ptp(v) or 1.0 for v in u]), (joint.through, joint.velocity)
+    base = pushes_of(simulator, t, x, u, step).get(where)
+    for name, p in simulator.parameters.items():
+        if base is None or unit_powers(p.unit) != wanted or not p.value > 0.0:
+            continue
+        heavier = simulator.with_({name: p.value * (1.0 + _STEP)})
+        there = pushes_of(heavier, t, x, u, step).get(where, 0.0)
+        if abs(there * (1.0 + _STEP) / base - 1.0) < _CLOSE:
+            return ForcePerInput(abs(base) * p.value, unit, name)
+    return None
+
+
+def as_force(value: float, unit: str, own: str, force: ForcePerInput) -> tuple[float, str] | None:
+    """Return a size in newtons instead of the joint's own unit; None where it holds none.
+
+    Examples
+    --------
+    >>> from pamid.simulators.forces import ForcePerInput, as_force
+    >>> as_force(0.5, "V s/m", "V", ForcePerInput(35.0, "N", "M"))
+    (17.5, 'N s/m')
+    """
+    if own in ("", "-") or unit_powers(unit).get(own, 0) != 1:
+        return None
+    return value * force.factor, unit_text([(force.unit, 1), (own, -1), (unit, 1)])
