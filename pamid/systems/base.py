@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from ..effects.spec import EffectLike, EffectSpec
 from ..errors import (
     ImplausibleParameterError,
+    MappingError,
     MissingColumnError,
     MissingParameterError,
+    SimulatorTypeError,
     UnknownOptionError,
     UnknownParameterError,
 )
@@ -110,7 +112,14 @@ class Quantity(NamedTuple):
         if value == FIT and self.may_fit:
             return FIT
         text = f"{self.lower:g} to {self.upper:g} {self.unit}".removesuffix(" -")
-        number = parse_quantity(value, f"{kind}.{self.name}")
+        try:
+            number = parse_quantity(value, f"{kind}.{self.name}")
+        except MappingError:
+            raise SimulatorTypeError(
+                f"{kind}.{self.name} is {value!r}.",
+                f"a number in {self.unit}, or a text of number and unit",
+                "Correct the value.",
+            ) from None
         written = unit_name(value.strip(" +-.,0123456789eE")) if isinstance(value, str) else None
         known, own = UNITS.get(written or ""), UNITS.get(self.unit)
         if known is not None and own is not None and known.dimension != own.dimension:

@@ -11,6 +11,7 @@ from ..effects.spec import specs_of
 from ..errors import (
     SimulatorFileError,
     SimulatorSyntaxError,
+    SimulatorTypeError,
     UnknownOptionError,
     UnknownParameterError,
 )
@@ -31,6 +32,11 @@ def kind_of_file(path: str | Path) -> str:
     str
         Its ``kind``; ``"bench"`` where it names none or cannot be read.
 
+    Raises
+    ------
+    SimulatorTypeError
+        Its kind is no text.
+
     Examples
     --------
     >>> import tempfile
@@ -46,7 +52,9 @@ def kind_of_file(path: str | Path) -> str:
         kind = read_toml(path, "a simulator file", ERRORS).get("kind", "bench")
     except SimulatorFileError:
         return "bench"
-    return kind if isinstance(kind, str) else "bench"
+    if not isinstance(kind, str):
+        raise SimulatorTypeError(f"{path}: kind is {kind!r}.", "text", 'Put it in quotes: kind = "bench".')
+    return kind
 
 
 def read_system(path: str | Path) -> System:

@@ -233,6 +233,10 @@ def test_drawn_runs_keep_the_limits() -> None:
     assert "sealed" not in limits.kinds
     with pytest.raises(ParameterError):
         Limits(runs=6)
+    with pytest.raises(ParameterError, match=r"0\.8 bar are 80000"):
+        Limits(pressure=0.8)
+    with pytest.raises(ParameterError, match="180 at most"):
+        Limits(angle=720.0)
 
 
 def test_a_designed_run_tells_what_slow_sines_leave_open(dead: pd.DataFrame) -> None:

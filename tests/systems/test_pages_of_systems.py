@@ -122,6 +122,21 @@ def test_every_page_names_its_kind(tmp_path):
         assert read_system(page).kind == kind
 
 
+@pytest.mark.parametrize("value", ["true", '"long"', "[0.2]"])
+def test_a_number_of_a_page_that_is_none_is_named(value, files, capsys):
+    (files / "no.toml").write_text(f'kind = "muscle"\n[muscle]\nrest_length = {value}\nrest_diameter = 0.02\n')
+    assert main(["evaluate", *arguments(files, "joint")[:1], "--sim", str(files / "no.toml")]) == 2
+    told = capsys.readouterr().err
+    assert "muscle.rest_length is" in told
+    assert "a number in m" in told
+
+
+def test_a_kind_that_is_no_text_is_named(files, capsys):
+    (files / "no.toml").write_text("kind = 3\n")
+    assert main(["evaluate", *arguments(files, "joint")[:1], "--sim", str(files / "no.toml")]) == 2
+    assert "kind is 3" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", ["fit", "compare"])
 def test_a_simulator_with_ports_is_sent_to_the_commands_that_take_it(command, files, capsys):
     (files / "ports.toml").write_text('kind = "ode"\n[ode]\nfunction = "f.py:f"\n[ports]\n')

@@ -17,6 +17,8 @@ KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometri
 pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
 TONES = np.array([1.0, 1.9, 3.1, 4.3])
 """Frequencies of a multisine, as multiples of the lowest."""
+LEAST_PRESSURE = 1e3
+"""Pa: a smaller change of pressure moves nothing, and was stated in bar or kPa."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,14 @@ class Limits:
         for name in ("angle", "rate", "frequency"):
             if not 0.0 < getattr(self, name) < 1e5:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}.", "a positive number", "Correct the limit.")
+        if self.angle > 180.0:
+            raise ParameterError(
+                f"angle is {self.angle:g} degrees.", "180 at most, to either side", "Correct the limit."
+            )
         for name in ("pressure", "rise"):
-            if not 0.0 <= getattr(self, name) < 1e7:
-                raise ParameterError(f"{name} is {getattr(self, name)!r}.", "Pa, 0 or more", "Correct the limit.")
+            value, expected = getattr(self, name), f"0, or {LEAST_PRESSURE:g} to 1e7 Pa"
+            if value != 0.0 and not LEAST_PRESSURE <= value < 1e7:
+                raise ParameterError(f"{name} is {value!r} Pa.", expected, "State it in Pa: 0.8 bar are 80000.")
 
     @property
     def each(self) -> float:
