@@ -128,12 +128,6 @@ class ReadingError(SignalError):
     page = "docs/logs.md#readings-that-cannot-be"
 
 
-class ConstantSignalError(SignalError):
-    """A signal that must vary does not."""
-
-    page = "docs/first_hour.md#look-at-it"
-
-
 class ExcitationError(SignalError):
     """A log moves too little for what is asked of it."""
 

@@ -326,7 +326,7 @@ def _memory_parts(plan: ExportPlan, write: Writer) -> dict[str, str]:
         "NETWORK_INPUTS": _network_inputs(plan, write),
         "MEMORY_FUNCTIONS": "\n\n"
         + "\n\n".join(
-            _advance(plan, head, formulas, write) for head, formulas in ((begin, memory.begin), (step, memory.follow))
+            _advance(head, formulas, write) for head, formulas in ((begin, memory.begin), (step, memory.follow))
         ),
         "PATH": f"\n    {name}_state s;",
         "TAKE": (
@@ -336,7 +336,7 @@ def _memory_parts(plan: ExportPlan, write: Writer) -> dict[str, str]:
     }
 
 
-def _advance(plan: ExportPlan, head: str, formulas: Sequence[Symbol], write: Writer) -> str:
+def _advance(head: str, formulas: Sequence[Symbol], write: Writer) -> str:
     """Return the function that replaces a state by that at a reading."""
     names = {s: f"r->{s}" for s in UNITS} | {BEFORE + s: f"s->{s}" for s in UNITS} | {"dt": "dt"}
     names |= {f"x{k}": f"s->memory[{k}]" for k in range(len(formulas) - 4)}

@@ -22,7 +22,6 @@ _EXPERIMENT_UNITS = {
     "frequency": "rad/s", "amplitude": "deg", "angle": "deg", "start": "deg", "end": "deg", "seconds": "s",
     "rise": "Pa", "at": "s", "after": "s", "phase": "rad",
 }  # fmt: skip
-_WORTH_SAYING = 0.01  # share of a gap
 _NOTHING = 0.02  # share closed that is not worth a name
 _FEW_RUNS = 3  # runs below which pieces of a log are left out by turns
 NOT_EFFECTS = ("none", "unknown")

@@ -111,7 +111,7 @@ def tidy(
             keep &= (values >= how.range[0]) & (values <= how.range[1])
         if how.own or not how.check:
             unchecked.add(signal)
-        zero = _zero(zero_run, position, raw, signal, path, mapping) if how.subtract_zero_run else 0.0
+        zero = _zero(zero_run, position, signal, path, mapping) if how.subtract_zero_run else 0.0
         columns[signal] = _to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
     read = set(columns)
     _add_constants(columns, constants, len(raw))
@@ -233,9 +233,7 @@ def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
     return column.to_numpy(dtype=float, na_value=np.nan)
 
 
-def _zero(
-    zero_run: pd.DataFrame | None, position: int, raw: pd.DataFrame, signal: str, path: Path, mapping: LogMapping
-) -> float:
+def _zero(zero_run: pd.DataFrame | None, position: int, signal: str, path: Path, mapping: LogMapping) -> float:
     if zero_run is None:
         raise MappingError(
             f"{signal} is to have the zero run subtracted, and {path.name} has none.",

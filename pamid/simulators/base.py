@@ -11,9 +11,6 @@ import numpy as np
 from ..errors import MissingParameterError, ParameterError, UnknownParameterError
 from .ports import ModelParameter, Port, as_parameters
 
-FORMS = ("algebraic", "ode", "run")
-"""How a simulator answers: outputs from inputs at an instant; the rates of its states; a whole run from its inputs."""
-
 
 class Simulator:
     """A model of a system with ports, of any origin.

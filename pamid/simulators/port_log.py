@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -109,10 +109,6 @@ class PortLog:
         for a, b in edges.reshape(-1, 2).tolist():
             out[a:b] = b - a > n // 4
         return out
-
-    def with_channels(self, channels: Mapping[str, np.ndarray]) -> PortLog:
-        """Return the same log with other readings."""
-        return replace(self, channels=dict(channels))
 
     def inputs(self, simulator: Simulator) -> np.ndarray:
         """Return the inputs, shape (n_inputs, n); those that were not logged stand at their start value."""

@@ -94,10 +94,10 @@ class Competition(Worth):
         if not found:
             return []
         gain = max(found[0].score - about.fit(()).score, 0.0)
-        reach = CLOSE + (CLOSE_SHARE + self._bent(about, found[0])) * gain
+        reach = CLOSE + (CLOSE_SHARE + self._bent(found[0])) * gain
         return [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
 
-    def _bent(self, about: Subsets, subset: Subset) -> float:
+    def _bent(self, subset: Subset) -> float:
         """Return by what share of its contribution a set differs from its model of first order, up to all of it."""
         evidence, m = self.evidence, self.evidence.J.shape[1]
         template = self.templates[subset.templates[0]]

@@ -112,7 +112,7 @@ class Evidence(Straight):
                 residual = window_residual(equation, run)
                 if residual is None:
                     continue
-                pieces.append(self._piece(i, run, residual))
+                pieces.append(self._piece(i, residual))
                 shared.setdefault(name, []).append([lag.ravel() for lag in residual.shared])
                 slots.append((i, slice(n, n + residual.value.size)))
                 n += residual.value.size
@@ -156,7 +156,7 @@ class Evidence(Straight):
         return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -ONE_MORE))
 
     @staticmethod
-    def _piece(i: int, run: Run, residual: Residual) -> tuple[np.ndarray, ...]:
+    def _piece(i: int, residual: Residual) -> tuple[np.ndarray, ...]:
         m, sides = residual.value.shape
         return (
             residual.value.ravel(),

@@ -18,7 +18,7 @@ from pamid.errors import HostileLogError, LogFormatError, TruncatedLogError
 
 _COMPRESSED, _MATRIX = 15, 14
 _CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function", 17: "opaque"}
-_CELL, _STRUCT, _CHAR, _OPAQUE = 1, 2, 4, 17
+_CELL, _CHAR, _OPAQUE = 1, 4, 17
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
