@@ -68,8 +68,11 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
     f = (size - SIZES[k]) / (SIZES[k + 1] - SIZES[k])
     # A scale above that of the largest misfit costs only more.
     some = min(int(np.searchsorted(SCALES, 1.0 + float(size.max(initial=0.0)))) + 1, len(SCALES))
-    T = TABLE[:some]
-    total = (T[:, k] * (1.0 - f) + T[:, k + 1] * f).sum(axis=1) + earlier * T[:, :1]
+    # The table is interpolated straight between its sizes, so that windows need only be counted there.
+    n, draws = len(SIZES), left.shape[1]
+    at = (k + n * np.arange(draws)).ravel()
+    counted = np.bincount(at, (1.0 - f).ravel(), n * draws) + np.bincount(at + 1, f.ravel(), n * draws)
+    total = TABLE[:some] @ counted.reshape(draws, n).T + earlier * TABLE[:some, :1]
     best = np.argmin(total, axis=0)
     return np.maximum(total[best, np.arange(total.shape[1])], 0.0), SCALES[best]
 

@@ -66,6 +66,11 @@ class Known:
         """Its effects."""
         return tuple(self.fit.spec)
 
+    def step_to(self, other: Fit) -> np.ndarray:
+        """Return how far tolerances and parameters of another fit of the same effects are from its own."""
+        own, there = ([fit.spec[name][p.name] for name, p in slots_of(fit.spec)] for fit in (self.fit, other))
+        return np.concatenate([other.x - self.fit.x, np.array(there) - np.array(own)])
+
     def curvature(self, H: np.ndarray) -> np.ndarray:
         """Return what is known of the effects' parameters where that of all coefficients is H."""
         m = len(self.fit.x)

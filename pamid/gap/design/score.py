@@ -63,7 +63,8 @@ class Discrimination:
     known : sequence of Known
         The explanations.
     forms : bool, default=True
-        Whether the forms of explanations may be inexact, at their cost, as the diagnosis allows.
+        Whether the forms of explanations may be inexact, at their cost, as the diagnosis allows, and draws of what is
+        true are evaluated exactly; else to first order, as is enough to rank many runs.
     """
 
     def __init__(self, trial: Evidence, known: Sequence[Known], forms: bool = True) -> None:
@@ -76,7 +77,10 @@ class Discrimination:
         for k in self.known:
             residual, columns = sensitivities(trial, k.fit)
             S, width = form_of(trial, k.fit) if forms else (np.zeros((len(residual), 0)), np.ones(len(residual)))
-            others = [trial.tangent(d.spec, d.x) + trial.J @ d.x - residual for d, _ in k.draws]
+            if forms:
+                others = [trial.tangent(d.spec, d.x) + trial.J @ d.x - residual for d, _ in k.draws]
+            else:
+                others = [columns @ k.step_to(d) for d, _ in k.draws]
             self.residuals.append(residual)
             self.columns.append(columns)
             self.smooth.append(S)
