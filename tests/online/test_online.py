@@ -427,6 +427,17 @@ def test_watch_names_the_leak(recorded, capsys):
     assert events[-1]["problems"] == {"malformed": 1, "lost": 1}
 
 
+def test_watch_says_once_what_goes_on_in_two_equations(recorded, tmp_path, capsys):
+    table = broken(stream(16.0), "leakage", 12.0, conductance=1e-10)
+    table.loc[table["time"] > 12.0, "F"] *= 1.2
+    (tmp_path / "samples.jsonl").write_bytes(b"\n".join(as_lines(table)) + b"\n")
+    assert main(["watch", str(tmp_path / "samples.jsonl"), "--sim", str(recorded[1]), "--learn", "10", "--json"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    said = [(e["equation"], e["effect"]) for e in events if e["event"] == "finding"]
+    assert {equation for equation, _ in said} == {"force", "flow"}
+    assert len(said) == len(set(said))
+
+
 def test_watch_tells_a_stuck_sensor(recorded, tmp_path, capsys):
     table = stream(6.0)
     table.loc[table["time"] > 4.0, "F"] = table["F"][4000]

@@ -23,6 +23,8 @@ _TARGETS = ("F", "mdot")
 _BLOCK = 20
 _MANY = 100
 """Lines in a row that are no samples, after which the watch is blind."""
+_SAME = 10.0
+"""Seconds within which the same finding in the same equation is the one that goes on, s."""
 _PATIENCE = 2.0
 """Seconds without a sample, after which it is."""
 
@@ -200,7 +202,7 @@ class _Watcher:
         self.count = 0
         self.watched = 0
         self.found = 0
-        self.last: tuple[str, float] = ("", -1e9)
+        self.last: dict[tuple[str, str], float] = {}
         self.confirmed: dict[str, dict[str, Any]] = {}
 
     def blind(self, why: str) -> Iterator[dict[str, Any]]:
@@ -241,11 +243,11 @@ class _Watcher:
             if channel not in before:
                 yield {"event": "stuck", "channel": channel, "time": since}
         for finding in findings:
-            name, since = self.last
-            if finding.effect == name and finding.time - since < 10.0:
-                self.last = (name, finding.time)
-                continue  # the same goes on
-            self.last = (finding.effect, finding.time)
+            which = finding.equation, finding.effect
+            goes_on = finding.time - self.last.get(which, -math.inf) < _SAME
+            self.last[which] = finding.time
+            if goes_on:
+                continue
             self.found += 1
             yield {"event": "finding", **vars(finding), **self._confirming(finding)}
 
