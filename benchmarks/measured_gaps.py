@@ -202,16 +202,21 @@ def festo(folder: Path, plots: Path | None) -> None:
         print(f"  last repeats, unseen: RMSE {before:.1f} -> {after:.2f}, closed {closed:.3f}", flush=True)
         if plots and cut == 30:
             gaps(log, plots)
-        total = np.zeros((0, 3))
-        for eps, rows in log.groupby(log["eps"].round(4)):
-            seen = ~log.index.isin(rows.index)
-            _, errors = correct(log, pd.Series(seen), cut, list(found[cut].effects_))
-            total = np.vstack([total, [*errors, np.sum(rows["F"] > TAUT)]])
-            print(f"  contraction {100 * eps:4.1f} % left out: RMSE {errors[0]:.1f} -> {errors[1]:.1f}", flush=True)
-        before, after = np.sqrt(total[:, 2] @ np.square(total[:, :2]) / total[:, 2].sum())
-        closed = (before**2 - after**2) / (before**2 - floor**2)
-        print(f"  all contractions left out in turn: RMSE {before:.1f} -> {after:.1f}, closed {closed:.3f}")
+        left_out(log, cut, list(found[cut].effects_), floor)
     side_by_side(found)
+
+
+def left_out(log: pd.DataFrame, cut: int, effects: list[str], floor: float) -> None:
+    """Diagnose with each contraction left out in turn, among some effects, and print what they predict of it."""
+    total = np.zeros((0, 3))
+    for eps, rows in log.groupby(log["eps"].round(4)):
+        seen = ~log.index.isin(rows.index)
+        _, errors = correct(log, pd.Series(seen), cut, effects)
+        total = np.vstack([total, [*errors, np.sum(rows["F"] > TAUT)]])
+        print(f"  contraction {100 * eps:4.1f} % left out: RMSE {errors[0]:.1f} -> {errors[1]:.1f}", flush=True)
+    before, after = np.sqrt(total[:, 2] @ np.square(total[:, :2]) / total[:, 2].sum())
+    closed = (before**2 - after**2) / (before**2 - floor**2)
+    print(f"  all contractions left out in turn: RMSE {before:.1f} -> {after:.1f}, closed {closed:.3f}", flush=True)
 
 
 def side_by_side(found: dict[int, GapDiagnoser]) -> None:
@@ -223,17 +228,19 @@ def side_by_side(found: dict[int, GapDiagnoser]) -> None:
             print(f"  {name + ' ' + key:36s} " + " ".join(f"{v.get(key, np.nan):12.4g}" for v in values))
 
 
-LAWS = ["threshold_pressure", "slack", "braid_geometry", "tube", "pressure_hysteresis", "pressure_relaxation"]
+LAWS = ["constant_area", "threshold_pressure", "effective_contraction", "slack", "tube"]
+"""Effects without polynomials of the contraction, and without corrections of the geometry that the first replaces."""
 
 
 def laws(folder: Path, plots: Path | None) -> None:
-    """Diagnose each length among effects that are no polynomial of the contraction."""
+    """Diagnose each length among laws, whose numbers can be compared and which hold beyond what was seen."""
     found = {}
     for cut in REST_LENGTH:
         log = muscle(folder, cut)
         found[cut], (before, after) = correct(log, ~log["last"], cut, LAWS)
-        print(f"\nFesto muscle of 10 mm and {cut} cm, {', '.join(found[cut].effects_)}")
+        tell(f"Festo muscle of 10 mm and {cut} cm, among laws", found[cut])
         print(f"  last repeats, unseen: RMSE {before:.1f} -> {after:.2f}", flush=True)
+        left_out(log, cut, list(found[cut].effects_), found[cut].closure_[0].noise_floor)
     side_by_side(found)
 
 

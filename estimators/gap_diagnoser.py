@@ -62,7 +62,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         "target unit", "position unit", "pressure unit".
     sense : "auto", 1 or -1, default="auto"
         1 where y is what an actuator delivers, so that friction takes away from it; -1 where y is what moves the thing,
-        so that friction adds to it. "auto" takes whichever explains clearly more.
+        so that friction adds to it. "auto" takes whichever explains clearly more, and 1 with a plant.
     one_trajectory : bool, default=False
         Whether all rows are one trajectory, where neither groups nor a column says otherwise.
     learned_remainder : bool, default=False

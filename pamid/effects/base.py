@@ -244,7 +244,7 @@ class Effect(ABC):
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
 
     kinds: ClassVar[tuple[str, ...]] = KINDS
-    """Of `KINDS` those whose gap it may cause where the whole library is asked for."""
+    """Of `KINDS` those whose gap it may cause where the whole library is asked for; none if it is asked for by name."""
     prior: ClassVar[float] = 0.0
     """Logarithm of the odds with which it is expected: less than 0 for what another effect holds as a special case."""
 

@@ -107,7 +107,8 @@ def gather(
         return scaled, evidence, [t for name in library for t in templates(evidence, all_effects()[name])]
 
     chosen, evidence, found = look(1 if sense == "auto" else int(sense))
-    if sense == "auto" and sense_of(evidence, found) < 0:
+    # The tension, or the flow, of a muscle that is known is what it delivers.
+    if sense == "auto" and plant is None and sense_of(evidence, found) < 0:
         chosen, evidence, found = look(-1)
     noise = measured_noise(evidence)
     learned = explainable(evidence, found, noise, seed)

@@ -134,6 +134,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
+def at_least(share: float) -> str:
+    """Return the least of several shares as a bound."""
+    text = percent(share)
+    return text if text.startswith("over") else f"{text} or more"
+
+
 def span(low: float, high: float, unit: str = "") -> str:
     """Return an interval; an end that is not finite is said to be open."""
     if not (math.isfinite(low) or math.isfinite(high)):

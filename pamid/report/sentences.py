@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .doubts import question
-from .quantities import amount, effect, equation, listed, percent, probability, share_span, signal, span
+from .quantities import amount, at_least, effect, equation, listed, percent, probability, share_span, signal, span
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, Region
@@ -242,9 +242,8 @@ def which(d: Diagnosis) -> str:
         return text + "."
     if d.verdict == "several":
         parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
-        low = min(c.confidence for c in d.causes)
         sizes = [f"{_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
-        text = f"{_capital(listed(parts))}; confidence {percent(low)} or more in each."
+        text = f"{_capital(listed(parts))}; confidence {at_least(min(c.confidence for c in d.causes))} in each."
         return f"{text} Sizes: {'; '.join(sizes)}." if sizes else text
     cause = d.causes[0]
     certain, place = f"confidence {percent(cause.confidence)}", f"in the {equation(cause.equation)} equation"

@@ -77,6 +77,7 @@ VOCABULARY = [
     "quantisation",
     "compliance",
     "effective_contraction",
+    "constant_area",
 ]
 PLANT = BenchParameters.for_muscle("B").plant()
 DT = 1e-3
@@ -243,8 +244,9 @@ def test_the_library_of_a_kind_leaves_out_what_cannot_be_there():
     assert "tube" in muscle - bench and "back_emf" in motor - muscle and "leakage" in bench
     assert set(chosen_effects("all")) == set(EFFECTS)
     assert chosen_effects(["back_emf"], "bench") == ["back_emf"], "what is asked for by name is searched"
-    for cls in all_effects().values():
-        assert cls.kinds and set(cls.kinds) <= set(KINDS)
+    by_name = {name for name, cls in all_effects().items() if not cls.kinds}
+    assert by_name == {"constant_area"}, "it stands for the geometry that the others correct"
+    assert all(set(cls.kinds) <= set(KINDS) for cls in all_effects().values())
 
 
 def test_stops_are_the_signal_less_its_play():
@@ -264,6 +266,23 @@ def test_a_threshold_grows_alike_whatever_angle_a_geometry_was_fitted_with():
     left = [effect.braid_pressure(s, Plant.of_muscle(0.2, 0.01, np.radians(angle))) for angle in (25.0, 48.0)]
     np.testing.assert_array_equal(*left)
     assert np.all(np.diff(left[0]) < -1e5)
+
+
+def test_a_muscle_of_one_area_pulls_alike_at_all_contractions():
+    effect = make_effect("constant_area", area=8e-4, growth=1.2e6, displacement=3e-3, onset=1e3)
+    short, long = (Plant.of_muscle(length, 0.01) for length in (0.2, 0.4))
+    eps, P = np.array([0.0, 0.05, 0.1]), short.atmospheric_pressure + 6e5
+
+    def tension(pressure, plant):
+        s = Signals(position=eps, pressure=np.full(3, pressure))
+        model = (pressure - plant.atmospheric_pressure) * plant.volume_slope(eps) / plant.rest_length
+        return model + effect.force(s, None, plant)
+
+    np.testing.assert_allclose(tension(P + 1e4, short) - tension(P, short), 8e-4 * 1e4, rtol=1e-4)
+    np.testing.assert_allclose(tension(short.atmospheric_pressure, short), 0.0, atol=1.0)
+    held = [effect.threshold(Signals(position=eps), plant) for plant in (short, long)]
+    assert held[0][0] == pytest.approx(2.0 * held[1][0], rel=0.1), "what the ends take falls with the length"
+    assert np.all(np.diff(held[0], 2) < 0.0), "each share of the circumference takes the same pressure"
 
 
 def test_a_bladder_presses_above_its_threshold_alone():

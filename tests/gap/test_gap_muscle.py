@@ -1,9 +1,11 @@
 """One muscle under several causes at once, some of which hide the others."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
-from pamid.estimators import GapDiagnoser
+from pamid.estimators import GapDiagnoser, GeometricForce
 
 from pamid.effects import Signals, all_effects, make_effect
 from pamid.gap.inference.sensitivity import relinearised, templates
@@ -119,3 +121,27 @@ def test_areas_that_the_model_lacks_act_with_what_a_threshold_leaves(evidence):
     np.testing.assert_allclose(left, (pressing - PLANT.atmospheric_pressure) * areas, atol=1e-9)
     alone = evidence.added(more)
     assert np.abs(left).max() < 0.95 * np.abs(alone).max()
+
+
+def test_a_muscle_that_is_known_pulls_whichever_sign_would_explain_more(log):
+    """A geometry that is fitted without the rest length lies too low at one contraction, and too high at another."""
+    law = make_effect("constant_area", area=7.7e-4, growth=1.4e6, displacement=3e-3, onset=6e4)
+    held = log[(log["eps"] > 0.01) & (log.groupby("trajectory").cumcount() % 3 == 0)].reset_index(drop=True)
+    P = PLANT.atmospheric_pressure + 1.5 * (held["P"].to_numpy() - PLANT.atmospheric_pressure)
+    held = held.assign(P=P)
+    table = {"position": held["eps"].to_numpy(), "pressure": P}
+    F = nominal(table) + law.force(Signals(**table), None, PLANT)
+    held["F"] = F + 0.3 * np.random.default_rng(1).standard_normal(len(F))
+    state, taut = ["eps", "deps", "P", "dP"], held["F"] > 5.0
+    model = GeometricForce("chou_hannaford", rest_length=0.3, rest_diameter=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the braid comes out far too wide
+        model.fit(held.loc[taut, state], held.loc[taut, "F"])
+    sizes = {name: model.parameters_[name] for name in ("rest_diameter", "braid_angle")}
+    plant = Muscle(rest_length=0.3, **sizes).plant()
+    found = GapDiagnoser(lambda X: model.predict(X[state]), ["constant_area"], plant=plant, random_state=0)
+    found.fit(held[["time", *state]], held["F"], groups=held["trajectory"], where=taut)
+    assert found.scaling_.target > 0.0
+    assert set(found.effects_) == {"constant_area"}
+    assert found.effects_["constant_area"]["area"] == pytest.approx(7.7e-4, rel=0.05)
+    assert found.closure_[0].closed_share > 0.95

@@ -122,7 +122,7 @@ def test_a_parameter_changes_with_the_units_as_its_dimension_says(name):
     """What an effect adds is the same in millimetres and minutes, if its parameters are turned as `Scaling` says."""
     cls = all_effects()[name]
     # The position of a muscle is its contraction ratio, whatever the units of a log.
-    reach = 1.0 if cls.kinds == ("muscle",) else 40.0
+    reach = 1.0 if set(cls.kinds) <= {"muscle"} else 40.0
     scaling = Scaling(position=reach, time=1 / 60, pressure=3.0, target=5.0)
     position = 8.0 + 6.0 * np.sin(0.2 * np.arange(300.0))
     pressure = 4.0e4 + 2.0e4 * np.cos(0.3 * np.arange(300.0))

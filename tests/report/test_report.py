@@ -20,7 +20,7 @@ from pamid.gap.diagnosis.findings import (
 )
 from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
-from pamid.report.quantities import amount, percent, share_span, span
+from pamid.report.quantities import amount, at_least, percent, share_span, span
 from pamid.report.sections import Source, all_sections
 from pamid.report.sentences import query_words
 from pamid.systems.cylinder import Cylinder
@@ -106,6 +106,7 @@ def test_intervals_that_data_do_not_bound_are_said_to_be_open():
     ]  # fmt: skip
     assert amount(np.nan, "N") == "unknown"
     assert [percent(s) for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == ["0 %", "under 1 %", "50 %", "over 99 %", "100 %"]
+    assert [at_least(s) for s in (0.97, 0.999)] == ["97 % or more", "over 99 %"]
 
 
 def test_sentences_survive_a_diagnosis_with_nothing_in_it(diagnoses):

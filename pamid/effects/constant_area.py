@@ -1,0 +1,77 @@
+"""A muscle that pulls with one area at every contraction, above the pressure that its bladder takes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..signals.state import Array
+from .base import Effect, Parameter, Signals
+from .plant import BRAID_ANGLE, Plant
+
+
+class ConstantArea(Effect):
+    r"""Tension that grows with the pressure by one area at all contractions, above a threshold.
+
+    .. math:: \Delta F = A\,p_e - \frac{p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
+        p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad
+        d = p - K\,\ln\frac{D(\varepsilon + \delta/L_0)}{D(0)}, \qquad
+        \frac{D(\varepsilon)}{D(0)} = \frac{\sqrt{1 - (1 - \varepsilon)^2 \cos^2\theta_0}}{\sin\theta_0}
+
+    with the gauge pressure p and the diameter D of a braid that lies at θ₀ = 25° at rest. It stands for the model's
+    geometry and for what corrects it (`BraidGeometry`, `ThresholdPressure`, the bladder's forces), so that a diagnosis
+    holds it against them only where it is asked for by name. The area of a rubber muscle with its braid moulded in
+    falls far less with the contraction than that of a braid of inextensible threads; a threshold grows instead, by
+    the same pressure K for each further share of the circumference, the true strain ln D. The displacement δ, by which
+    the braid is shorter than its fittings say, belongs to its ends: the threshold at rest falls with the length.
+
+    Parameters
+    ----------
+    **values : float
+        ``area`` A (N/Pa = m²), ``growth`` K (Pa), ``displacement`` δ (m), ``onset`` w (Pa).
+
+    References
+    ----------
+    A pressure that is the sum of one for the contraction and one in proportion to the force, of muscles of 10 mm and
+    several lengths: A. J. Hunt, A. Graber-Tilton, R. D. Quinn, "Modeling length effects of braided pneumatic
+    actuators", ASME IDETC/CIE 2017, V05AT08A008. https://doi.org/10.1115/DETC2017-67458
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("constant_area", area=7.5e-4)
+    constant_area(area=0.00075 N/Pa, growth=1.2e+06 Pa, displacement=0.002 m, onset=30000 Pa)
+    """
+
+    name = "constant_area"
+    family = "geometry"
+    equations = ("force",)
+    roles = ("position", "pressure")
+    kinds = ()  # it stands for the model's geometry and all that corrects it: asked for by name
+    source = "10.1115/DETC2017-67458"
+    parameters = (
+        Parameter("area", "N/Pa", 1e-5, 2e-2, 7e-4, "force per pressure above the threshold"),
+        Parameter("growth", "Pa", 1e5, 5e6, 1.2e6, "threshold where the braid is e times as wide as at rest"),
+        Parameter("displacement", "m", 0.0, 2e-2, 2e-3, "length by which the braid is short at rest"),
+        Parameter("onset", "Pa", 1e3, 3e5, 3e4, "pressure over which the bladder meets the braid"),
+    )
+    area: float
+    growth: float
+    displacement: float
+    onset: float
+
+    def threshold(self, s: Signals, plant: Plant) -> Array:
+        """Return the gauge pressure that the bladder takes before the muscle pulls, Pa."""
+        short = np.asarray(s.position) + self.displacement / plant.rest_length
+        lying = np.clip((1.0 - short) * math.cos(BRAID_ANGLE), -1.0, 1.0)
+        # A braid that is drawn beyond its rest length holds the bladder as it is.
+        wider = np.maximum(np.sqrt(1.0 - lying**2) / math.sin(BRAID_ANGLE), 1.0)
+        return self.growth * np.log(wider)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the tension of the pressure above the threshold less that of the model's geometry, N."""
+        p = np.asarray(s.pressure) - plant.atmospheric_pressure
+        over = p - self.threshold(s, plant)
+        pulling = 0.5 * self.area * (over + np.sqrt(over**2 + self.onset**2))
+        return pulling - p * plant.volume_slope(s.position) / plant.rest_length
