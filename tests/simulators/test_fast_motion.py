@@ -73,3 +73,12 @@ def test_slow_motion_is_held_against_its_equations_with_inputs_as_they_went(smoo
     evidence = evidence_of(driven(3000, smooth, 0.0, omega, noise=1e-5), spring(omega))
     assert isinstance(evidence, DirectEvidence)
     assert evidence.held == (not smooth)
+
+
+def test_a_noisy_reading_of_slow_motion_keeps_long_windows():
+    rng, t = np.random.default_rng(0), np.arange(4000) * 0.01
+    u = np.sin(0.3 * t)
+    log = pd.DataFrame({"time": t, "u": u, "y": 0.95 * u + 0.7 * rng.standard_normal(len(t))})
+    ports = [Port("u", "input", "V"), Port("x", "state", "V"), Port("y", "output", "V")]
+    follower = FunctionSimulator(lambda t, x, u, p: [2.0 * (u[0] - x[0])], ports, output=lambda t, x, u, p: [x[0]])
+    assert evidence_of(log, follower).n == 10

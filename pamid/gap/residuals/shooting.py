@@ -63,7 +63,7 @@ class ShootingEvidence(PredictedEvidence):
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]
-        self._heard: dict[str, float] = {}
+        self._readings_noise: dict[str, float] = {}
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
         self.pushes: dict[tuple[str, str], float] = {}
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
@@ -71,26 +71,31 @@ class ShootingEvidence(PredictedEvidence):
         self._from: dict[str, np.ndarray] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
-        self._hear()
+        self._look_at_noise()
         # A stretch holds enough windows for its initial state to leave something to compare.
         shortest = min(s.stop - s.first for s in self.stretches)
-        fastest = min(longest_window(log.channels[n], log) for n in self.shown)
-        self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST, fastest))
+        self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST, self._fastest()))
         self._look()
         self._blocks()
         self._hold()
         self._skew()
         self._settle()
 
-    def _hear(self) -> None:
+    def _fastest(self) -> int:
+        """Return the longest window that averages no motion away: what is fast in a reading alone may be noise."""
+        plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
+        pairs = [(self.log.channels[n], drive) for n, drive in zip(self.shown, plain, strict=True)]
+        return min(max(longest_window(x, self.log) for x in pair) for pair in pairs)
+
+    def _look_at_noise(self) -> None:
         """Take motion that is fast beside the rows out of what neighbouring samples differ by, as it is predicted."""
         plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
         for name, drive in zip(self.shown, plain, strict=True):
             x, least = self.log.channels[name], self.sigma[name]
             found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
             lengths = [b - a for a, b in self.log.spans]
-            self._heard[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
-            self.sigma[name] = max(self._heard[name], 1e-4 * float(np.std(x)), 1e-12)
+            self._readings_noise[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
+            self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
     def _hold(self) -> None:
         """See whether inputs are held over each step, or go straight to the next row."""
@@ -106,12 +111,12 @@ class ShootingEvidence(PredictedEvidence):
         if self.lines:
             self.notes.append(NOTE)
             self._again()
-            self._hear()
+            self._look_at_noise()
         self._plain = self._predict(self._x0, [], known)
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise a sample, without what was predicted of it."""
-        return self._heard.get(name) or super().channel_noise(name, width)
+        return self._readings_noise.get(name) or super().channel_noise(name, width)
 
     def _look(self) -> None:
         """See how the simulator moves: its states along the log, its joints, and what its inputs do."""
