@@ -149,9 +149,12 @@ def closures(
         Draws trajectories with replacement.
     """
     labels, n = units(evidence)
-    # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs.
+    # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs. Pieces of a run are
+    # not alike, and what acts in some of them acts in the run: a new run is as many of them.
+    pieced = n > len(evidence.trajectories)
+    drawn = n if pieced else NEW_RUNS
     few = np.zeros((DRAWS, n), dtype=int)
-    few[:] = random_state.randint(0, n, size=(DRAWS, NEW_RUNS))[:, np.arange(n) % NEW_RUNS]
+    few[:] = random_state.randint(0, n, size=(DRAWS, drawn))[:, np.arange(n) % drawn]
     draws = np.vstack([np.arange(n), few])
     found = []
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
@@ -177,7 +180,7 @@ def closures(
         most = _closed(b / count, np.minimum(least, a) / count, floor / count)
         ci = (float(np.quantile(share[1:], 0.05)), float(np.quantile(most[1:], 0.95))) if n > 1 else (0.0, 1.0)
         rms_before, rms_after, rms_noise = (float(np.sqrt(v[0] / count[0])) for v in (b, a, floor))
-        point = float(np.median(share))
+        point = float(share[0] if pieced else np.median(share))
         wide = _rescaled((min(ci[0], point), max(ci[1], point)), point, n)
         found.append(Closure(name, rms_before, rms_after, rms_noise, point, wide, evidence.units[name]))
     return found
