@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ..effects.spec import EffectLike, EffectSpec
 from ..errors import (
+    EmptyLogError,
     ImplausibleParameterError,
     MappingError,
     MissingColumnError,
@@ -303,7 +304,18 @@ class System(ABC):
         -------
         Problem
             One equation, ready for a diagnosis.
+
+        Raises
+        ------
+        EmptyLogError
+            The log has no row.
         """
+        if log.empty:
+            raise EmptyLogError(
+                f"No row holds all signals of a {self.kind} that the log has columns for.",
+                "rows in which each of them was read",
+                "See with 'pamid check' which column is empty, and leave it out.",
+            )
         problem = self.nominal_problem(log)
         if not self.effects:
             return problem

@@ -129,6 +129,8 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
     power = float(nominal @ nominal)
     if len(nominal) < _LEAST or power == 0:
         return ""
+    if not np.any(problem.y):
+        return "The force reads 0 in all rows: its sensor is unplugged, or another column holds it"
     ratio = float(problem.y @ nominal) / power
     left = float(np.sqrt(np.mean(np.square(problem.y - ratio * nominal))))
     if left > 0.5 * float(np.sqrt(np.mean(np.square(problem.y)))) or 1 / _FAR < ratio < _FAR:

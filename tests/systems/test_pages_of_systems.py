@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from pamid.cli import main
-from pamid.errors import TooFewTrajectoriesError, UnknownOptionError
+from pamid.errors import EmptyLogError, TooFewTrajectoriesError, UnknownOptionError
 from pamid.systems import compare_system, evaluate_system
 from pamid.systems.cylinder import Cylinder
+from pamid.systems.reference import disagreement
 
 AREA = np.pi / 4 * 0.025**2
 
@@ -120,6 +121,14 @@ def test_every_page_names_its_kind(tmp_path):
         page.write_text(system_text(system, {q.name: q.lower for q in system.numbers if q.default is None}))
         assert kind_of_file(page) == kind
         assert read_system(page).kind == kind
+
+
+def test_a_column_without_a_reading_and_one_of_zeros_are_named(cylinder):
+    page = Cylinder(bore=0.025)
+    with pytest.raises(EmptyLogError, match="No row holds all signals of a cylinder"):
+        evaluate_system(cylinder.assign(F=np.nan), page)
+    assert disagreement(cylinder.assign(F=np.nan), page) == ""
+    assert "reads 0 in all rows" in disagreement(cylinder.assign(F=0.0), page)
 
 
 @pytest.mark.parametrize("value", ["true", '"long"', "[0.2]"])
