@@ -35,13 +35,18 @@ BEYOND = 0.2
 """Share of gaps whose cause the library does not hold."""
 RIDGE = 0.5
 """Precision of the weights' prior about 0."""
+COMMON = ("elsewhere",)
+"""Signs of the log and of no cause in it: what a second cause leaves elsewhere weighs no more against one alone."""
 MODULE = '''"""What names are trusted by: written by ``python benchmarks/withheld --develop --write``, not by hand."""
 
 from __future__ import annotations
 
-SIGNS = {{
-{rows}}}
-"""Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`."""
+ALONE = {{
+{alone}}}
+"""Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`, for one that explains alone."""
+BESIDE = {{
+{beside}}}
+"""The same for causes that explain together."""
 TRUSTED = 0.5
 """Probability from which a name is said: it is then more likely right than not."""
 SURE = {bar:.2f}
@@ -62,12 +67,15 @@ class Told(NamedTuple):
         Whether one of its names is a true effect of the library.
     decidable : bool
         Whether the oracle tells the true cause from others on this log.
+    alone : bool
+        Whether nothing else was named.
     """
 
     result: Mapping[str, Any]
     signs: dict[str, float]
     right: bool
     decidable: bool
+    alone: bool
 
     @property
     def suite(self) -> str:
@@ -78,12 +86,12 @@ class Told(NamedTuple):
 def told(results: Sequence[Mapping[str, Any]]) -> list[Told]:
     """Return the causes of the cases in which something was named."""
     known = decidable(results)
-    return [
-        Told(r, c["signs"], bool({*c["effects"]} & _true(r)), r["name"] in known)
-        for r in results
-        for c in r.get("diagnosis", {}).get("causes", [])
-        if c["signs"]
-    ]
+    found = []
+    for r in results:
+        causes = r.get("diagnosis", {}).get("causes", [])
+        rest = r["name"] in known, len(causes) == 1
+        found += [Told(r, c["signs"], bool({*c["effects"]} & _true(r)), *rest) for c in causes if c["signs"]]
+    return found
 
 
 def _true(result: Mapping[str, Any]) -> set[str]:
@@ -92,31 +100,35 @@ def _true(result: Mapping[str, Any]) -> set[str]:
 
 
 def design(causes: Sequence[Told], names: Sequence[str]) -> np.ndarray:
-    """Return the signs of causes, one row each, a one before them."""
-    return np.array([[1.0, *(c.signs[n] for n in names)] for c in causes])
+    """Return the signs of causes, one row each: a one and those of a cause alone, the same beside others, the log's."""
+    own = [[1.0, *(c.signs[n] for n in names if n not in COMMON)] for c in causes]
+    none = [0.0] * len(own[0])
+    common = [[c.signs[n] for n in names if n in COMMON] for c in causes]
+    rows = zip(causes, own, common, strict=True)
+    return np.array([[*signs, *none, *rest] if c.alone else [*none, *signs, *rest] for c, signs, rest in rows])
 
 
-def fitted(S: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the weights of a logistic regression of which none but the constant is above zero."""
+def fitted(S: np.ndarray, y: np.ndarray, free: Sequence[int] = (0,)) -> np.ndarray:
+    """Return the weights of a logistic regression; none but the constants, in columns ``free``, is above zero."""
+    ridge = np.where(np.isin(np.arange(S.shape[1]), free), 0.0, RIDGE)
 
     def cost(w: np.ndarray) -> tuple[float, np.ndarray]:
         score = S @ w
         slope = 1.0 / (1.0 + np.exp(-score)) - y
-        prior = RIDGE * np.concatenate([[0.0], w[1:]])
-        value = float(np.sum(np.logaddexp(0.0, score) - y * score)) + 0.5 * float(prior @ w)
-        return value, S.T @ slope + prior
+        value = float(np.sum(np.logaddexp(0.0, score) - y * score)) + 0.5 * float(ridge @ w**2)
+        return value, S.T @ slope + ridge * w
 
-    bounds = [(None, None), *[(None, 0.0)] * (S.shape[1] - 1)]
+    bounds = [(None, None if k in free else 0.0) for k in range(S.shape[1])]
     return np.asarray(minimize(cost, np.zeros(S.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
-def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], folds: int = 10) -> np.ndarray:
+def held_out(S: np.ndarray, y: np.ndarray, groups: Sequence[str], free: Sequence[int], folds: int = 10) -> np.ndarray:
     """Return the probability of each cause by a fit without those of its fold; cases of one effect are one group."""
     names = {name: k % folds for k, name in enumerate(sorted(set(groups)))}
     fold = np.array([names[g] for g in groups])
     out = np.empty(len(y))
     for k in range(folds):
-        out[fold == k] = 1.0 / (1.0 + np.exp(-S[fold == k] @ fitted(S[fold != k], y[fold != k])))
+        out[fold == k] = 1.0 / (1.0 + np.exp(-S[fold == k] @ fitted(S[fold != k], y[fold != k], free)))
     return out
 
 
@@ -147,15 +159,19 @@ def report(results: Sequence[Mapping[str, Any]], module: Path | None = None) -> 
     suite = np.array([c.suite for c in causes])
     known = np.array([c.decidable for c in causes])
     weight = np.where(suite == "off-library", weight_beyond(results), 1.0)
-    p = held_out(S, y, ["+".join(sorted(c.result["key"]["effects"])) for c in causes])
+    own = ["constant", *(n for n in names if n not in COMMON)]
+    free = 0, len(own)
+    p = held_out(S, y, ["+".join(sorted(c.result["key"]["effects"])) for c in causes], free)
     low = bar(p[known], y[known], weight[known])
-    found = dict(zip(["constant", *names], fitted(S, y).round(2).tolist(), strict=True))
+    weights = fitted(S, y, free).round(2).tolist()
+    common = dict(zip([n for n in names if n in COMMON], weights[2 * len(own) :], strict=True))
+    found = [dict(zip(own, weights[k : k + len(own)], strict=True)) | common for k in free]
     if module is not None:
-        rows = "".join(f'    "{name}": {value:g},\n' for name, value in found.items())
-        module.write_text(MODULE.format(rows=rows, bar=low), encoding="utf-8")
+        rows = ["".join(f'    "{name}": {value:g},\n' for name, value in each.items()) for each in found]
+        module.write_text(MODULE.format(alone=rows[0], beside=rows[1], bar=low), encoding="utf-8")
     logs = {c.result["name"] for c in causes}
     lines = [f"{len(causes)} causes of {len(logs)} logs, {int(y.sum())} right, {int(known.sum())} decidable.", ""]
-    lines += [f"{name:16s} {value:6.2f}" for name, value in found.items()]
+    lines += [f"{name:16s} {found[0][name]:6.2f} alone {found[1][name]:6.2f} beside others" for name in found[0]]
     lines += ["", f"bar {low:.2f}"]
     for title, some in (("all", np.ones(len(y), dtype=bool)), ("decidable", known)):
         lines += ["", title, *_at_bars(causes, p, weight, some, sorted({0.3, 0.5, 0.6, 0.7, 0.8, 0.9, low}))]

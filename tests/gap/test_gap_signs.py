@@ -13,7 +13,7 @@ from pamid.bench import BenchParameters, simulate, sine
 from pamid.gap import diagnose, settings
 from pamid.gap.diagnosis import signs
 from pamid.gap.diagnosis.agreement import agreement, over_rates
-from pamid.gap.diagnosis.trusted import SIGNS, SURE, TRUSTED
+from pamid.gap.diagnosis.trusted import ALONE, BESIDE, SURE, TRUSTED
 from pamid.gap.learned import learn, predict
 
 NOMINAL = BenchParameters.for_muscle("B")
@@ -74,8 +74,8 @@ def test_no_number_that_decides_stands_elsewhere(module):
 
 
 def test_every_sign_is_weighed_and_only_speaks_against_a_name(leak):
-    assert set(SIGNS) == {"constant", *leak.signs} == {"constant", *leak.causes[0].signs}
-    assert all(weight <= 0.0 for name, weight in SIGNS.items() if name != "constant")
+    assert set(ALONE) == set(BESIDE) == {"constant", *leak.signs} == {"constant", *leak.causes[0].signs}
+    assert all(weight <= 0.0 for each in (ALONE, BESIDE) for name, weight in each.items() if name != "constant")
     assert 0.5 <= TRUSTED < 1.0
     assert all(0.0 <= v <= 1.0 for v in leak.signs.values())
 
@@ -85,7 +85,7 @@ def test_a_cause_that_is_not_trusted_is_left_to_the_remainder(monkeypatch):
 
     both = NOMINAL.replace(effects=[("leakage", {"conductance": 2e-10}), ("viscous_friction", {"coefficient": 150.0})])
     log, library = simulate(both, RUNS, seed=1), ["leakage", "viscous_friction"]
-    monkeypatch.setattr(open_set, "SIGNS", {"constant": 9.0})
+    monkeypatch.setattr(open_set, "BESIDE", {"constant": 9.0})
     found = diagnose(log, NOMINAL, library)
     assert found.verdict == "several"
     closed = {c.equation: c.closed_share for c in found.closure}
@@ -94,7 +94,7 @@ def test_a_cause_that_is_not_trusted_is_left_to_the_remainder(monkeypatch):
     each = {c.effects[0]: c.signs for c in found.causes}
     sign = max(each["leakage"], key=lambda n: each["viscous_friction"][n] - each["leakage"][n])
     middle = 0.5 * (each["viscous_friction"][sign] + each["leakage"][sign])
-    monkeypatch.setattr(open_set, "SIGNS", {"constant": 1e6 * middle, sign: -1e6})
+    monkeypatch.setattr(open_set, "BESIDE", {"constant": 1e6 * middle, sign: -1e6})
     less = diagnose(log, NOMINAL, library)
     assert less.verdict == "cause"
     assert less.causes[0].effects == ("leakage",)
@@ -112,13 +112,21 @@ def test_a_true_cause_shows_no_sign_and_leads_the_hypotheses(leak):
     assert all(first["gain"] >= h["gain"] for h in others)
 
 
+def test_a_gap_in_an_equation_without_any_cause_speaks_against_a_name(leak):
+    both = NOMINAL.replace(effects=[("leakage", {"conductance": 2e-10}), ("gravity", {"moment": 1.0})])
+    found = diagnose(simulate(both, RUNS, seed=1), NOMINAL, ["leakage", "flow_bias"])
+    assert leak.signs["elsewhere"] == 0.0
+    assert found.signs["elsewhere"] > 0.9
+    assert 0.3 < {c.effect: c.confidence for c in found.candidates}["leakage"] < leak.causes[0].confidence - 0.2
+
+
 @pytest.mark.parametrize(("constant", "reserve"), [(5.0, False), (0.5 * (TRUSTED + SURE), True)])
 def test_a_name_that_is_not_sure_is_said_with_reserve(monkeypatch, constant, reserve):
     from pamid.gap.diagnosis import open_set
     from pamid.report import answers
 
     p = constant if constant < 1.0 else 1.0 / (1.0 + np.exp(-constant))
-    monkeypatch.setattr(open_set, "SIGNS", {"constant": float(np.log(p / (1.0 - p)))})
+    monkeypatch.setattr(open_set, "ALONE", {"constant": float(np.log(p / (1.0 - p)))})
     found = diagnose(LEAKING, NOMINAL, ["leakage", "flow_bias"])
     assert found.verdict == "cause"
     assert found.with_reserve is reserve

@@ -3,7 +3,7 @@ r"""Whether what was named is the cause, or only looks like it: what a name must
 A cause that the library does not hold is mostly imitated by one or several effects of it, with a high likelihood, and
 an inexact form is mended by a further effect. Both are given away by what is left above the noise and the inexactness
 that forms are allowed, and by effects that undo or mend each other. These signs are weighed for each cause by logistic
-regression,
+regression, one of causes that explain a gap alone and one of those that do so together,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
 from .signs import signs_of
-from .trusted import SIGNS, SURE, TRUSTED
+from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ def trust(
     """
     from scipy.special import expit
 
-    found = {}
+    found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE
     for name, signs in signs_of(competition, outcome, part_of, classes).items():
         if competition.evidence.exact:
-            score = SIGNS["constant"] + sum(weight * signs[n] for n, weight in SIGNS.items() if n != "constant")
+            score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
             found[name] = Trust(float(expit(score)), signs)
         else:
             # Any other model may be wrong in several small ways at once: names are said of what they close.

@@ -48,7 +48,8 @@ def signs_of(
         inexactness; a half counts as all.
         ``left_of_equation``, ``left_beside``, ``left_of_gap``: share of the power beyond the noise that is left in its
         equation, in that of a cause in which it is most, and in all.
-        ``unexplained``: that share of each equation with a gap, averaged over them: weak ones count like strong ones.
+        ``elsewhere``: the largest such share of an equation in which no cause adds most, weighed by the logarithm of
+        that equation's gap over its noise.
         ``predictable``: share of what is left in its equation that a flexible function of the state predicts on other
         trajectories.
         ``coloured``: root mean square correlation of what is left there with its own past.
@@ -117,7 +118,7 @@ class _Told:
         return {
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
-            "unexplained": self._unexplained,
+            "elsewhere": self._elsewhere,
             "undone": self._undone(name),
             "faint": -0.25 * np.log(max(share, 1e-3)),
             **self._of_factor(name),
@@ -129,8 +130,7 @@ class _Told:
         if k not in self._equations:
             part, name = self.evidence.parts[k], self.evidence.equations[k]
             was, now, left = self.outcome.base.left[k], self.best.left[k], 0.0
-            # The noise is known to a few per cent, and the scale of few windows to no better.
-            if min(was, now) > 1.0 + EXCESS + np.sqrt(2.0 / max(part.stop - part.start, 1)):
+            if min(was, now) > self._least(k):
                 left = float(np.log(now) / np.log(was))
             room, still = _excess(self.before[part]), _excess(self.after[part])
             enough = still > 0.0 and part.stop - part.start > 60
@@ -144,17 +144,25 @@ class _Told:
             }
         return self._equations[k]
 
+    def _least(self, k: int) -> float:
+        """Return from where on an equation's residual is above its noise: that of few windows is known no better."""
+        part = self.evidence.parts[k]
+        return 1.0 + EXCESS + float(np.sqrt(2.0 / max(part.stop - part.start, 1)))
+
     @cached_property
     def _left_of_gap(self) -> float:
         room = sum(_excess(self.before[part]) for part in self.evidence.parts)
         return sum(_excess(self.after[part]) for part in self.evidence.parts) / room if room > 0 else 0.0
 
     @cached_property
-    def _unexplained(self) -> float:
-        """A cause beyond the library, imitated in one equation, stays as it was in the others."""
-        squares = [np.square([c.rmse_before, c.rmse_after, c.noise_floor]) for c in self._closures]
-        left = [(a - f) / (b - f) for b, a, f in squares if b > (1.0 + EXCESS) ** 2 * f]
-        return float(np.mean(np.clip(left, 0.0, 1.0))) if left else 0.0
+    def _elsewhere(self) -> float:
+        """A cause beyond the library, imitated in one equation, is still there in the others."""
+        most = 0.0
+        for k, closure in enumerate(self._closures):
+            b, a, f = np.square([closure.rmse_before, closure.rmse_after, closure.noise_floor])
+            if k not in self.main.values() and b > self._least(k) ** 2 * f:
+                most = max(most, float(np.clip((a - f) / (b - f), 0.0, 1.0) * min(1.0, 0.5 * np.log(b / f))))
+        return most
 
     @cached_property
     def _closures(self) -> list[Closure]:
