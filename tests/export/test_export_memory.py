@@ -24,6 +24,7 @@ CASES = {
     "force": (StaticPIHM, ["tube", "pressure_hysteresis", "pressure_relaxation", "coulomb_friction"], {}),
     "force, forms": (StaticPIHM, ["hysteresis", "pressure_gain", "stribeck_friction"], {"volume_model": "neural"}),
     "flow": (ThermodynamicPIHM, ["heat_transfer", "pressure_bias", "leakage"], {}),
+    "flow, thin contact": (ThermodynamicPIHM, ["pressure_bias"], {}),
     "both": (JointPIHM, ["tube", "backlash", "heat_transfer", "creep"], {}),
 }
 
@@ -48,7 +49,9 @@ def models() -> dict[str, object]:
 
 
 @needs_compiler
-@pytest.mark.parametrize(("case", "dtype"), [*((c, "float64") for c in CASES), ("force", "float32")])
+@pytest.mark.parametrize(
+    ("case", "dtype"), [*((c, "float64") for c in CASES), ("force", "float32"), ("flow, thin contact", "float32")]
+)
 def test_c_remembers_as_predict_does(models, case, dtype, tmp_path):
     export(models[case], tmp_path, "c", dtype=dtype)
     done = run_self_test(tmp_path)

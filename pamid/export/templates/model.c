@@ -278,9 +278,11 @@ INLINE void contact(const real *restrict eps, real u, real *restrict phi, real *
         for (k = 0; k < POINTS; k++) {
             const real t = positive(eps[k]) * (1 / ANCHOR_CONTACT_CONTRACTION);
             const real x = ANCHOR_CONTACT_PRESSURE * (exp_minus(t) - 1), y = x + u; /* x is never positive */
-            const real e = exp_minus(magnitude(y));
-            phi[k] = (positive(y) + log_ratio(e, exp_minus(-x))) * per_u;
-            slope[k] = (logistic(y, e) - phi[k]) * per_u;
+            const real e = exp_minus(magnitude(y)), left = log_ratio(e, exp_minus(-x));
+            /* the slope from what phi and the logistic function lack of 1, or of 0: their difference loses digits */
+            const real above = (real)0.5 + (real)0.5 * with_sign(1, y);
+            phi[k] = (positive(y) + left) * per_u;
+            slope[k] = -(with_sign(e / (1 + e), y) + (above * x + left) * per_u) * per_u;
         }
     else /* the quotient is 0/0 at u = 0: a series about the middle of the stretch */
         for (k = 0; k < POINTS; k++) {
