@@ -18,7 +18,7 @@ from pamid.gap.inference.flexible import Flexible
 from pamid.gap.inference.gauss_newton import Fit
 from pamid.gap.inference.hypotheses import Hypothesis
 from pamid.gap.inference.sensitivity import Template, grid
-from pamid.gap.inference.subsets import Subsets
+from pamid.gap.inference.subsets import Subset, Subsets
 from pamid.gap.residuals.bench import Evidence
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
@@ -119,6 +119,22 @@ def test_an_inexact_form_is_no_second_cause() -> None:
     best = competition.run().best
     assert best.names == {"coulomb_friction"}
     assert np.all(best.left < 1.5)  # of a gap of some fifty times the noise
+
+
+def test_a_second_cause_is_tried_that_falls_a_little_short_to_first_order(monkeypatch) -> None:
+    log = log_with(("viscous_friction", {"coefficient": 25.0}), ("leakage", {"conductance": 1e-10}))
+    competition = Competition(Evidence(log, NOMINAL), ["viscous_friction", "leakage"])
+    one = competition.hypothesis(competition.fitter.refine({"viscous_friction": {"coefficient": 25.0}}))
+    gains = Subsets.gains
+
+    def short(self: Subsets, at: Subset) -> np.ndarray:
+        g = gains(self, at)
+        leak = [k for k, t in enumerate(competition.templates) if t.effect == "leakage"]
+        return np.where(np.isin(np.arange(len(g)), leak), self.cost["leakage"] - 2.0, -np.inf)
+
+    monkeypatch.setattr(Subsets, "gains", short)
+    assert competition._step(one, None).names == {"viscous_friction", "leakage"}
+    assert competition._step(competition.base, None) is competition.base  # alone, all were looked at before
 
 
 def test_a_wrong_effect_leaves_what_a_flexible_function_predicts() -> None:

@@ -324,7 +324,7 @@ class Competition(Worth):
             place.setdefault(self.templates[t].effect, int(t))
         net = {name: float(gains[t]) - about.cost[name] for name, t in place.items()}
         own = max((net[name] for name in out if name in net), default=0.0)
-        allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if out else 0.0
+        allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if at.fit.spec else 0.0
         others = sorted((n for n in net if n not in at.fit.spec), key=lambda n: -net[n])
         found = []
         for name in [n for n in others if net[n] > own - allowed][:most]:
