@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..residuals.ports import PortEvidence
 from ..residuals.protocol import ResidualSource
 from ..settings import FORM_LOCAL, NOISE_KNOWN, NU
 from .findings import Closure, Interval, ParameterEstimate
@@ -13,34 +12,8 @@ from .findings import Closure, Interval, ParameterEstimate
 DRAWS = 400
 NEW_RUNS = 2
 """Runs on which a correction is typically tried."""
-FEW, PIECES = 3, 8
-"""Trajectories below which pieces of them take their place, and how many of those there are in all."""
 LEAST_LEFT, WIDEST = 1e-7, 2.0
 """Least share of a gap that counts as left, and how far, in its logarithm, an end may be from the middle."""
-
-
-def units(evidence: ResidualSource) -> tuple[np.ndarray, int]:
-    """Return what is left out by turns: the trajectory of each window, and how many there are.
-
-    Where a log of a user's own simulator holds one or two, its trajectories are cut into pieces of equal length, each
-    several times as long as what is left there remembers.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    """
-    n = len(evidence.trajectories)
-    if n >= FEW or not isinstance(evidence, PortEvidence):
-        return evidence.block, n
-    out = np.zeros_like(evidence.block)
-    for run, (first, stop) in enumerate(evidence.log.spans):
-        length = (stop - first) * evidence.log.dt
-        count = int(np.clip(length / max(evidence.stretch, 1e-300), 1, PIECES // n))
-        mine = evidence.block == run
-        out[mine] = run * (PIECES // n) + np.clip(evidence.time[mine] / length * count, 0, count - 1).astype(int)
-    found, labels = np.unique(out, return_inverse=True)
-    return labels.reshape(out.shape), len(found)
 
 
 class Clusters:
@@ -71,11 +44,11 @@ class Clusters:
         w = np.empty(len(z))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
             w[part] = share * (NU + 1.0) / (NU + np.square(self.z[part] / s)) / s**2
-        self.units, n = units(evidence)
+        self.pieces, n = evidence.pieces()
         k = self.A.shape[1]
         self.H, self.g = np.zeros((n, k, k)), np.zeros((n, k))
         for t in range(n):
-            rows = self.units == t
+            rows = self.pieces == t
             Aw = self.A[rows] * w[rows, None]
             self.H[t], self.g[t] = self.A[rows].T @ Aw, -(self.z[rows] @ Aw)
         # A tolerance is a prior of its width: without it, what no run excites would drift.
@@ -96,7 +69,7 @@ class Clusters:
             return self.z
         out = self.z.copy()
         for t in range(n):
-            rows = self.units == t
+            rows = self.pieces == t
             H = self.H.sum(axis=0) - self.H[t] + self.prior
             out[rows] += self.A[rows] @ self._solve(H, self.g.sum(axis=0) - self.g[t], self.moving)
         return out
@@ -148,7 +121,7 @@ def closures(
     random_state : RandomState
         Draws trajectories with replacement.
     """
-    labels, n = units(evidence)
+    pieces, n = evidence.pieces()
     # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs. Pieces of a run are
     # not alike, and what acts in some of them acts in the run: a new run is as many of them.
     pieced = n > len(evidence.trajectories)
@@ -159,7 +132,7 @@ def closures(
     found = []
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         noise2 = np.square(evidence.noise[part])
-        block = labels[part]
+        block = pieces[part]
         sums = np.array(
             [
                 np.bincount(block, v, minlength=n)

@@ -284,6 +284,10 @@ class Evidence(Straight):
             self._recent = {**dict(list(self._recent.items())[1 - RECENT :]), asked: out}
         return self._recent[asked]
 
+    def pieces(self) -> tuple[np.ndarray, int]:
+        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        return self.block, len(self.trajectories)
+
     def freedom(self, spec: Spec) -> float:
         """Return what it costs that the beginnings of runs are unknown, a logarithm of likelihood."""
         total = 0.0

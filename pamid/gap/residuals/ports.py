@@ -43,6 +43,9 @@ each other: initial states differ, and are fitted or known anyway."""
 FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
+FEW, PIECES = 3, 8
+"""Trajectories below which pieces of them take their place, and how many of those there are in all."""
+
 
 class PortWindows(NamedTuple):
     """The windows of one equation.
@@ -318,6 +321,24 @@ class PortEvidence(Tolerances, Settled, ABC):
         return self._whitening.white(whole)[part]
 
     # --- the protocol ---------------------------------------------------------------------------------------
+    def pieces(self) -> tuple[np.ndarray, int]:
+        """Return the trajectory, or piece of one, with which each window is left out by turns, and how many there are.
+
+        Where a log holds one or two trajectories they are cut into pieces of equal length, each several times as long
+        as what is left there remembers.
+        """
+        n = len(self.trajectories)
+        if n >= FEW:
+            return self.block, n
+        out = np.zeros_like(self.block)
+        for run, (first, stop) in enumerate(self.log.spans):
+            length = (stop - first) * self.log.dt
+            count = int(np.clip(length / max(self.stretch, 1e-300), 1, PIECES // n))
+            mine = self.block == run
+            out[mine] = run * (PIECES // n) + np.clip(self.time[mine] / length * count, 0, count - 1).astype(int)
+        found, labels = np.unique(out, return_inverse=True)
+        return labels.reshape(out.shape), len(found)
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
         return self._whitening.raw(z)

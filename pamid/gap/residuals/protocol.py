@@ -142,6 +142,10 @@ class ResidualSource(Protocol):
         """Return a parameter within the bounds between which it changes anything on this log."""
         ...
 
+    def pieces(self) -> tuple[np.ndarray, int]:
+        """Return the trajectory, or piece of one, with which each window is left out by turns, and their number."""
+        ...
+
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
         ...

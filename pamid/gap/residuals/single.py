@@ -345,6 +345,10 @@ class SignalEvidence(Straight):
         """Return None: the noise of the target is the same under any model."""
         return None
 
+    def pieces(self) -> tuple[np.ndarray, int]:
+        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        return self.block, len(self.trajectories)
+
     def freedom(self, spec: Spec) -> float:
         """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
         return 0.0

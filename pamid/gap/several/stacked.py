@@ -212,6 +212,10 @@ class StackedEvidence(Straight):
         """Tell whether an equation that is tested reads a channel."""
         return any(log.evidence.reads(channel) for log in self.logs)
 
+    def pieces(self) -> tuple[np.ndarray, int]:
+        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        return self.block, len(self.trajectories)
+
     def freedom(self, spec: Spec) -> float:
         """Return what it costs that the beginnings of runs are unknown."""
         return sum(log.evidence.freedom(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
