@@ -44,7 +44,7 @@ def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
         return _of_model(args)
     ported = port_simulator_of(args)
     if ported is not None:
-        return _of_ports(load_log(args, check_units=False), ported)
+        return _of_ports(load_log(args, ported=ported), ported)
     page = page_of(args)
     if page is None:
         raise UnknownOptionError(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
+    from ..simulators import Simulator
     from ..systems import System
 
 
@@ -92,12 +93,15 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_log(args: argparse.Namespace, nan: str | None = None, check_units: bool = True) -> pd.DataFrame:
-    """Read the log that the arguments name."""
-    from ..signals import read_log
+def load_log(args: argparse.Namespace, nan: str | None = None, ported: Simulator | None = None) -> pd.DataFrame:
+    """Read the log that the arguments name; a simulator's ports say themselves what its columns mean, and their units."""
+    from ..signals import LogMapping, read_log
 
     paths = args.log if isinstance(args.log, list) else [args.log]
-    return read_log(paths, args.columns, nan=nan or args.nan, check_units=check_units)
+    if ported is None:
+        return read_log(paths, args.columns, nan=nan or args.nan)
+    mapping = LogMapping.load(args.columns, own=[port.source for port in ported.ports])
+    return read_log(paths, mapping, nan=nan or args.nan, check_units=False)
 
 
 def load_pieces(args: argparse.Namespace, rows: int, nan: str | None = None) -> Iterator[pd.DataFrame]:

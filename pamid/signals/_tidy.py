@@ -91,7 +91,7 @@ def tidy(
         )
     own = {str(c): i for i, c in enumerate(raw.columns)}
     used_trajectory = _trajectory_column(raw, mapping, path)
-    signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, path)
+    signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, mapping, path)
     if mapping.keep_others and mapping.signals:
         taken = {_position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
         for name, position in own.items():
@@ -146,7 +146,9 @@ def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> in
     return names_column(raw.columns, mapping)
 
 
-def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Path) -> dict[str, SignalMapping]:
+def _by_own_names(
+    table: RawTable, raw: pd.DataFrame, skip: int | None, mapping: LogMapping, path: Path
+) -> dict[str, SignalMapping]:
     """Without a mapping: every column under its own name, with the unit in brackets where it has one."""
     import pandas as pd
 
@@ -170,7 +172,7 @@ def _by_own_names(table: RawTable, raw: pd.DataFrame, skip: int | None, path: Pa
             raise DuplicateColumnError(
                 f"{path.name} has several columns named '{name}'.", "each name once", "Rename one of them."
             )
-        signals[name] = SignalMapping.from_value(name, {"column": position, "unit": unit})
+        signals[name] = SignalMapping.from_value(name, {"column": position, "unit": unit}, name in mapping.own)
     if not signals:
         raise MissingColumnError(f"{path.name} has no numeric column.", "signals", "Check the export.")
     return signals

@@ -7,7 +7,7 @@ import fnmatch
 import math
 import types
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -82,7 +82,7 @@ class SignalMapping:
     own: bool = False
 
     @classmethod
-    def from_value(cls, signal: str, value: Any) -> SignalMapping:
+    def from_value(cls, signal: str, value: Any, own: bool = False) -> SignalMapping:
         """Build from a column's name or position, or from a table of settings.
 
         Parameters
@@ -91,6 +91,8 @@ class SignalMapping:
             Name of the signal, for messages and to check the unit's dimension.
         value : str, int, mapping or SignalMapping
             The settings.
+        own : bool, default=False
+            Whether a unit of another quantity than the name's is a sign that the name is a simulator's own.
 
         Returns
         -------
@@ -116,6 +118,8 @@ class SignalMapping:
                 "a column's name or position, or a table such as {column = 1, unit = 'kPa', gauge = true}",
                 "Correct the mapping.",
             )
+        if own and isinstance(mapping.unit, str) and mapping.dimension(signal) is not None:
+            mapping = replace(mapping, own=find_unit(mapping.unit).dimension != mapping.dimension(signal))
         mapping.validate(signal)
         return mapping
 
@@ -266,6 +270,9 @@ class LogMapping:
         Whether a text file's first row names the columns; None: found by itself.
     keep_others : bool
         Whether to keep numeric columns that are not mapped.
+    own : tuple of str
+        Signals of a simulator of one's own: a unit of another quantity than such a name means here, as volts for ``u``,
+        is right.
 
     Examples
     --------
@@ -293,15 +300,18 @@ class LogMapping:
     thousands: str | None = None
     header: bool | None = None
     keep_others: bool = False
+    own: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, source: LogMapping | Mapping[str, Any] | str | Path | None) -> LogMapping:
+    def load(cls, source: LogMapping | Mapping[str, Any] | str | Path | None, own: Sequence[str] = ()) -> LogMapping:
         """Build from a dict, a TOML file, another mapping, or nothing.
 
         Parameters
         ----------
         source : LogMapping, mapping, str, Path or None
             A dict of the parameters above, or only of signals; or the path of a TOML file with the same keys.
+        own : sequence of str, default=()
+            More names of a simulator's own.
 
         Returns
         -------
@@ -318,11 +328,11 @@ class LogMapping:
             If a unit is unknown or of another dimension than its signal.
         """
         if source is None:
-            return cls()
+            return cls(own=tuple(own))
         if isinstance(source, cls):
-            return source
+            return replace(source, own=(*source.own, *own)) if own else source
         if isinstance(source, str | Path):
-            return cls.load(read_toml(source, "a mapping file", _ERRORS))
+            return cls.load(read_toml(source, "a mapping file", _ERRORS), own)
         if not isinstance(source, Mapping):
             raise MappingError(
                 f"mapping is a {type(source).__name__}.", "a dict or the path of a TOML file", "Pass one of them."
@@ -332,8 +342,10 @@ class LogMapping:
         if settings and not (set(settings) & keys):
             settings = {"signals": settings}
         _require_known(settings, sorted(keys), "the mapping")
-        signals = _table(settings.get("signals", {}), "signals")
-        settings["signals"] = {str(name): SignalMapping.from_value(str(name), v) for name, v in signals.items()}
+        signals = dict(_table(settings.get("signals", {}), "signals"))
+        _move_names(signals, settings)
+        names = settings["own"] = (*map(str, _sequence(settings.get("own", ()), "own")), *own)
+        settings["signals"] = {str(n): SignalMapping.from_value(str(n), v, str(n) in names) for n, v in signals.items()}
         settings["files"] = tuple(_file_constants(entry) for entry in _sequence(settings.get("files", ()), "files"))
         for name, value in _table(settings.get("constants", {}), "constants").items():
             parse_quantity(value, name)
@@ -386,6 +398,20 @@ class LogMapping:
             if entry.matches(path):
                 constants |= entry.constants
         return {name: parse_quantity(value, name) for name, value in constants.items()}
+
+
+def _move_names(signals: dict[str, Any], settings: dict[str, Any]) -> None:
+    """Take the column that names the runs out of the signals: it is read as text, and counts in no unit."""
+    if "trajectory" not in signals:
+        return
+    entry = signals.pop("trajectory")
+    table = entry if isinstance(entry, Mapping) else {"column": entry}
+    _require_known(table, ["column"], "the signal trajectory")
+    column = table.get("column", "trajectory")
+    if settings.setdefault("trajectory", column) != column:
+        raise MappingError(
+            f"Two columns name the runs: {settings['trajectory']!r} and {column!r}.", "one", "Remove one of them."
+        )
 
 
 def _file_constants(entry: Any) -> FileConstants:

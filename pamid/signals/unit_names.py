@@ -66,6 +66,7 @@ Nm3/h: nm3/h nm3h
 sccm: scc/min smlpm nml/min mln/min
 L/min: lpm liter/min litre/min dm3/min
 L/s: liter/s dm3/s
+cm3/s: ccm/s
 kg: kilogram kilogramm
 g: gram gramm
 lb: lbs pound pounds pfund
@@ -83,6 +84,14 @@ Ncm: n*cm
 lbf in: lbf*in in-lb in-lbs lb-in inlb lbin
 m/s: m/sec
 mm/s: mm/sec
+km/h: kmh kph km/hr
+mph: mi/h
+km: kilometer kilometre
+W: watt watts
+kW: kilowatt
+mNm: mn*m
+cm3: ccm
+mL: milliliter millilitre
 m/s2: m/s/s
 Hz: hertz
 """

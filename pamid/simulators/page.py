@@ -44,6 +44,25 @@ def simulator_kinds() -> dict[str, type[Simulator]]:
     return dict(sorted((kind, cls) for cls in classes for kind in cls.kinds))
 
 
+def page_signals(path: str | Path) -> dict[str, str]:
+    """Return the columns in which a page says that signals stand, with their units; nothing that it names is run.
+
+    Parameters
+    ----------
+    path : path-like
+        The page.
+
+    Returns
+    -------
+    dict of str to str
+        Unit by column, of inputs, outputs and states.
+    """
+    ports = read_toml(path, "a simulator file", _ERRORS).get("ports", {})
+    entries = ports.items() if isinstance(ports, dict) else ()
+    signals = {n: p for n, p in entries if isinstance(p, dict) and p.get("kind") in ("input", "output", "state")}
+    return {str(p.get("column") or name): str(p.get("unit", "-")) for name, p in signals.items()}
+
+
 def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
     """Read the page of a simulator. Nothing runs code from a file without trust.
 

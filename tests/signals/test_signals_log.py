@@ -309,12 +309,39 @@ def test_nan_policies(tmp_path, policy):
     assert log["q"].isna().sum() == (0 if policy == "drop" else 1)
 
 
+@pytest.mark.parametrize("column", ["run", {"column": "run"}, {"column": 0}])
+@pytest.mark.parametrize("names", [("a", "b"), ("1", "2")])
+def test_the_column_of_runs_may_stand_among_the_signals(tmp_path, column, names):
+    """It is what a newcomer writes, and no signal: text is read as text, and numbers name runs."""
+    rows = [f"{name},{k / 10},{k}" for name in names for k in range(3)]
+    (tmp_path / "runs.csv").write_text("run,t,speed\n" + "\n".join(rows) + "\n")
+    log = read_log(tmp_path / "runs.csv", {"signals": {"trajectory": column, "time": "t", "v": "speed"}})
+    assert log["trajectory"].drop_duplicates().tolist() == list(names)
+    assert list(log.columns) == ["trajectory", "time", "v"]
+
+
+def test_two_columns_of_runs_are_refused(tmp_path):
+    with pytest.raises(MappingError, match="'day'"):
+        LogMapping.load({"trajectory": "run", "signals": {"trajectory": {"column": "day"}, "time": "t"}})
+    with pytest.raises(MappingError, match="unit"):
+        LogMapping.load({"signals": {"trajectory": {"column": "day", "unit": "s"}}})
+
+
 # --- units ----------------------------------------------------------------------------------------------------
 @given(st.sampled_from(sorted(UNITS)), st.floats(-1e6, 1e6))
 def test_quantities_are_linear_in_their_unit(unit, value):
     """A text of number and unit is the number times the unit's factor, wherever the unit stands."""
     got = parse_quantity(f"{value!r} {unit}")
     assert got == pytest.approx(value * UNITS[unit].factor + UNITS[unit].offset, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "si"),
+    [("90 km/h", 25.0), ("1.2 km", 1200.0), ("250 cm³/s", 2.5e-4), ("3 mNm", 3e-3), ("2 kW", 2000.0),
+     ("28 cm^2", 28e-4), ("180 deg/s2", np.pi), ("50 mph", 22.352)],
+)  # fmt: skip
+def test_units_of_vehicles_tanks_and_drives(text, si):
+    assert parse_quantity(text) == pytest.approx(si)
 
 
 @settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -88,6 +88,26 @@ def test_a_function_from_the_command_line_and_back(cart: Path, capsys: pytest.Ca
         assert equation["rmse"] < most * equation["noise_floor"]
 
 
+@pytest.mark.parametrize("mapped", [False, True])
+def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.CaptureFixture[str], mapped: bool) -> None:
+    """`u` is a valve command of a bench, and a force in newtons where a page says so: of a header or of a mapping."""
+    header = "trajectory,time [ms],u [kN],x [mm],v [km/h]"
+    table = pd.read_csv(cart / "log.csv")
+    table[["time", "force", "x", "v"]] *= [1e3, 1e-3, 1e3, 3.6]
+    table.to_csv(cart / "own.csv", index=False, header=header.split(","))
+    (cart / "own.toml").write_text(PAGE.replace("force", "u"))
+    columns = 'u = { column = "u [kN]", unit = "kN" }\nx = { column = "x [mm]", unit = "mm" }\n'
+    columns += 'v = { column = "v [km/h]", unit = "km/h" }\ntime = { column = "time [ms]", unit = "ms" }\n'
+    (cart / "columns.toml").write_text('[signals]\ntrajectory = { column = "trajectory" }\n' + columns)
+    given, errors = ["--columns", str(cart / "columns.toml")] if mapped else [], []
+    for log, sim, more in ((cart / "log.csv", "sim.toml", []), (cart / "own.csv", "own.toml", given)):
+        assert main(["check", str(log), "--sim", str(cart / sim), *more, "--json", "--quiet"]) == 0
+        capsys.readouterr()
+        assert main(["evaluate", str(log), "--sim", str(cart / sim), *more, "--trust", "--json"]) == 0
+        errors.append([e["rmse"] for e in json.loads(capsys.readouterr().out)["equations"]])
+    assert errors[0] == pytest.approx(errors[1], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("page", "what"),
     [

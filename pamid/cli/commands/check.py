@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     _check_targets(args)
     ported = _has_ports(args)
     simulator = None if ported else system_of(args) or simulator_of(args)
-    log, doubts = _read(args)
+    log, doubts = _read(args, _own_names(args) if ported else [])
     with progress(args, "Looking"):
         found = survey(log, simulator)
     if ported:
@@ -102,6 +102,16 @@ def _has_ports(args: argparse.Namespace) -> bool:
     return True
 
 
+def _own_names(args: argparse.Namespace) -> list[str]:
+    """Return the columns that the page of a simulator with ports names; nothing of the simulator runs."""
+    from ...simulators.page import page_signals
+    from .._simulators import MODELS
+
+    page = Path(args.sim)
+    page = page.with_suffix(".toml") if page.suffix.lower() in MODELS else page
+    return list(page_signals(page)) if page.is_file() else []
+
+
 def _leave_out_muscles(found: Survey) -> None:
     """Leave out the questions about muscles and their gas, which a log of another system need not answer."""
     asked = [a for a in found.answers if "the log lacks" not in a.why]
@@ -117,15 +127,16 @@ def _diagnose(args: argparse.Namespace) -> str:
     return shlex.join(["pamid", "diagnose", *args.log, *options])
 
 
-def _read(args: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
+def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[str]]:
     """Read the log; what the other commands refuse for its units or its clock is read all the same and told."""
+    from ...signals import LogMapping
     from ...signals.log import log_settings, read_with_notes
 
     nan = "keep" if args.nan == "raise" else args.nan
     check_units, order = True, None
     doubts: list[str] = []
     while True:
-        settings = log_settings(args.columns, nan, "ignore", order, None, None)
+        settings = log_settings(LogMapping.load(args.columns, own=own), nan, "ignore", order, None, None)
         try:
             log, notes = read_with_notes(args.log, settings, nan=nan, check_units=check_units)
         except (UnitError, PressureReferenceError) as error:

@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         )
     logs = logs_of(args) if bench else None
     history: History | None = None
-    log = load_log(args, check_units=ported is None) if not bench else None  # a port says itself which unit it is in
+    log = load_log(args, ported=ported) if not bench else None
     params = simulator_of(args) or simulator_before(args) if bench else None
     if params is None and bench:
         raise ParameterError(

@@ -170,7 +170,7 @@ def _evaluate_ported(args: argparse.Namespace, simulator: Simulator) -> int:
             raise ParameterError(
                 f"{option} is given for a simulator with ports.", "a simulator of the bench", "Leave it out."
             )
-    found = evaluation(load_log(args, check_units=False), simulator)
+    found = evaluation(load_log(args, ported=simulator), simulator)
     if args.json:
         print_json({"kind": simulator.kind, "equations": found})
         return DONE
