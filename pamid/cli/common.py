@@ -94,7 +94,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def load_log(args: argparse.Namespace, nan: str | None = None, ported: Simulator | None = None) -> pd.DataFrame:
-    """Read the log that the arguments name; a simulator's ports say themselves what its columns mean, and their units."""
+    """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
     from ..signals import LogMapping, read_log
 
     paths = args.log if isinstance(args.log, list) else [args.log]
