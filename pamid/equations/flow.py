@@ -8,13 +8,13 @@ import numpy as np
 
 from ..laws.gas import entropic_content
 from ..laws.valve import flow_function
-from ..signals.noise import median
 from .base import Equation, Residual, spread
 from .run import SIGNS, Run
+from .timing import timed
 from .windows import Windows, kernel
 
-_UNSURE = 0.3
-"""Standard deviation of the share of a ramp in the flow between two samples, before a log is seen."""
+_MOST = 2.0
+"""Largest share of a ramp in the flow between two samples: that of a flow that changes right after the first."""
 
 
 class FlowEquation(Equation):
@@ -28,9 +28,9 @@ class FlowEquation(Equation):
     divided by the window's :math:`P^{1/\gamma-1} R T`, so that the residual is a flow in kg/s.
 
     Between two samples the flow of a quick valve goes on from the first, because its command is held, and changes with
-    the pressure alone; that of a slow valve goes straight to the second. Which of the two, or what in between, is a
-    timing within one sample that a log does not tell; the share that fits the run best is taken, so that it does not
-    pose as a gap.
+    the pressure alone; that of a slow valve goes straight to the second; that of a valve whose command comes late may
+    change right after the first. Which it is, is a timing within one sample that a log does not tell; the share that
+    fits the run best is taken, so that it does not pose as a gap.
 
     Examples
     --------
@@ -63,8 +63,8 @@ class FlowEquation(Equation):
 def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | None = None) -> np.ndarray:
     """Return a flow into both muscles less what pressure and volume say of it, over windows of order 2, kg/s.
 
-    Between samples the flow goes that share of the way straight to the next one, rather than on at a held command; by
-    default the share that fits the run best.
+    Between samples the flow goes on at a held command with a share of 0, straight to the next one with 1, and is the
+    next one's all the time with 2; by default the share is the one that fits the run best.
     """
     per_flow, scale, stored = _stored(run, windows)
     if mdot is run.channels.get("mdot"):
@@ -78,7 +78,7 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | Non
         held = held - windows.mean(added * (per_flow[1:] + per_flow[:-1]) / 2) / scale
     if share is not None:
         return np.asarray(held + share * ramp)
-    return np.concatenate([held[part] + _share(held[part], ramp[part]) * ramp[part] for part in windows.parts])
+    return timed(held, ramp, _MOST, windows.parts)
 
 
 def _stored(run: Run, windows: Windows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,16 +128,3 @@ def _opening(run: Run, mdot: np.ndarray) -> np.ndarray:
         run.smoothed[key] = np.stack([filling[1:] / filling[:-1], venting[1:] / venting[:-1]]) - 1.0
     filling, venting = run.smoothed[key]
     return np.where(mdot[:-1] > 0, filling, venting)
-
-
-def _share(held: np.ndarray, ramp: np.ndarray) -> float:
-    """Return the share of the way from one sample's flow to the next one's that leaves the least residual, 0 to 1.
-
-    A run in which the flow hardly changes does not tell it; it is then that of a quick valve, 0.
-    """
-    if len(held) < 3:
-        return 0.0
-    step = ramp - ramp.mean(axis=0)
-    unsure = median(np.square(np.diff(held, axis=0)).ravel()) / _UNSURE**2
-    power = float(np.sum(step**2)) + unsure
-    return float(np.clip(-np.sum(step * held) / power, 0.0, 1.0)) if power > 0 else 0.0

@@ -89,6 +89,7 @@ class Run:
         self.geometry = {} if faults else stretch.geometry
         faulty = {fault.channel for fault in faults} & set(stretch.readings)
         self.responses = {name: self._restored(name, faults) for name in faulty}
+        self.remembered = {fault.channel for fault in faults if fault.n_states}  # undone to within a sample
 
     @property
     def starts(self) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from ..laws.valve import valve_flow
 from .base import Equation, Residual, spread
 from .run import Run
+from .timing import timed
 from .windows import kernel
 
 
@@ -17,6 +18,10 @@ class ValveEquation(Equation):
 
     .. math:: \dot m - \begin{cases} C u \rho_0 P_s\,\psi(P/P_s) & u > 0 \\
         -C |u| \rho_0 P\,\psi(P_\mathrm{atm}/P) & u < 0 \end{cases}
+
+    Where the flow is undone from readings that lag, it is so to within a sample: whether it stood from one sample to
+    the next or went straight is in none of the readings. The modelled flow is then as late, by up to one sample, as
+    fits the run best.
 
     Examples
     --------
@@ -37,6 +42,9 @@ class ValveEquation(Equation):
         windows = run.windows(self)
         measured, time = windows.mean(run.mdot), windows.time(run.time)
         value = measured - windows.mean(modelled)
+        if "mdot" in run.remembered:
+            late = windows.mean(np.diff(modelled, axis=0, prepend=modelled[:1]))
+            value = timed(value, late, 1.0, windows.parts)
         if not run.model.noise:
             return Residual(time, value, measured, np.zeros_like(value))
         weights = kernel(run.n, 1)

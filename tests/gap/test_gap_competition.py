@@ -100,6 +100,44 @@ def test_a_faint_effect_counts_once_a_strong_one_is_explained() -> None:
     assert set(both.templates) == {0, 1} and both.scales[0] < 1.1
 
 
+def beyond_a_tolerance(seed: int = 0, n: int = 2000) -> Subsets:
+    """Return a parameter that is a twentieth further off than its tolerance allows, and what is like it."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(2, n))
+    b[: n // 2] = 0.0
+    fixed = np.column_stack([30.0 * a, 20.0 * (0.8 * a + b)])
+    columns = [30.0 * a, a + 0.1 * rng.normal(size=n), b, rng.normal(size=n)]
+    z = rng.normal(size=n) - 1.05 * fixed[:, 0] - 0.5 * fixed[:, 1]
+    library = [
+        Template(f"e{k}", {}, ("a",), x[:, None], np.array([-np.inf]), np.array([np.inf]))
+        for k, x in enumerate(columns)
+    ]
+    cost, parts = {t.effect: 0.5 * np.log(n) for t in library}, [slice(0, n // 2), slice(n // 2, n)]
+    one = np.ones(2)
+    return Subsets(z, fixed, -one, one, one, library, cost, parts, np.ones(n), one)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parameter_beyond_its_tolerance_is_found(seed: int) -> None:
+    """Its column is that of the tolerance, which is at its bound and takes up no more."""
+    subsets = beyond_a_tolerance(seed)
+    nothing = subsets.fit(())
+    assert nothing.x[0] == 1.0
+    gains = subsets.gains(nothing)
+    assert np.argmax(gains) == 0
+    assert subsets.grow(2)[0].templates == (0,)
+
+
+def test_one_more_effect_never_explains_less() -> None:
+    subsets = beyond_a_tolerance()
+    nothing = subsets.fit(())
+    assert nothing.loglik == pytest.approx(subsets.fit((), rounds=50).loglik, abs=0.1)  # the scales have come down
+    gains, power = subsets.gains(nothing), float(np.sum(nothing.left / nothing.scales**2))
+    for t in range(4):
+        assert subsets.fit((t,)).loglik > nothing.loglik - 0.1
+        assert 0.0 <= gains[t] <= 0.5 * power  # no more than there is
+
+
 # --- evidence -------------------------------------------------------------------------------------------------
 def test_three_effects_are_found_together() -> None:
     log = log_with(

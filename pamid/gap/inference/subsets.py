@@ -28,6 +28,9 @@ from .discrepancy import has_form
 from .sensitivity import Template
 from .student_t import bounded
 
+ROUNDS = 4
+"""Rounds of coefficients and scales in turn: from the scales of a set near by they change little."""
+
 
 @dataclass(frozen=True)
 class Subset:
@@ -112,13 +115,17 @@ class Subsets:
             for c, n in zip(self.places, sizes, strict=True)
         ]
         self._own = np.array([self.columns[p].T @ self.z[p] for p in parts])
+        self._own_fixed = np.array([self.fixed[p].T @ self.z[p] for p in parts])
         self._products: dict[int, np.ndarray] = {}
         self._across = np.array([self.fixed[p].T @ self.columns[p] for p in parts])
         self._inner = np.array([self.fixed[p].T @ self.fixed[p] for p in parts])
+        self._bare = self._scales(np.array([float(self.z[p] @ self.z[p]) for p in parts]))
+        # Scales that begin where tolerances have not been fitted yet come down slowly.
+        self._bare = self.fit((), rounds=10 * ROUNDS).scales
 
     # --- one set ----------------------------------------------------------------------------------------------
-    def fit(self, templates: tuple[int, ...], rounds: int = 4) -> Subset:
-        """Fit a set of templates, the scales of the equations with them."""
+    def fit(self, templates: tuple[int, ...], near: Subset | None = None, rounds: int = ROUNDS) -> Subset:
+        """Fit a set of templates, the scales of the equations with them, beginning at those of a set near it."""
         A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in templates)])
         lower = np.concatenate([self.lower, *(self.library[t].lower for t in templates)])
         upper = np.concatenate([self.upper, *(self.library[t].upper for t in templates)])
@@ -126,7 +133,8 @@ class Subsets:
         G = np.array([A[p].T @ A[p] for p in self.parts])
         b = np.array([A[p].T @ self.z[p] for p in self.parts])
         zz = np.array([float(self.z[p] @ self.z[p]) for p in self.parts])
-        x, scales, left, loglik = np.zeros(A.shape[1]), self._scales(zz), zz, -np.inf
+        scales = self._bare if near is None else near.scales
+        x, left, loglik = np.zeros(A.shape[1]), zz, -np.inf
         for _ in range(rounds):
             c = self.share / scales**2
             H = np.tensordot(c, G, 1) + np.diag(precision)
@@ -154,6 +162,8 @@ class Subsets:
     def gains(self, subset: Subset, only: Sequence[int] | None = None) -> np.ndarray:
         """Return what templates would add to a set, the others' coefficients free: gains in log-likelihood.
 
+        A coefficient that has come to its bound stays there: what is beyond a tolerance is not taken up by it.
+
         Parameters
         ----------
         subset : Subset
@@ -173,10 +183,16 @@ class Subsets:
         G[:, m:] = GST[:, columns]
         G[m:, :m] = GST[:m, columns].T
         slope = np.tensordot(c, self._own, 1) + subset.x @ GST
+        fixed = np.tensordot(c, self._own_fixed, 1) + subset.x @ G[:, :m]
+        free = self._inside(subset)
+        # The scales have moved a little since the coefficients were found, which now move with them.
+        still = np.concatenate([fixed, slope[columns]])[free]
+        GST, G = GST[free], G[np.ix_(free, free)]
         size = np.sqrt(np.maximum(np.diag(G), 1e-300))
         weighted = GST / size[:, None]
         scaled = G / np.outer(size, size) + 1e-9 * np.eye(len(G))
         projected = np.linalg.solve(scaled, weighted) if len(G) else weighted
+        slope = slope - (still / size) @ projected
         out = np.zeros(len(self.library))
         outside: list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         for k in chosen:
@@ -201,6 +217,12 @@ class Subsets:
             y = bounded(S, -g, low, high)
             out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
         return out
+
+    def _inside(self, subset: Subset) -> np.ndarray:
+        """Tell which coefficients of a set are within their bounds."""
+        lower = np.concatenate([self.lower, *(self.library[t].lower for t in subset.templates)])
+        upper = np.concatenate([self.upper, *(self.library[t].upper for t in subset.templates)])
+        return np.asarray((subset.x > lower) & (subset.x < upper))
 
     def _with_all(self, t: int) -> np.ndarray:
         """Return the products of a template's columns with all columns, equation by equation."""
@@ -229,7 +251,7 @@ class Subsets:
             children: dict[frozenset[str], Subset] = {}
             for parent in beam:
                 for t in self._promising(parent, barred):
-                    child = self.fit((*parent.templates, t))
+                    child = self.fit((*parent.templates, t), parent)
                     if not self._of_its_own(child, parent, first):
                         continue
                     names = self._names(child.templates)
@@ -270,14 +292,14 @@ class Subsets:
     def _regridded(self, subset: Subset) -> Subset:
         """Return a set with each effect's grid point chosen anew beside the others."""
         for k, t in enumerate(subset.templates):
-            rest = self.fit((*subset.templates[:k], *subset.templates[k + 1 :]), rounds=2)
+            rest = self.fit((*subset.templates[:k], *subset.templates[k + 1 :]), subset, rounds=2)
             same = [i for i, other in enumerate(self.library) if other.effect == self.library[t].effect]
             if len(same) < 2:
                 continue
             gains = self.gains(rest, same)
             best = max(same, key=lambda i: gains[i])
             if best != t:
-                trial = self.fit((*subset.templates[:k], best, *subset.templates[k + 1 :]))
+                trial = self.fit((*subset.templates[:k], best, *subset.templates[k + 1 :]), subset)
                 if trial.score > subset.score:
                     subset = trial
         return subset

@@ -1,0 +1,47 @@
+"""When a signal changes within one sample: a timing that a log does not tell, and that must not pose as a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..signals.noise import median
+
+_UNSURE = 0.3
+"""Standard deviation of the share of a change that comes early or late, before a log is seen."""
+
+
+def timed(value: np.ndarray, change: np.ndarray, most: float, parts: Sequence[slice]) -> np.ndarray:
+    """Return residuals with the part of a change within a sample that leaves least of them, chosen for each run.
+
+    Parameters
+    ----------
+    value : array, shape (n_windows, n_sides)
+        Residuals with nothing of the change.
+    change : array, shape (n_windows, n_sides)
+        What all of it adds.
+    most : float
+        The largest part; the least is 0.
+    parts : sequence of slice
+        The windows of each run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.equations.timing import timed
+    >>> change = np.sin(np.arange(40.0))[:, None]
+    >>> float(np.abs(timed(-0.7 * change, change, 1.0, [slice(0, 40)])).max().round(3))
+    0.015
+    """
+    return np.concatenate([value[part] + _share(value[part], change[part], most) * change[part] for part in parts])
+
+
+def _share(value: np.ndarray, change: np.ndarray, most: float) -> float:
+    """Return the part that leaves least; a run in which hardly anything changes does not tell it: then none."""
+    if len(value) < 3:
+        return 0.0
+    step = change - change.mean(axis=0)
+    unsure = median(np.square(np.diff(value, axis=0)).ravel()) / _UNSURE**2
+    power = float(np.sum(step**2)) + unsure
+    return float(np.clip(-np.sum(step * value) / power, 0.0, most)) if power > 0 else 0.0
