@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -163,14 +164,19 @@ def test_a_second_cause_is_tried_that_falls_a_little_short_to_first_order(monkey
     log = log_with(("viscous_friction", {"coefficient": 25.0}), ("leakage", {"conductance": 1e-10}))
     competition = Competition(Evidence(log, NOMINAL), ["viscous_friction", "leakage"])
     one = competition.hypothesis(competition.fitter.refine({"viscous_friction": {"coefficient": 25.0}}))
-    gains = Subsets.gains
+    fit = Subsets.fit
 
-    def short(self: Subsets, at: Subset) -> np.ndarray:
-        g = gains(self, at)
-        leak = [k for k, t in enumerate(competition.templates) if t.effect == "leakage"]
-        return np.where(np.isin(np.arange(len(g)), leak), self.cost["leakage"] - 2.0, -np.inf)
+    def short(self: Subsets, templates: tuple[int, ...], *rest: object, **more: object) -> Subset:
+        found, names = fit(self, templates, *rest, **more), [self.library[t].effect for t in templates]
+        missed = {(): 0.0, ("leakage",): 2.0}.get(tuple(names), np.inf)
+        return replace(found, score=fit(self, ()).score - missed)
 
-    monkeypatch.setattr(Subsets, "gains", short)
+    def little(self: Subsets, at: Subset) -> np.ndarray:
+        leak = [t.effect == "leakage" for t in self.library]
+        return np.where(leak, self.cost["leakage"] - 2.0, -np.inf)
+
+    monkeypatch.setattr(Subsets, "fit", short)
+    monkeypatch.setattr(Subsets, "gains", little)
     assert competition._step(one, None).names == {"viscous_friction", "leakage"}
     assert competition._step(competition.base, None) is competition.base  # alone, all were looked at before
 

@@ -318,16 +318,22 @@ class Competition(Worth):
         """
         keep = [name for name in at.fit.spec if name not in out]
         about = self._about(at, out)
-        gains = about.gains(about.fit(()))
+        nothing = about.fit(())
+        gains = about.gains(nothing)
         place: dict[str, int] = {}
         for t in np.argsort(-gains, kind="stable"):
             place.setdefault(self.templates[t].effect, int(t))
-        net = {name: float(gains[t]) - about.cost[name] for name, t in place.items()}
-        own = max((net[name] for name in out if name in net), default=0.0)
-        allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if at.fit.spec else 0.0
-        others = sorted((n for n in net if n not in at.fit.spec), key=lambda n: -net[n])
+        closest = [*list(place)[: 4 * KEPT], *(name for name in out if name in place)]
+        # What gains promise at the scales of the gap itself, fits keep as these come down; either may be close enough.
+        promised = {name: float(gains[place[name]]) - about.cost[name] for name in closest}
+        kept = {name: about.fit((place[name],)).score - nothing.score for name in closest}
+        near: set[str] = set()
+        for net in (promised, kept):
+            own = max((net[name] for name in out if name in net), default=0.0)
+            allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if at.fit.spec else 0.0
+            near |= {name for name in net if net[name] > own - allowed and name not in at.fit.spec}
         found = []
-        for name in [n for n in others if net[n] > own - allowed][:most]:
+        for name in sorted(near, key=lambda n: (-kept[n], n))[:most]:
             if self.evidence.bends and frozenset({*keep, name}) in self._done:
                 found.append(self._done[frozenset({*keep, name})])
                 continue
