@@ -120,7 +120,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
     PortEvidence
         The residuals.
     """
-    from .residuals.choice import motion_is_hidden
+    from .residuals.choice import motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
@@ -128,6 +128,10 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
     if derived is None:
         return ShootingEvidence(at_ports, simulator, refit=refit)
     found = DirectEvidence(at_ports, simulator, derived, refit)
+    if simulator.form == "ode" and sign_may_be_lost(found):
+        predicted = ShootingEvidence(at_ports, simulator, refit=refit)
+        if predicted.folds:
+            return predicted
     return ShootingEvidence(at_ports, simulator, refit=refit) if motion_is_hidden(found) else found
 
 

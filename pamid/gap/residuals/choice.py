@@ -6,10 +6,13 @@ import numpy as np
 
 from ...signals.noise import quantisation_step
 from .direct import DirectEvidence
+from .stretches import BELOW
 from .tolerances import rms
 
 BENT = 0.02
 """Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
+AHEAD = 16
+"""Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:
@@ -67,3 +70,21 @@ def _accelerations(found: DirectEvidence) -> list[tuple[float, np.ndarray, np.nd
         for part, b in zip(found.parts, found.balances, strict=True)
         if b.order == 2
     ]
+
+
+def sign_may_be_lost(found: DirectEvidence) -> bool:
+    """Tell whether a reading of a state is never negative while the simulator goes below zero within a few rows.
+
+    Rates do not show what a sensor makes of a sign: where a magnitude turns back, so does the motion that was read.
+    """
+    log = found.log
+    for name, rate in zip(found.simulator.states, found.modelled, strict=True):
+        x = log.channels.get(name)
+        if x is None or np.min(x) < (least := -BELOW * found.channel_noise(name)):
+            continue
+        way = np.concatenate([[0.0], np.cumsum(rate[: log.n]) * log.dt])
+        for rows in range(1, AHEAD + 1):
+            below = x[: log.n + 1 - rows] + way[rows:] - way[:-rows] < least
+            if np.any(below & (log.run[: log.n + 1 - rows] == log.run[rows - 1 :])):
+                return True
+    return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations, pairwise
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,6 +106,8 @@ class PortEvidence(Tolerances, Settled, ABC):
     alone, such as a command that saturates once, looks as likely under any draw of signs."""
     how = ""
     """How residuals come about, for the reader."""
+    folds: Mapping[str, float] = MappingProxyType({})
+    """Readings whose sign is lost, see `StretchEvidence`."""
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
@@ -152,7 +155,7 @@ class PortEvidence(Tolerances, Settled, ABC):
         self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
-        if self.free and self.refit and self._bends():
+        if self.free and self.refit and not self.folds and self._bends():
             self._again()
             self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
             self._kept.clear()

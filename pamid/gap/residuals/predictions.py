@@ -251,11 +251,11 @@ class PredictedEvidence(StretchEvidence):
             return super()._slopes(x0, numbers)
         base = self._drive([], self.simulator.numbers if numbers is None else numbers)
         states, outputs = self._simulate(x0, base.u, base.p, [])
-        response, before = self._response(x0, base, states), self._shown(states, outputs, self.shown)
+        response, before = self._response(x0, base, states), self._fold(self._shown(states, outputs, self.shown))
         found = []
         for k, row in enumerate(x0):
             h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
-            there = self._shown(*self._moved_states(states, h * response.of_start(k), base), self.shown)
+            there = self._fold(self._shown(*self._moved_states(states, h * response.of_start(k), base), self.shown))
             found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
         return self._in_noise(found)
 
@@ -265,7 +265,7 @@ class PredictedEvidence(StretchEvidence):
             return super()._slopes_of_numbers(x0, d)
         base, found = self._drive([], self._numbers_at(d)), []
         for e in 0.01 * np.eye(len(d)):
-            before, there = self._near(x0, base, self._drive([], self._numbers_at(d + e)))
+            before, there = map(self._fold, self._near(x0, base, self._drive([], self._numbers_at(d + e))))
             found.append([(a - b) / 0.01 for a, b in zip(there, before, strict=True)])
         return self._in_noise(found)
 

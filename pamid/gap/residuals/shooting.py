@@ -89,7 +89,7 @@ class ShootingEvidence(PredictedEvidence):
 
     def _look_at_noise(self) -> None:
         """Take motion that is fast beside the rows out of what neighbouring samples differ by, as it is predicted."""
-        plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
+        plain = np.concatenate(self._fold(self._predict(self._x0, [], self.simulator.numbers)), axis=1)
         for name, drive in zip(self.shown, plain, strict=True):
             x, least = self.log.channels[name], self.sigma[name]
             found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
@@ -104,7 +104,7 @@ class ShootingEvidence(PredictedEvidence):
         known, found = self.simulator.numbers, []
         others = [self._changed([], self.numbers({name: SMALL}), [], known) for name in self.free]
         for self.lines in (False, True):
-            self._plain = self._predict(self._x0, [], known)
+            self._plain = self._fold(self._predict(self._x0, [], known))
             found.append(self._residual([], known))
         beside = np.column_stack(others) if others else np.zeros((len(found[0]), 0))
         self.lines = go_in_lines(found[0], found[1], [len(w.first) for w in self.windows], beside)
@@ -187,7 +187,8 @@ class ShootingEvidence(PredictedEvidence):
         late = self._u.copy()
         late[:, 1:] = 0.5 * (self._u[:, 1:] + self._u[:, :-1])
         late[:, self.log.starts] = self._u[:, self.log.starts]
-        column = self._compared([], [], *self._near(self._x0, base, Drive(late, base.p, [], self.lines)))
+        near = self._near(self._x0, base, Drive(late, base.p, [], self.lines))
+        column = self._compared([], [], *map(self._fold, near))
         if np.any(column):
             self.skews[f"skew of {', '.join(driven)}"] = column
         self.free = [*self.free, *self.skews]
@@ -234,7 +235,9 @@ class ShootingEvidence(PredictedEvidence):
 
     def _started(self, kind: tuple[str, ...], active: Active, numbers: np.ndarray) -> np.ndarray:
         """Return initial states that a change will have, to first order from the last one of its kind."""
-        if not len(self._x0) or self.simulator.form == "run":  # of which the response may itself be a run
+        read = {place.at for place, _ in active if place.name == "sensor_rectification"}
+        if not len(self._x0) or self.simulator.form == "run" or read & set(self.folds):
+            # The response may itself be a run; and to a reading without its sign initial states are fitted already.
             return self._x0 + self._moved.get(kind, 0.0)
         about, known = self._last.get(kind, (self._own, self.simulator.numbers))
         # How the run without a change responds is known, and near enough for where to begin.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,6 +26,10 @@ ASTRAY = 10.0
 """Standard deviations of a signal by which a prediction that runs away misses it."""
 SHORTEST = 24
 """Least samples of a stretch."""
+BELOW = 6.0
+"""Standard deviations of the noise below zero that a reading without a sign may be."""
+LOST = 1.0, 0.5
+"""Shares of the sign that a sensor may not read: a magnitude, and half of the range."""
 FORGETS, AT_ONCE, GONE = (500, 2000, 8000), 8, 1e-3
 """Lengths over which it is asked whether a simulator forgets where it began, how many such stretches make it worth
 while, and what is then left of an initial state's largest effect."""
@@ -61,11 +65,14 @@ class StretchEvidence(PortEvidence):
 
     shown: list[str]
     sigma: dict[str, float]
+    folds: Mapping[str, float]
+    """Readings whose sign is lost, with the share of it: the simulator follows the log once that is taken away."""
 
     def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
         super().__init__(log, simulator, refit)
         self.whole = whole
         self.stretches: list[Segment] = []
+        self.folds = {}
         self._x0 = np.zeros((len(simulator.states), 0))
         self._moved: dict[tuple[str, ...], np.ndarray] = {}
         self._guess = np.array([simulator.port(s).start for s in simulator.states])
@@ -92,6 +99,8 @@ class StretchEvidence(PortEvidence):
                 if there < FOLLOWS:
                     self._begin_from(x)
                     missed, x0 = there, others
+            if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
+                missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
             if best is None or (follows if rising else missed < 0.7 * best[0]):
                 best = missed, self.stretches, x0
@@ -148,6 +157,16 @@ class StretchEvidence(PortEvidence):
         x0 = self._starts()
         if not len(x0):
             return x0
+        found, error = self._fitted_from(x0)
+        mirrored = x0 * np.where([s in self.folds for s in self.simulator.states], -1.0, 1.0)[:, None]
+        if np.any(mirrored != x0):  # a magnitude does not say on which side a stretch begins
+            others, missed = self._fitted_from(mirrored)
+            better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
+            found = np.where(better, others, found)
+        return found
+
+    def _fitted_from(self, x0: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the initial states that fit best near others, and what predictions then miss."""
         error = self._error(x0)
         for _ in range(ROUNDS):
             slopes = self._slopes(x0)
@@ -160,7 +179,37 @@ class StretchEvidence(PortEvidence):
             error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
             if before - power(error) < len(x0):  # no more than noise alone would make of as many initial states
                 break
-        return x0
+        return x0, error
+
+    def _without_sign(self) -> tuple[float, np.ndarray] | None:
+        """Return what predictions miss where a reading is without its sign, and initial states; None if not less.
+
+        A reading that is never negative, beside a prediction that is, may be a magnitude. Then no initial state lets
+        the simulator follow it, and stretches so short that some do would hide what the sensor does.
+        """
+        plain = np.concatenate(self._predict_many([self._starts()], [self.simulator.numbers])[0], axis=1)
+        for name, row in zip(self.shown, plain, strict=True):
+            x = self.log.channels[name]
+            if np.min(x) < -BELOW * self.sigma[name] or not np.min(row) < -FOLLOWS * float(np.std(x)):
+                continue
+            for share in LOST:
+                self.folds = {name: share}
+                x0 = self._fitted_starts()
+                missed = self._missed(self._error(x0))
+                if missed >= FOLLOWS and self.free and self.refit:
+                    missed, d, x0 = self._refitted(x0)
+                    if missed < FOLLOWS:
+                        self._begin_from(d)
+                if missed < FOLLOWS:
+                    self.curved = True  # what parameters do changes its sign with the reading
+                    return missed, x0
+        self.folds = {}
+        return None
+
+    def _fold(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return predicted channels without the signs that are lost."""
+        lost = np.array([self.folds.get(n, 0.0) for n in self.shown])[:, None]
+        return [y + lost * (np.abs(y) - y) for y in rows] if self.folds else list(rows)
 
     def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return what predictions miss once tolerances are fitted with the initial states, and both.
@@ -232,7 +281,7 @@ class StretchEvidence(PortEvidence):
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         measured = [np.stack([self.log.channels[n][s.first : s.stop] for n in self.shown]) for s in self.stretches]
         return [
-            [(y - rows) / sigma for y, rows in zip(measured, predicted, strict=True)]
+            [(y - rows) / sigma for y, rows in zip(measured, self._fold(predicted), strict=True)]
             for predicted in self._predict_many(starts, numbers)
         ]
 
