@@ -7,6 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import ParameterError, UnknownOptionError
+from .quantities import names_of
 from .sentences import answers
 
 if TYPE_CHECKING:
@@ -122,7 +123,8 @@ class GapDisplay:
         if kind not in KINDS:
             raise UnknownOptionError(f"There is no picture {kind!r}.", f"one of {', '.join(KINDS)}", "Correct it.")
         self.kind_ = kind
-        self.figure_ = _drawn(self.diagnosis, kind, equation, options)
+        with names_of(self.diagnosis):
+            self.figure_ = _drawn(self.diagnosis, kind, equation, options)
         self.axes_ = list(self.figure_.axes)
         return self
 

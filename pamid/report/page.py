@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
+from .quantities import names_of
 from .sections import Section, Source, all_sections
 
 if TYPE_CHECKING:
@@ -51,15 +52,16 @@ def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
     source = source or Source()
     environment = _environment()
     sections = [cls(diagnosis, source) for cls in all_sections()]
-    shown = [
-        {
-            "name": s.name,
-            "title": s.heading(),
-            "body": Markup(_template(environment, s).render(s.content())),
-        }
-        for s in sections
-        if s.shown()
-    ]
+    with names_of(diagnosis):
+        shown = [
+            {
+                "name": s.name,
+                "title": s.heading(),
+                "body": Markup(_template(environment, s).render(s.content())),
+            }
+            for s in sections
+            if s.shown()
+        ]
     style = Markup((_TEMPLATES / "page.css").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(sections=shown, source=source, style=style)
 

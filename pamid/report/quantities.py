@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..plots.style import SHOWN
+
+if TYPE_CHECKING:
+    from ..gap.diagnosis.result import Diagnosis
 
 
 class DisplayedQuantity(NamedTuple):
@@ -50,6 +57,28 @@ SIGNALS = {
 }
 """Signals of a log and what follows from them."""
 
+_PORTS: ContextVar[Mapping[str, str]] = ContextVar("ports", default=MappingProxyType({}))
+
+
+@contextmanager
+def names_of(diagnosis: Diagnosis) -> Iterator[None]:
+    """Let signals have the names and units of the simulator's ports, where it has any.
+
+    `u` is then what that simulator calls `u`, and not the command of a valve.
+    """
+    ports = getattr(diagnosis.nominal, "ports", ())
+    token = _PORTS.set({p.name: p.unit for p in ports})
+    try:
+        yield
+    finally:
+        _PORTS.reset(token)
+
+
+def of_port(name: str) -> bool:
+    """Return whether a signal is that of a port, see `names_of`."""
+    return name in _PORTS.get()
+
+
 RESIDUALS = {
     "force": "force error",
     "flow": "flow error",
@@ -74,7 +103,10 @@ NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii
 
 
 def signal(name: str) -> DisplayedQuantity:
-    """Return a signal by its column, ``eps1`` or ``eps`` alike."""
+    """Return a signal by its column, ``eps1`` or ``eps`` alike; that of a port as its simulator has it."""
+    if of_port(name):
+        unit = _PORTS.get()[name]
+        return DisplayedQuantity(name, 1.0, "" if unit == "-" else unit)
     bare = re.sub(r"[12]$", "", name)
     known = SIGNALS.get(name) or SIGNALS.get(bare)
     if known is None:

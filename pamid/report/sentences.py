@@ -8,7 +8,20 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .doubts import question
-from .quantities import amount, at_least, effect, equation, listed, percent, probability, share_span, signal, span
+from .quantities import (
+    amount,
+    at_least,
+    effect,
+    equation,
+    listed,
+    names_of,
+    of_port,
+    percent,
+    probability,
+    share_span,
+    signal,
+    span,
+)
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, Region
@@ -79,9 +92,10 @@ def answers(diagnosis: Diagnosis) -> Answers:
     >>> answers(diagnose(log, nominal, ["leakage"])).verdict
     'One cause: leakage'
     """
-    asked = question(diagnosis)
-    first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
-    return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
+    with names_of(diagnosis):
+        asked = question(diagnosis)
+        first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
+        return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
 
 
 def verdict(d: Diagnosis) -> str:
@@ -200,6 +214,9 @@ def query_words(query: str) -> str:
 
 def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
     above = sign[0] == ">"
+    if of_port(name):
+        unit = f" {signal(name).unit}".rstrip()
+        return f"{name} is {'above' if above else 'below'} {limit:.3g}{unit}"
     bare, side = _SIDE.sub("", name), name[-1] if _SIDE.search(name) else ""
     if alike:
         name, side = bare, ""

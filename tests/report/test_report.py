@@ -23,6 +23,7 @@ from pamid.report import GapDisplay, answers, report_html, write_report
 from pamid.report.quantities import amount, at_least, percent, share_span, span
 from pamid.report.sections import Source, all_sections
 from pamid.report.sentences import query_words
+from pamid.simulators import FunctionSimulator, Port
 from pamid.systems.cylinder import Cylinder
 
 
@@ -94,6 +95,20 @@ def test_a_verdict_reads_as_sentences(diagnoses, verdict, words):
 )  # fmt: skip
 def test_a_query_reads_as_words(query, words):
     assert query_words(query) == words
+
+
+def test_signals_of_ports_have_their_own_names_and_units(material) -> None:
+    """What a simulator calls `u` is no valve command, `x` no stroke in mm, and `h1` no signal of a muscle 1."""
+    ports = [Port("u", "input", "V"), Port("x", "state", "m"), Port("h1", "state", "m"), Port("dP", "state")]
+    query = "u > 1.5 and x < 0.02 and h1 >= 0.1 and dP > 0"
+    tank = FunctionSimulator(lambda t, x, u, p: [0.0, 0.0, 0.0], ports)
+    d = diagnosis_of("cause", material)
+    part = d.equations[0].equation
+    region = Region(part, query, 0.9, 0.1)
+    d = replace(d, nominal=tank, corrected=None, regions=[region])
+    said = "u is above 1.5 V, x is below 0.02 m, h1 is above 0.1 m and dP is above 0"
+    assert said in answers(d).where and "u is above 1.5" in report_html(d) and "valve command" not in report_html(d)
+    assert "valve command" in query_words("u > 1.5"), "elsewhere it is one"
 
 
 def test_intervals_that_data_do_not_bound_are_said_to_be_open():
