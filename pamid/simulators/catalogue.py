@@ -77,6 +77,11 @@ class SignalSizes(NamedTuple):
         usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
         return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
 
+    def turns(self, name: str) -> bool:
+        """Return whether a signal has both signs: else nothing shows how an effect differs between them."""
+        low = self.lows.get(name, -1.0)
+        return low < 0.0 < low + self.spans.get(name, 0.0)
+
 
 class ParameterDeviation(Effect):
     r"""A parameter that is off by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
@@ -258,7 +263,11 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if kind == "input":
                 hook = "command" if "command" in effect.hooks() else "measure"
                 scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
-                hidden = tuple(p.name for p in effect.parameters if p.share and p.nominal == 0.0)
+                hidden = tuple(
+                    p.name
+                    for p in effect.parameters
+                    if (p.share and p.nominal == 0.0) or (p.skew and not survey.turns(port.name))
+                )
                 found.append(
                     _placed(
                         name,

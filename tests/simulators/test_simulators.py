@@ -131,6 +131,15 @@ def test_values_at_a_port_are_those_of_its_units() -> None:
     assert place.outward(place.inward({"coefficient": 3.0})) == pytest.approx({"coefficient": 3.0})
 
 
+@pytest.mark.parametrize("lowest", [0.0, -1.0])
+def test_a_dead_zone_has_two_sides_where_its_command_has(lowest: float) -> None:
+    """Commands of one sign tell one edge alone: its width and its skew would be any two numbers that make it."""
+    log = cart()
+    log["F"] = np.maximum(log["F"], lowest)
+    zone = evidence_of(log, rail()).placements["actuator_dead_zone@F"]
+    assert ("skew" in [p.name for p in zone.effect.parameters]) == (lowest < 0.0)
+
+
 # --- diagnoses ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("friction", "size", "effect", "parameter"),
