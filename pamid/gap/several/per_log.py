@@ -64,7 +64,7 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     w = np.empty(len(left))
     for part, s in zip(evidence.parts, fit.scales, strict=True):
         w[part] = (NU + 1.0) / (NU + np.square(left[part] / s)) / s**2
-    size = np.maximum(np.sqrt(np.einsum("ij,ij,i->j", A, A, w)), 1e-150)  # its square divides
+    size = np.maximum(np.sqrt(np.einsum("ij,ij,i->j", A, A, w)), 1e-100)  # its square divides a variance
     A = A / size
     prior = np.concatenate([TOLERANCE / size[:m] ** 2, np.full(len(slots), 1e-9)])
     H = A.T @ (A * w[:, None]) + np.diag(prior)
