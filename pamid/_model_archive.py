@@ -101,7 +101,7 @@ def unpack(data: bytes, name: str, max_bytes: int = MAX_BYTES) -> dict[str, byte
         if isinstance(error, ModelFileError):
             raise
         raise TruncatedModelError(
-            f"{name} is damaged or cut off: {error}.", "a whole model file", "Copy or save it again."
+            f"{name} is damaged or cut off: {str(error)[:160]}.", "a whole model file", "Copy or save it again."
         ) from None
     except Exception as error:  # zlib.error derives from Exception alone
         if type(error).__module__ != "zlib":

@@ -230,7 +230,10 @@ def _signals(true, m, log):
     )
 
 
-@pytest.mark.parametrize("name", list(all_effects()))
+ACTING = [name for name in all_effects() if name != "rectification"]  # muscles only pull: no sign to lose
+
+
+@pytest.mark.parametrize("name", ACTING)
 def test_simulated_effect_is_the_one_predicted_from_the_log(name):
     """An effect in the simulator changes its equations by what the same effect predicts from the signals, no others."""
     effect = make_effect(name)

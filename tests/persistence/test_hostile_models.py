@@ -44,6 +44,18 @@ def test_no_hostile_or_damaged_file_harms_or_lies(healthy, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["m.pamid"]
 
 
+def test_a_damaged_name_of_an_entry_is_not_printed_as_a_page_of_bytes(healthy, tmp_path):
+    """What the archive's reader says quotes the name as the damaged header has it, with whatever follows."""
+    data = bytearray(healthy["network"][0].read_bytes())
+    second = data.index(b"PK\x03\x04", 4)
+    data[second + 27] ^= 0x04  # a name that is 1,024 bytes longer
+    target = tmp_path / "m.pamid"
+    target.write_bytes(bytes(data))
+    with pytest.raises(ModelFileError, match="damaged") as caught:
+        load(target)
+    assert len(str(caught.value)) < 500
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system with fork")
 def test_bombs_take_no_more_than_512_mib_and_seconds(healthy, tmp_path):
     for name, what, data in bombs(healthy):
