@@ -127,8 +127,7 @@ class Subsets:
     def fit(self, templates: tuple[int, ...], near: Subset | None = None, rounds: int = ROUNDS) -> Subset:
         """Fit a set of templates, the scales of the equations with them, beginning at those of a set near it."""
         A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in templates)])
-        lower = np.concatenate([self.lower, *(self.library[t].lower for t in templates)])
-        upper = np.concatenate([self.upper, *(self.library[t].upper for t in templates)])
+        lower, upper = self._bounds(templates)
         precision = np.concatenate([self.precision, np.zeros(A.shape[1] - len(self.precision))])
         G = np.array([A[p].T @ A[p] for p in self.parts])
         b = np.array([A[p].T @ self.z[p] for p in self.parts])
@@ -218,10 +217,15 @@ class Subsets:
             out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
         return out
 
+    def _bounds(self, templates: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the bounds of the coefficients of a set."""
+        lower = np.concatenate([self.lower, *(self.library[t].lower for t in templates)])
+        upper = np.concatenate([self.upper, *(self.library[t].upper for t in templates)])
+        return lower, upper
+
     def _inside(self, subset: Subset) -> np.ndarray:
         """Tell which coefficients of a set are within their bounds."""
-        lower = np.concatenate([self.lower, *(self.library[t].lower for t in subset.templates)])
-        upper = np.concatenate([self.upper, *(self.library[t].upper for t in subset.templates)])
+        lower, upper = self._bounds(subset.templates)
         return np.asarray((subset.x > lower) & (subset.x < upper))
 
     def _with_all(self, t: int) -> np.ndarray:
