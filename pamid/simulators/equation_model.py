@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import MissingParameterError, ParameterError
 from .function import FunctionSimulator
-from .ports import ModelParameter, Port
+from .ports import ModelParameter, Port, Values
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan, "atan": np.arctan,
@@ -212,7 +212,7 @@ def _function(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, 
     def values(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
         own = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS, "t": t}
         for given in (x, u, p):
-            own |= {n: given[n] for n in getattr(given, "names", given)}
+            own |= Values.named(given) if isinstance(given, Values) else given
         return {n: eval(code, own) for n, code in zip(right, codes, strict=True)}
 
     return values

@@ -127,9 +127,8 @@ class FunctionSimulator(Simulator):
         n = arguments[0][0].shape[1]
 
         def at(k: Any) -> np.ndarray:
-            given = [Values.of(rows[:, k], labels) for rows, labels in arguments]
-            with np.errstate(all="ignore"):
-                return _rows(_asked(function, *([] if t is None else [t[k]]), *given), names, function)
+            some = [(rows[:, k], labels) for rows, labels in arguments]
+            return _rows(_silently(function, None if t is None else t[k], some), names, function)
 
         if n == 0:
             return np.zeros((len(names), 0))
@@ -137,7 +136,14 @@ class FunctionSimulator(Simulator):
         if fast is None and n > 1:
             fast = self._fast[what] = _agrees(at, n, len(names))
         if fast:
-            out = at(slice(None))
+            answer = _silently(function, t, arguments)
+            if type(answer) in (list, tuple) and len(answer) == len(names):
+                out = np.empty((len(names), n))
+                with contextlib.suppress(TypeError, ValueError):  # told below
+                    for row, values in zip(out, answer, strict=True):
+                        row[:] = values
+                    return out
+            out = _rows(answer, names, function)
             return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
         return np.stack([at(k).reshape(len(names)) for k in range(n)], axis=1).astype(float)
 
@@ -218,9 +224,9 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
 
 def _asked(function: Callable[..., Any], *given: Any) -> Any:
     """Call a user's function: what it raises is told as its own, and what it prints stays out of the results."""
+    out, sys.stdout = sys.stdout, sys.stderr
     try:
-        with contextlib.redirect_stdout(sys.stderr):
-            return function(*given)
+        return function(*given)
     except (PamidError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
@@ -231,6 +237,17 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
             f"a function of {len(given)} arguments that returns numbers",
             "Correct the function.",
         ) from error
+    finally:
+        sys.stdout = out
+
+
+def _silently(
+    function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]
+) -> Any:  # fmt: skip
+    """Call a user's function with numbers by name; what is not finite is looked at later."""
+    given = [Values.of(rows, labels) for rows, labels in arguments]
+    with np.errstate(all="ignore"):
+        return _asked(function, *given) if t is None else _asked(function, t, *given)
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -192,6 +193,8 @@ def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
 class Values(np.ndarray):
     """Numbers by name: an array whose rows also go by name, as items or as attributes.
 
+    A name goes before what arrays call so: ``x.T`` is the port T, if there is one.
+
     Examples
     --------
     >>> import numpy as np
@@ -200,9 +203,11 @@ class Values(np.ndarray):
     >>> angle, speed = x
     >>> float(x["speed"]) == float(x.speed) == float(x[1]) == float(speed)
     True
+    >>> Values.of(np.array([293.0, 350.0]), ("ambient", "T")).T  # K
+    np.float64(350.0)
     """
 
-    names: tuple[str, ...]
+    _names: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, rows: np.ndarray, names: Iterable[str]) -> Values:
@@ -220,25 +225,45 @@ class Values(np.ndarray):
         Values
             The same numbers.
         """
-        out = np.asarray(rows, dtype=float).view(cls)
-        out.names = tuple(names)
+        names = tuple(names)
+        out: Values = np.asarray(rows, dtype=float).view(_class_of(names))
+        out._names = names
         return out
 
     def __array_finalize__(self, other: Any) -> None:
-        self.names = ()
+        self._names = ()
+
+    @staticmethod
+    def named(values: Values) -> dict[str, Any]:
+        """Return the rows by name."""
+        return dict(zip(values._names, np.asarray(values), strict=True))
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else array  # what is computed has no names
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
-            if key not in self.names:
-                raise KeyError(f"{key}; there are {', '.join(self.names) or 'none'}")
-            return np.asarray(self)[self.names.index(key)]
+            if key not in self._names:
+                raise KeyError(f"{key}; there are {', '.join(self._names) or 'none'}")
+            return np.asarray(self)[self._names.index(key)]
         return np.asarray(self)[key]
 
     def __getattr__(self, name: str) -> Any:
-        names = self.__dict__.get("names", ())
+        names = self.__dict__.get("_names", ())
         if name in names:
             return np.asarray(self)[names.index(name)]
         raise AttributeError(f"no value is named {name!r}; there are {', '.join(names) or 'none'}")
 
     def __iter__(self) -> Any:
         return iter(np.asarray(self))
+
+
+@lru_cache(maxsize=256)
+def _class_of(names: tuple[str, ...]) -> type[Values]:
+    """Return the class whose attributes of these names are rows, though arrays have attributes called so."""
+    taken = {n: property(_row(k)) for k, n in enumerate(names) if n in dir(Values)}
+    return type("Values", (Values,), taken) if taken else Values
+
+
+def _row(k: int) -> Callable[[Values], Any]:
+    return lambda values: np.asarray(values)[k]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from pamid.equations import evaluate_log
 from pamid.errors import ExcitationError, MissingColumnError, UnknownOptionError
 from pamid.gap import diagnose, state_table
 from pamid.gap.diagnosis.localise import regions
+from pamid.gap.diagnosis.remainder import _rhythm
 from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.gauss_newton import Fitter
 from pamid.gap.inference.hypotheses import degenerate
@@ -343,6 +345,19 @@ def test_every_effect_can_be_searched_alone(evidence):
     for name in all_effects():
         effect = make_effect(name)
         assert np.all(np.isfinite(evidence.z({name: effect.values}))), name
+
+
+@pytest.mark.parametrize("rate", [51_200.0, 50.0, 1.0 / 30.0])
+def test_a_rhythm_is_found_at_any_rate(rate):
+    """From an audio circuit to a tank that is read every half minute; samples lost between."""
+    n, rng = 6000, np.random.default_rng(0)
+    rows = np.flatnonzero(rng.random(n) < 0.9)
+    t = rows / rate
+    y = np.sin(2 * np.pi * 0.11 * rate * t) + rng.standard_normal(len(t))
+    zero = np.zeros(len(t), int)
+    found = _rhythm(y, SimpleNamespace(run=zero, side=zero, time=t), slice(0, len(t)))
+    assert found["peak_hz"] == pytest.approx(0.11 * rate, rel=1e-3)
+    assert found["peak_share"] == pytest.approx(1 / 3, rel=0.15)
 
 
 def test_what_is_left_is_described():

@@ -97,6 +97,26 @@ def test_a_function_is_asked_at_many_instants_or_one_by_one(many: bool) -> None:
     assert np.allclose(found[1], u[0] / 2 if many else np.sqrt(u[0]) / 2)
 
 
+def test_a_port_may_be_called_as_arrays_call_something_of_theirs() -> None:
+    """T is a temperature or a torque, mean a mean: not what numpy makes of the rows."""
+    x = Values.of(np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), ("T", "mean"))
+    assert x.T.tolist() == [1.0, 2.0, 3.0] and x.mean.tolist() == [4.0, 5.0, 6.0]
+    assert (2.0 * x).T.shape == (3, 2)  # what is computed has no names
+    ports = [Port("T", "input", "N m"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    asked: list[int] = []
+
+    def rates(t, x, u, p):
+        asked.append(1)
+        return [x.w, u.T / p.size - x.q]
+
+    wheel = FunctionSimulator(rates, ports, {"size": 0.5})
+    given = np.arange(100.0), np.ones((2, 100)), 3.0 * np.ones((1, 100)), np.full((1, 100), 0.5)
+    assert np.allclose(wheel.rate(*given), [[1.0], [5.0]])
+    asked.clear()
+    wheel.rate(*given)
+    assert len(asked) == 1
+
+
 def test_a_function_that_returns_too_little_says_what_is_missing() -> None:
     s = FunctionSimulator(lambda t, x, u, p: [0.0], CART)
     with pytest.raises(ShapeError, match="x, v"):

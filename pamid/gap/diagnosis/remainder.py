@@ -15,6 +15,8 @@ TOLD = 0.01
 """Share of a gap from which what is left is described."""
 _LEAST = 200
 """Windows below which nothing is said."""
+FINER, PERIODS = 4, 4
+"""Frequencies at which a rhythm is looked for between two that the longest run tells apart, and its fewest periods."""
 
 
 def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str, Any]:
@@ -121,17 +123,23 @@ def _rhythm(y: np.ndarray, evidence: ResidualSource, part: slice) -> dict[str, A
     """Return the frequency at which all runs together have a line, and its share of the power."""
     run, side, time = evidence.run[part], evidence.side[part], evidence.time[part]
     step = float(np.median(np.diff(time[(run == run[0]) & (side == side[0])])))
-    grid = np.arange(0.5, 0.5 / step, 0.1)
+    pieces = [(run == r) & (side == s) for r, s in np.unique(np.column_stack([run, side]), axis=0)]
+    pieces = [mine for mine in pieces if mine.sum() >= 50]
+    spans = [np.round((time[mine] - time[mine][0]) / step).astype(int) for mine in pieces]
+    if not spans:
+        return {}
+    size = 1 + max(int(at[-1]) for at in spans)
+    whole = 1 << (FINER * size - 1).bit_length()
+    grid = np.fft.rfftfreq(whole, step)
     power, total = np.zeros(len(grid)), 0.0
-    for key in np.unique(np.column_stack([run, side]), axis=0):
-        mine = (run == key[0]) & (side == key[1])
-        if mine.sum() < 50:
-            continue
-        x, t = y[mine] - y[mine].mean(), time[mine]
-        phase = np.exp(-2j * np.pi * np.outer(grid, t))
-        power += 2.0 * np.abs(phase @ x) ** 2 / len(x)
+    for mine, at in zip(pieces, spans, strict=True):
+        x = y[mine] - y[mine].mean()
+        even = np.zeros(whole)
+        np.add.at(even, at, x)  # what was lost in between is zero
+        power += 2.0 * np.abs(np.fft.rfft(even)) ** 2 / len(x)
         total += float(x @ x)
-    if not total or not len(grid):  # a log of one reading in seconds holds no rhythm that the grid knows
+    power[grid < PERIODS / (size * step)] = 0.0  # fewer periods are a drift
+    if not total:
         return {}
     best = int(np.argmax(power))
     return {"peak_hz": float(grid[best]), "peak_share": float(min(power[best] / total, 1.0))}
