@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -289,12 +289,21 @@ def write(draft: Draft, folder: Path) -> list[Path]:
     return [folder / name for name in texts]
 
 
+def quoted(paths: Sequence[str | Path]) -> str:
+    return " ".join(shlex.quote(str(Path(p))) for p in paths)
+
+
+def trusted(draft: Draft) -> str:
+    """Return the option by which a model's own code may run."""
+    return " --trust" if draft.runs_code else ""
+
+
 def tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str) -> None:
     unsure = [g.signal for g in draft.guesses if g.signal and not g.sure]
     assumed = list(draft.assumed())
-    options = f"--columns {shlex.quote(str(files[0]))} --sim {shlex.quote(str(files[1]))}"
+    options = f"--columns {quoted([files[0]])} --sim {quoted([files[1]])}{trusted(draft)}"
     command, out = ("diagnose", " --out diagnosis") if draft.ports else ("check", "")
-    follow = f"pamid {command} {' '.join(shlex.quote(str(Path(p))) for p in args.log)} {options}{out}"
+    follow = f"pamid {command} {quoted(args.log)} {options}{out}"
     if args.json:
         print_json(
             {

@@ -13,6 +13,7 @@ from ..effects.registry import effects_beside
 from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
 from ..simulators.forces import as_force, force_per_input
+from ..simulators.of_parameters import FIXED
 from ..simulators.placement import Placement
 from ..simulators.port_log import port_log
 from ..simulators.structure import some_instants
@@ -238,10 +239,13 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
         added.append((place, place.outward(inward)))
     simulator = evidence.simulator
     numbers = dict(zip(simulator.parameters, evidence.numbers(found.deviations), strict=True))
+    kept = []
     for place, values in added:
-        if place.enters == "parameter" and "deviation" in values:
-            numbers[place.at] = numbers[place.at] * (1.0 + values["deviation"])
-    kept = [(p.name, p.port, v) for p, v in added if p.enters != "parameter" or "deviation" not in v]
+        made = place.effect(**place.inward(values))
+        if isinstance(made, FIXED):
+            numbers[place.at] = made.adjust({"value": numbers[place.at]})["value"]
+        else:
+            kept.append((place.name, place.port, values))
     return simulator.with_(numbers, [*simulator.effects, *kept])
 
 

@@ -185,6 +185,10 @@ class Simulator:
         """Return the numbers that the model itself has and that a page may give a tolerance."""
         return dict(self.parameters)
 
+    def joint_inertias(self) -> dict[str, tuple[str, float]]:
+        """Return for each joint the number that more inertia there is added to, and the inertia that it has already."""
+        return {}
+
     @staticmethod
     def text_of(table: Mapping[str, Any], name: str, others: Sequence[str] = ()) -> str:
         """Return the one text that a page's table must have; raise where it has others than these."""

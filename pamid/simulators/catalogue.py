@@ -14,6 +14,7 @@ from ..effects.overflow import Overflow
 from ..errors import UnknownOptionError
 from .base import Simulator
 from .dimensions import powers, unit_powers, unit_text
+from .of_parameters import OF_PARAMETERS, at_parameters
 from .placement import Placement, Scales, named
 from .structure import JointPort, rate_unit
 
@@ -83,34 +84,6 @@ class SignalSizes(NamedTuple):
         return low < 0.0 < low + self.spans.get(name, 0.0)
 
 
-class ParameterDeviation(Effect):
-    r"""A parameter that is off by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
-
-    family = "parameter"
-    equations = ()
-    source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("deviation", "-", -0.95, 5.0, 0.1, "relative deviation"),)
-    deviation: float
-
-    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the changed value."""
-        return {"value": values["value"] * (1.0 + self.deviation)}
-
-
-class ParameterDrift(Effect):
-    r"""A parameter that drifts over the log: :math:`p' = p\,(1 + d\,(s - \tfrac12))`, s going from 0 to 1 along it."""
-
-    family = "parameter"
-    equations = ()
-    source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("drift", "-", -0.9, 0.9, 0.1, "relative change from the beginning of the log to its end"),)
-    drift: float
-
-    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the value at a share ``along`` of the log."""
-        return {"value": values["value"] * (1.0 + self.drift * (values["along"] - 0.5))}
-
-
 class PortOverflow(Overflow):
     r"""Outflow above a level, of which a share runs on into what the chamber feeds.
 
@@ -122,9 +95,6 @@ class PortOverflow(Overflow):
         Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
     )
     returned: float
-
-
-_OF_PARAMETERS = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
 
 
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
@@ -143,7 +113,7 @@ def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement
         By their keys, such as ``"viscous_friction@motor"``.
     """
     found = [*_at_inputs(simulator, survey), *_at_outputs(simulator, survey), *_at_joints(simulator, survey)]
-    found += [*_at_chambers(simulator, survey), *_at_parameters(simulator)]
+    found += [*_at_chambers(simulator, survey), *at_parameters(simulator)]
     return {p.key: p for p in found}
 
 
@@ -177,7 +147,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
     found["overflow"] = ("chamber", PortOverflow)
-    return found | {name: ("parameter", effect) for name, effect in _OF_PARAMETERS.items()}
+    return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
 
 
 def _rank(name: str) -> tuple[bool, str]:
@@ -413,15 +383,3 @@ def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
     gauge = factor * survey.lows.get(state, 0.0) < 0.5 * ATMOSPHERIC_PRESSURE
     offset = ATMOSPHERIC_PRESSURE if gauge else 0.0
     return {"pressure": factor, "offset": offset, "ambient": ATMOSPHERIC_PRESSURE}
-
-
-def _at_parameters(simulator: Simulator) -> list[Placement]:
-    found = []
-    for name, parameter in simulator.parameters.items():
-        if parameter.value == 0.0:
-            continue
-        for effect_name, effect in _OF_PARAMETERS.items():
-            bound = named(effect, f"{effect_name}@{name}", equations=(), prior=-1.0)
-            units = {p.name: "-" for p in effect.parameters}
-            found.append(Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units))
-    return found

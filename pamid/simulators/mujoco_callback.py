@@ -13,7 +13,7 @@ from ..effects.base import Signals
 from ..effects.plant import Surroundings
 from ..errors import SimulatorTypeError
 from .catalogue import port_effects
-from .mujoco_model import MujocoSimulator
+from .mujoco_model import MujocoSimulator, actuators_of
 from .page import read_simulator
 
 _PLANT: Any = Surroundings(0.0)
@@ -82,7 +82,7 @@ class MujocoCallbacks:
                 places = int(model.jnt_qposadr[at]), int(model.jnt_dofadr[at])
                 self._joints.append((*places, _Remembered(effect)))
             elif kind == "input":
-                at = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, where)
+                at = list(actuators_of(model)).index(where)
                 self._actuators.append((int(at), _Remembered(effect)))
         self._asked = np.full(model.nu, np.nan)
         self._given = np.full(model.nu, np.nan)

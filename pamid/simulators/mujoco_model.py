@@ -26,7 +26,7 @@ class MujocoSimulator(Simulator):
 
     For a joint ``arm`` there are the states ``arm_q`` and ``arm_dq``, an input ``arm_tau`` (a torque that acts there
     beside the actuators, none by itself) and the joint ``arm``; each actuator is an input, each scalar sensor an
-    output.
+    output. An actuator that is called as the joint is the input ``arm_ctrl``.
 
     Parameters
     ----------
@@ -73,17 +73,25 @@ class MujocoSimulator(Simulator):
         self._m = _loaded(self.path)
         self._d = _mujoco().MjData(self._m)
         self._joints = _names(self._m, "joint")
-        self._inputs = [*_names(self._m, "actuator"), *(f"{j}_tau" for j in self._joints)]
-        super().__init__(merged(self._own_ports(), ports), parameters, effects)
+        _mujoco().mj_forward(self._m, self._d)
+        M = np.zeros((self._m.nv, self._m.nv))
+        _mujoco().mj_fullM(self._m, self._d, M)
+        self._own_inertias = np.diag(M).copy()
+        self._actuators = actuators_of(self._m)
+        self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
+        given = dict(parameters or {})
+        for k, joint in enumerate(self._joints):  # none by itself, but a joint may turn out to have more inertia
+            number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._inertia_unit(k))
+            given.setdefault(f"dof_armature.{joint}", number)
+        super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
 
     def _own_ports(self) -> list[Port]:
-        m, mj = self._m, _mujoco()
-        found = [Port(name, "input") for name in _names(m, "actuator")]
+        m = self._m
+        found = [Port(name, "input", _unit_of(m, k)) for k, name in enumerate(self._actuators)]
         for k, name in enumerate(self._joints):
-            turns = int(m.jnt_type[k]) == int(mj.mjtJoint.mjJNT_HINGE)
-            angle, torque = ("rad", "N m") if turns else ("m", "N")
+            angle, torque = ("rad", "N m") if self._turns(k) else ("m", "N")
             found += [
                 Port(f"{name}_q", "state", angle, start=float(m.qpos0[k])),
                 Port(f"{name}_dq", "state", f"{angle}/s"),
@@ -93,6 +101,17 @@ class MujocoSimulator(Simulator):
         taken = {p.name for p in found}
         names = [n for k, n in enumerate(_names(m, "sensor")) if m.sensor_dim[k] == 1]
         return found + [Port(f"{n}_sensor" if n in taken else n, "output") for n in names]
+
+    def _turns(self, k: int) -> bool:
+        """Tell whether a joint is a hinge."""
+        return int(self._m.jnt_type[k]) == int(_mujoco().mjtJoint.mjJNT_HINGE)
+
+    def _inertia_unit(self, k: int) -> str:
+        return "kg m^2" if self._turns(k) else "kg"
+
+    def joint_inertias(self) -> dict[str, tuple[str, float]]:
+        """Return for each joint its armature, and its inertia where the model begins."""
+        return {j: (f"dof_armature.{j}", float(M)) for j, M in zip(self._joints, self._own_inertias, strict=True)}
 
     def _slot(self, name: str) -> tuple[Any, Any]:
         """Return the array of the model that holds a parameter, and where."""
@@ -128,7 +147,9 @@ class MujocoSimulator(Simulator):
     def _set(self, numbers: np.ndarray) -> None:
         mj = _mujoco()
         changed = False
-        for (array, at), nominal, value, name in zip(self._slots, self._nominal, numbers, self.parameters, strict=True):
+        for (array, at), nominal, value, name in zip(
+            self._slots, self._nominal, numbers, self.parameters, strict=False
+        ):
             if float(array[at]) == value:
                 continue
             changed = True
@@ -217,9 +238,9 @@ class MujocoSimulator(Simulator):
                 _add(spec.joint(where), "damping", values["coefficient"])
             elif name == "coulomb_friction" and where in self._joints:
                 _add(spec.joint(where), "frictionloss", values["amplitude"])
-            elif name == "actuator_gain" and where in self.inputs:
-                gear = np.array(spec.actuator(where).gear)
-                spec.actuator(where).gear = gear * (1.0 + values["deviation"])
+            elif name == "actuator_gain" and where in self._actuators:
+                actuator = spec.actuator(self._actuators[where])
+                actuator.gear = np.array(actuator.gear) * (1.0 + values["deviation"])
             else:
                 rest.append((name, where, dict(values)))
         return spec.to_xml(), rest
@@ -265,6 +286,35 @@ def _names(m: Any, what: str) -> list[str]:
         "sensor": (mj.mjtObj.mjOBJ_SENSOR, m.nsensor), "body": (mj.mjtObj.mjOBJ_BODY, m.nbody),
     }[what]  # fmt: skip
     return [mj.mj_id2name(m, kind, k) or f"{what}{k}" for k in range(count)]
+
+
+def actuators_of(m: Any) -> dict[str, str]:
+    """Return the inputs that the actuators of a model are, with the names that they have there.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+        The model.
+
+    Returns
+    -------
+    dict of str to str
+        An actuator's name by that of its port, in order; one that is called as a joint goes by ``NAME_ctrl``.
+    """
+    joints = _names(m, "joint")
+    taken = {*joints, *(f"{j}{end}" for j in joints for end in ("_q", "_dq", "_tau"))}
+    return {f"{n}_ctrl" if n in taken else n: n for n in _names(m, "actuator")}
+
+
+def _unit_of(m: Any, k: int) -> str:
+    """Return the unit of an actuator's command where it is a position or a speed of its joint."""
+    mj = _mujoco()
+    at_joint = int(m.actuator_trntype[k]) == int(mj.mjtTrn.mjTRN_JOINT)
+    if not at_joint or int(m.actuator_biastype[k]) != int(mj.mjtBias.mjBIAS_AFFINE):
+        return "-"
+    turns = int(m.jnt_type[m.actuator_trnid[k, 0]]) == int(mj.mjtJoint.mjJNT_HINGE)
+    angle, (stiffness, damping) = "rad" if turns else "m", -m.actuator_biasprm[k, 1:3]
+    return angle if stiffness > 0.0 else f"{angle}/s" if damping > 0.0 else "-"
 
 
 def _put(item: Any, word: str, value: float) -> None:

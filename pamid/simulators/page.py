@@ -229,9 +229,11 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
             if f.name not in ("name", "kind") and getattr(port, f.name) != f.default
         }
         lines.append(f"{port.name} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
-    if simulator.parameters:
+    none = {name for name, _ in simulator.joint_inertias().values()}
+    numbers = {n: p for n, p in simulator.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
+    if numbers:
         lines += ["", "[parameters]"]
-        for name, p in simulator.parameters.items():
+        for name, p in numbers.items():
             said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
             lines.append(f"{_key(name)} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
     for name, where, values in simulator.effects:

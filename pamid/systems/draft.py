@@ -62,6 +62,8 @@ class Draft:
         Signals of equations of one's own, instead of those of a kind.
     page : str
         Their page.
+    runs_code : bool
+        Whether what the page names runs code of its own, as an FMU does.
     """
 
     paths: list[Path]
@@ -74,6 +76,7 @@ class Draft:
     file_constants: dict[str, dict[str, str]] = field(default_factory=dict)
     ports: tuple[Input, ...] = ()
     page: str = ""
+    runs_code: bool = False
 
     @property
     def table(self) -> RawTable:
@@ -92,7 +95,7 @@ class Draft:
     @property
     def title(self) -> str:
         """What the log is of, in words."""
-        return "a system of your own equations" if self.ports else f"a {self.kind}"
+        return "a system of your own" if self.ports else f"a {self.kind}"
 
     def clear(self) -> None:
         """Forget what columns were guessed to be, clock and names of runs aside."""

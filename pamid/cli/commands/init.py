@@ -25,16 +25,19 @@ from .._drafting import (
     hold,
     names,
     pairs,
+    quoted,
     refer,
     show,
     tell,
     tried,
+    trusted,
     write,
 )
 from ..common import add_command, print_json, table
 
 if TYPE_CHECKING:
-    pass
+    from ...simulators import Simulator
+    from ...systems.draft import Draft
 
 FILES = ("columns.toml", "sim.toml")
 
@@ -126,29 +129,56 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_model(args: argparse.Namespace) -> int:
-    """Write the page of a model."""
-    from ...signals import read_log
-    from .._simulators import MODELS, drafted
+    """Write the page of a model, and the mapping of its log where names, units or the clock need one."""
+    from ...systems.draft import draft_for
+    from .._models import columns_of, declare_model, is_plain, model_page
+    from .._simulators import MODELS, bare_model
 
     model = Path(args.sim)
     if model.suffix.lower() not in MODELS:
         raise ParameterError(f"--sim names {model}.", f"a model: {' or '.join(MODELS)}", "Name the model itself.")
+    draft, simulator = draft_for(args.log), bare_model(model)
+    draft.clear()
+    declare_model(draft, simulator)
+    for pair in args.signal:
+        assign(draft, pair)
+    columns = columns_of(draft, simulator)
+    if is_plain(draft):
+        return _page_alone(args, draft, columns, simulator)
+    folder = checked_folder(args)
+    for port, column in columns.items():
+        if draft.of(port) is None:
+            draft.assign(port, column)
+    draft.settle()
+    log = tried(draft, draft.read)
+    draft.page = model_page(simulator, columns, folder, mapped=True)
+    if not args.json:
+        show(draft)
+    tell(args, draft, log, write(draft, folder), "")
+    return 0
+
+
+def _page_alone(args: argparse.Namespace, draft: Draft, columns: dict[str, str], simulator: Simulator) -> int:
+    """Write the page of a model that names the columns itself."""
+    from .._models import model_page
+
     folder = check_folder(args.out, ("sim.toml",))
-    if (folder / "sim.toml").exists() and not args.force:
-        raise OutputError(f"{folder / 'sim.toml'} is there already.", "a new place", "Add --force to replace it.")
-    log = read_log(args.log, nan="keep", sampling="ignore", check_units=False)
-    columns = [str(c) for c in log.columns if c not in ("trajectory", "time")]
-    text, guessed, unknown = drafted(model, columns, folder)
-    with replacing_together(folder, ("sim.toml",)) as stage:
-        write_whole(stage / "sim.toml", text)
     page = folder / "sim.toml"
+    if page.exists() and not args.force:
+        raise OutputError(f"{page} is there already.", "a new place", "Add --force to replace it.")
+    tried(draft, draft.read)
+    with replacing_together(folder, ("sim.toml",)) as stage:
+        write_whole(stage / "sim.toml", model_page(simulator, columns, folder, mapped=False))
+    follow = f"pamid diagnose {quoted(args.log)} --sim {quoted([page])}{trusted(draft)} --out diagnosis"
+    unknown = [port.name for port in draft.ports if port.name not in columns]
     if args.json:
-        print_json({"files": {"sim.toml": str(page)}, "columns": guessed, "without_column": unknown})
+        files = {"sim.toml": str(page)}
+        print_json({"files": files, "columns": columns, "without_column": unknown, "next": follow})
         return 0
-    rows = [[port, column] for port, column in guessed.items()] + [[port, "-"] for port in unknown]
+    rows = [[port, column] for port, column in columns.items()] + [[port, "-"] for port in unknown]
     print(table(["port", "column"], rows))
-    print(f"\nwrote {page}")
-    print("next: correct what is ASSUMED, give tolerances, then pamid diagnose LOG --sim " + str(page) + " --out DIR")
+    print(f"\nwrote {page}: correct what is ASSUMED, and give tolerances")
+    print(f"next: {follow}")
     return 0
 
 

@@ -11,6 +11,12 @@ fitted to logs of benches whose causes are in the library and of ones whose caus
 more likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is
 above the bar at which at most one in twenty of the names said on such logs is wrong.
 
+Those benches are right in all but their causes. Any other model may be wrong in several small ways at once, and then
+something is always left above the noise: a name is said there of what it closes. Which of both a model is nobody knows.
+Names are said where they close more than they leave, a share c, and with the probability
+
+.. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr).
+
 References
 ----------
 A. N. Angelopoulos, S. Bates, A. Fisch, L. Lei, T. Schuster, "Conformal risk control", ICLR 2024.
@@ -74,10 +80,10 @@ def trust(
 
     found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE
     for name, signs in signs_of(competition, outcome, part_of, classes).items():
-        if competition.evidence.exact:
-            score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
-            found[name] = Trust(float(expit(score)), signs)
-        else:
-            # Any other model may be wrong in several small ways at once: names are said of what they close.
-            found[name] = Trust(1.0 - signs["left_of_gap"], signs)
+        score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
+        probability = float(expit(score))
+        if not competition.evidence.exact:
+            closed = 1.0 - signs["left_of_gap"]
+            probability = max(TRUSTED, 0.5 * (probability + closed)) if closed >= TRUSTED else closed
+        found[name] = Trust(probability, signs)
     return found

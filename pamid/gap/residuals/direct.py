@@ -21,7 +21,8 @@ from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest, resting_rows
 from ...simulators.base import Simulator
-from ...simulators.catalogue import ParameterDeviation, SignalSizes
+from ...simulators.catalogue import SignalSizes
+from ...simulators.of_parameters import FIXED
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     JointPort,
@@ -343,7 +344,7 @@ class DirectEvidence(UndoneEvidence):
 
     def _changed(self, p: np.ndarray, name: str, made: object) -> np.ndarray:
         k = list(self.simulator.parameters).index(name)
-        if p.ndim == 1 and isinstance(made, ParameterDeviation):  # the same all along: no row has rates of its own
+        if p.ndim == 1 and isinstance(made, FIXED):  # the same all along: no row has rates of its own
             out = p.copy()
             out[k] = made.adjust({"value": p[k]})["value"]
             return out

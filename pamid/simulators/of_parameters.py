@@ -1,0 +1,105 @@
+"""Effects at the numbers of a simulator: one that is off, that drifts, or an inertia that it leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..effects import Effect, Parameter
+from .base import Simulator
+from .placement import Placement, Scales, named
+
+
+class ParameterDeviation(Effect):
+    r"""A parameter that is off by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
+
+    family = "parameter"
+    equations = ()
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("deviation", "-", -0.95, 5.0, 0.1, "relative deviation"),)
+    deviation: float
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the changed value."""
+        return {"value": values["value"] * (1.0 + self.deviation)}
+
+
+class ParameterDrift(Effect):
+    r"""A parameter that drifts over the log: :math:`p' = p\,(1 + d\,(s - \tfrac12))`, s going from 0 to 1 along it."""
+
+    family = "parameter"
+    equations = ()
+    source = "10.1007/3-540-30368-5"
+    parameters = (Parameter("drift", "-", -0.9, 0.9, 0.1, "relative change from the beginning of the log to its end"),)
+    drift: float
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the value at a share ``along`` of the log."""
+        return {"value": values["value"] * (1.0 + self.drift * (values["along"] - 0.5))}
+
+
+class AddedInertia(Effect):
+    r"""Inertia at a joint that the simulator leaves out, such as that of a motor behind a gear: :math:`I' = I + I_m`.
+
+    References
+    ----------
+    R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, section 9.6.
+    https://doi.org/10.1007/978-1-4899-7560-7
+    """
+
+    family = "load"
+    equations = ()
+    source = "10.1007/978-1-4899-7560-7"
+    parameters = (Parameter("inertia", "-", 0.0, 50.0, 0.1, "inertia at the joint, in that which it has"),)
+    inertia: float
+    size = 1.0
+    """Inertia that the joint has, in the unit of the number that it is added to."""
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the changed value."""
+        return {"value": values["value"] + self.inertia * self.size}
+
+
+OF_PARAMETERS: dict[str, type[Effect]] = {
+    "parameter_deviation": ParameterDeviation,
+    "parameter_drift": ParameterDrift,
+    "added_inertia": AddedInertia,
+}
+"""By name. Each changes a number of the simulator; all but a drift by the same all along."""
+FIXED = (ParameterDeviation, AddedInertia)
+"""Those by which a number is the same all along a log."""
+
+
+def at_parameters(simulator: Simulator) -> list[Placement]:
+    """Return the effects at the numbers of a simulator.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+
+    Returns
+    -------
+    list of Placement
+        Deviation and drift at each number that is not zero; at each joint whose simulator can have more inertia
+        there, that.
+    """
+    found = []
+    for name, parameter in simulator.parameters.items():
+        if parameter.value == 0.0:
+            continue
+        for effect_name, effect in OF_PARAMETERS.items():
+            if effect is not AddedInertia:
+                bound = named(effect, f"{effect_name}@{name}", equations=(), prior=-1.0)
+                units = {p.name: "-" for p in effect.parameters}
+                found.append(
+                    Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units)
+                )
+    for joint, (name, size) in simulator.joint_inertias().items():
+        if simulator.get(name) == 0.0 and size > 0.0:
+            bound = named(AddedInertia, f"added_inertia@{joint}", equations=(), size=size)
+            powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
+            place = Scales(target=size)
+            found.append(
+                Placement(bound.name, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units)
+            )
+    return found
