@@ -108,7 +108,8 @@ def _likeliest(port: Port, columns: list[str], ports: Sequence[Port]) -> str:
     import difflib
 
     wanted, role = _letters(port.name), _role_of(port)
-    plain = {_letters(c): c for c in columns if _said(c) in ("", role)}
+    others = {"input"} if role == "output" else _ROLES.keys() - {role}  # a reading may be of any motion
+    plain = {_letters(_bare(c)): c for c in columns if _said(c) not in others}
     if wanted in plain:
         return plain[wanted]
     stem = _letters(port.name.removesuffix("_dq").removesuffix("_q").removesuffix("_ctrl"))
@@ -118,8 +119,12 @@ def _likeliest(port: Port, columns: list[str], ports: Sequence[Port]) -> str:
     for found in (own, inside, alone):
         if len(found) == 1:
             return found[0]
-    close = difflib.get_close_matches(wanted, plain, n=1, cutoff=0.75)
-    return plain[close[0]] if close else ""
+    if close := difflib.get_close_matches(wanted, plain, n=1, cutoff=0.75):
+        return plain[close[0]]
+    # A unit tells where no other port and no other column has one of its kind.
+    kind = _dimension(port.unit)
+    alike = [c for c in plain.values() if kind and _dimension(_unit(c)) == kind]
+    return alike[0] if len(alike) == 1 and sum(_dimension(p.unit) == kind for p in ports) == 1 else ""
 
 
 def _role_of(port: Port) -> str:
@@ -129,8 +134,30 @@ def _role_of(port: Port) -> str:
 
 def _said(column: str) -> str:
     """Return the role that a column's name says; empty where it says none."""
-    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", column.partition("[")[0]).lower())
+    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", _bare(column)).lower())
     return next((role for role, known in _ROLES.items() if any(w in known for w in words)), "")
+
+
+def _bare(column: str) -> str:
+    """Return a column's name without its unit."""
+    from ..signals.headers import read_header
+
+    return " ".join(read_header(column).words)
+
+
+def _unit(column: str) -> str:
+    from ..signals.headers import read_header
+
+    return read_header(column).unit or ""
+
+
+def _dimension(unit: str) -> str:
+    """Return the dimension of a unit; empty where it is not known."""
+    from ..signals.unit_names import unit_name
+    from ..signals.units import UNITS
+
+    found = unit_name(unit) if unit else None
+    return UNITS[found].dimension if found else ""
 
 
 def _letters(name: str) -> str:

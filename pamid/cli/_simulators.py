@@ -59,6 +59,18 @@ def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
     return read_simulator(path, trust=trust) if kind_of_file(path) in simulator_kinds() else None
 
 
+def runs_code(sim: str) -> bool:
+    """Tell whether diagnosing with a simulator runs code of its own, which the user must allow."""
+    from ..simulators import simulator_kinds
+    from ..systems import kind_of_file
+
+    path = Path(sim)
+    if path.suffix.lower() in MODELS:
+        return path.suffix.lower() == ".fmu"
+    kind = simulator_kinds().get(kind_of_file(path))
+    return kind is not None and kind.executes
+
+
 def bare_model(path: Path, trust: bool = False) -> Simulator:
     """Return a model without a page: its ports stand in columns of their own names."""
     from ..simulators import FmuSimulator, MujocoSimulator

@@ -289,3 +289,19 @@ def test_init_writes_the_page_of_a_model(tmp_path: Path, capsys: pytest.CaptureF
     read = read_simulator(page)
     assert read.port("hinge_q").column == "hinge q" and read.parameters["body_mass.arm"].value == 0.5
     assert main(command) == 2 and "--force" in capsys.readouterr().err
+
+
+def test_init_of_an_fmu_takes_units_from_headers_and_says_what_must_be_trusted(
+    muscle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t, log, out = np.arange(0, 2, 0.01), tmp_path / "log.csv", tmp_path / "set"
+    table = {"t [ms]": 1e3 * t, "eps": 0.1 + 0.01 * t, "deps": 0.01 + 0 * t, "P [bar]": 3.0 + t, "dP": 1e5 + 0 * t}
+    pd.DataFrame({**table, "Force [kN]": 0.1 + 0.02 * np.sin(t)}).to_csv(log, index=False)
+    assert main(["init", str(log), "--sim", str(muscle), "--out", str(out), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    columns = {name: (entry["column"], entry.get("unit")) for name, entry in said["signals"].items()}
+    assert columns["force"] == ("Force [kN]", "kN") and columns["P"] == ("P [bar]", "bar")
+    assert columns["time"] == ("t [ms]", "ms") and " --trust" in said["next"]
+    options = ["--columns", str(out / "columns.toml"), "--sim", str(out / "sim.toml")]
+    assert main(["check", str(log), *options]) == 0
+    assert "--trust --out diagnosis" in capsys.readouterr().out

@@ -123,7 +123,10 @@ def _leave_out_muscles(found: Survey) -> None:
 
 def _diagnose(args: argparse.Namespace) -> str:
     """Return the command that comes next."""
-    options = [*(["--columns", args.columns] if args.columns else []), "--sim", args.sim, "--out", "diagnosis"]
+    from .._simulators import runs_code
+
+    options = [*(["--columns", args.columns] if args.columns else []), "--sim", args.sim]
+    options += [*(["--trust"] if runs_code(args.sim) else []), "--out", "diagnosis"]
     return shlex.join(["pamid", "diagnose", *args.log, *options])
 
 
