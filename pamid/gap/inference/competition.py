@@ -253,7 +253,15 @@ class Competition(Worth):
             # Where tolerances bend, a part of the set that was refitted says where they go.
             near = max((h for key, h in self._done.items() if key < start.keys()), key=lambda h: h.plain)
             return self._refined({**start, **near.fit.spec}, near, behind)
-        return self._refined(start, at, behind)
+        return self._refined(start, replace(at, fit=replace(at.fit, x=self._deviations(subset, at))), behind)
+
+    def _deviations(self, subset: Subset, at: Hypothesis) -> np.ndarray:
+        """Return the deviations at which an exact refit of a set begins.
+
+        Where residuals bend, those of the hypothesis that it goes on from may lie at ends of their tolerances, to which
+        what the set explains had driven them, and from which no small step leads back.
+        """
+        return subset.x[: self.evidence.J.shape[1]] if self.evidence.bends else at.fit.x
 
     def _promising(self, about: Subsets, contenders: Sequence[Subset]) -> list[Subset]:
         """Return what may be the cause in the order of what it promises where it would begin, where each fit is runs.
@@ -263,8 +271,9 @@ class Competition(Worth):
         if not self.evidence.bends:
             return list(contenders)
         one = [s for s in contenders if len(s.templates) == 1]
-        x = self.base.fit.x
-        order = {id(s): self.fitter.promise(self._start(about, s, self.base), x) for s in one}
+        order = {
+            id(s): self.fitter.promise(self._start(about, s, self.base), self._deviations(s, self.base)) for s in one
+        }
         return sorted(one, key=lambda s: -order[id(s)]) + [s for s in contenders if len(s.templates) > 1]
 
     def _start(

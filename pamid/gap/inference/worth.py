@@ -55,8 +55,8 @@ class Worth:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
-        if spread is not None and not evidence.exact:
-            score -= self._below_noise(left)
+        if spread is not None and not evidence.exact and not np.allclose(spread, 1.0, rtol=1e-3):
+            score -= self._below_noise(left)  # to undo an offset filters nothing
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
     def _below_noise(self, left: np.ndarray) -> float:
