@@ -44,7 +44,7 @@ class Compliance(Effect):
     sampled = True
     parameters = (
         Parameter("frequency", "rad/s", 3.0, 3e3, 60.0, "natural frequency of drive and load"),
-        Parameter("damping", "-", 0.02, 1.5, 0.2, "damping ratio"),
+        Parameter("damping", "-", 0.02, 0.5**0.5, 0.2, "damping ratio; above its bound nothing swings: that is a lag"),
     )
     frequency: float
     damping: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...effects import Parameter
+from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, ONE_MORE, TOLERANCE
 from .discrepancy import Discrepancy
@@ -55,8 +55,8 @@ class Worth:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
-        if spread is not None and not evidence.exact and not np.allclose(spread, 1.0, rtol=1e-3):
-            score -= self._below_noise(left)  # to undo an offset filters nothing
+        if spread is not None and not evidence.exact and _filters(fit.spec):
+            score -= self._below_noise(left)
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
     def _below_noise(self, left: np.ndarray) -> float:
@@ -148,6 +148,12 @@ class Worth:
             D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
             self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
         return self._jacobians[key], slots_of(fit.spec)
+
+
+def _filters(spec: Spec) -> bool:
+    """Tell whether to undo a fault of a sensor filters its noise: one with a memory does, an offset does not."""
+    library = all_effects()
+    return any(library[name].n_states and "measure" in library[name].hooks() for name in spec)
 
 
 def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
