@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..plots.style import SHOWN
 
 if TYPE_CHECKING:
+    from ..gap.diagnosis.findings import Cause
     from ..gap.diagnosis.result import Diagnosis
 
 
@@ -144,6 +145,16 @@ def effect(name: str) -> str:
     """Return an effect's name as words: ``coulomb_friction`` is Coulomb friction."""
     words = re.split("[_ ]", name)  # several stand beside each other with "and"
     return " ".join(w.capitalize() if w in NAMES else w for w in words)
+
+
+def placed(name: str, port: str) -> str:
+    """Return an effect as words, with the port of a simulator at which it acts."""
+    return f"{effect(name)} at {port}" if port else effect(name)
+
+
+def places(cause: Cause) -> tuple[str, ...]:
+    """Return the port of each effect of a cause; empty where the effect itself says where it acts."""
+    return cause.where or ("",) * len(cause.effects)
 
 
 def amount(value: float, unit: str = "", digits: int = 3) -> str:

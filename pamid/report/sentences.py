@@ -17,6 +17,8 @@ from .quantities import (
     names_of,
     of_port,
     percent,
+    placed,
+    places,
     probability,
     share_span,
     signal,
@@ -114,7 +116,7 @@ def verdict(d: Diagnosis) -> str:
     first = d.causes[0]
     if len(first.effects) > 1:
         return f"One cause, and this log cannot tell which: {_either(first)}{_reserve(d)}"
-    return f"One cause: {_names(first)[0]}{_reserve(d)}"
+    return f"One cause: {cause_names(first)[0]}{_reserve(d)}"
 
 
 def _reserve(d: Diagnosis) -> str:
@@ -259,7 +261,7 @@ def which(d: Diagnosis) -> str:
         return text + "."
     if d.verdict == "several":
         parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
-        sizes = [f"{_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
+        sizes = [f"{cause_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
         text = f"{_capital(listed(parts))}; confidence {at_least(min(c.confidence for c in d.causes))} in each."
         return f"{text} Sizes: {'; '.join(sizes)}." if sizes else text
     cause = d.causes[0]
@@ -267,8 +269,8 @@ def which(d: Diagnosis) -> str:
     if len(cause.effects) > 1:
         text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
         text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
-        return f"{text} Size: {_names(cause)[0]} {brief}." if (brief := _brief(cause)) else text
-    return f"{_capital(_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
+        return f"{text} Size: {cause_names(cause)[0]} {brief}." if (brief := _brief(cause)) else text
+    return f"{_capital(cause_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
 
 
 def _brief(cause: Cause) -> str:
@@ -434,15 +436,12 @@ def _plain(value: Any) -> str:
 
 # --- words --------------------------------------------------------------------------------------------------
 def _either(cause: Cause) -> str:
-    return listed(_names(cause), "or")
+    return listed(cause_names(cause), "or")
 
 
-def _names(cause: Cause) -> list[str]:
+def cause_names(cause: Cause) -> list[str]:
     """Return the effects of a cause as words, with the ports at which they act."""
-    where = cause.where or ("",) * len(cause.effects)
-    return [
-        f"{effect(name)} at {port}" if port else effect(name) for name, port in zip(cause.effects, where, strict=True)
-    ]
+    return [placed(name, port) for name, port in zip(cause.effects, places(cause), strict=True)]
 
 
 def _capital(text: str) -> str:

@@ -22,6 +22,7 @@ from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
 from pamid.report.quantities import amount, at_least, percent, share_span, span
 from pamid.report.sections import Source, all_sections
+from pamid.report.sections.which import WhichSection
 from pamid.report.sentences import query_words
 from pamid.simulators import FunctionSimulator, Port
 from pamid.systems.cylinder import Cylinder
@@ -252,6 +253,18 @@ def test_text_from_logs_and_files_stays_text(diagnoses):
 
 def test_the_page_is_the_same_each_time(diagnoses, pages):
     assert report_html(diagnoses["none"], Source("logs/data.parquet", "logs/sim.toml", 5400, 4)) == pages["none"]
+
+
+def test_an_effect_at_two_ports_is_the_answer_at_one(diagnoses):
+    d = diagnoses["cause"]
+    [name] = d.causes[0].effects
+    candidates = [replace(c, where="knee") if c.effect == name else c for c in d.candidates]
+    candidates.append(replace(next(c for c in candidates if c.effect == name), where="hip", confidence=0.01))
+    d = replace(d, causes=[replace(d.causes[0], where=("knee",))], candidates=candidates)
+    rows = {r["name"]: r["told"] for r in WhichSection(d, Source()).content()["first"]}
+    words = name.replace("_", " ")
+    told = {k.lower(): v for k, v in rows.items() if words in k.lower()}
+    assert told == {f"{words} at knee": True, f"{words} at hip": False}
 
 
 def test_a_log_with_few_windows_still_gives_a_page(diagnoses):

@@ -260,13 +260,14 @@ def _ranking(d: Diagnosis) -> str:
     from ...report.sentences import closes, reason
 
     told = answer_names(d)
-    first = sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))[: max(_CANDIDATES, len(told))]
+    named = sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))
+    first = named[: max(_CANDIDATES, len(told))]
     rows = [
         [
             f"{c.effect} at {c.where}" if c.where else c.effect,
             number(round(c.confidence, 3)),
             closes(d, c) or "-",
-            "" if c.effect in told else reason(d, c),
+            "" if (c.effect, c.where) in told else reason(d, c),
         ]
         for c in first
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...plots.style import BLUE, FAINT, GREY, new_figure, style
-from ..quantities import effect
+from ..quantities import placed, places
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
         figure, axes = new_figure(4.3, 0.7 + 0.24 * max(len(candidates), 1))
         ax = axes[0, 0]
         for place, candidate in enumerate(candidates):
-            colour = BLUE if candidate.effect in told else GREY
+            colour = BLUE if (candidate.effect, candidate.where) in told else GREY
             ax.barh(place, 100 * candidate.confidence, color=colour, height=0.62)
             ax.annotate(
                 f"{100 * candidate.confidence:.0f}",
@@ -44,7 +44,7 @@ def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
                 va="center",
                 fontsize=8,
             )
-        ax.set_yticks(range(len(candidates)), [effect(c.effect) for c in candidates])
+        ax.set_yticks(range(len(candidates)), [placed(c.effect, c.where) for c in candidates])
         ax.tick_params(axis="y", length=0)
         ax.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
         ax.set_xlim(0, 110)
@@ -53,8 +53,8 @@ def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
     return figure
 
 
-def answer_names(d: Diagnosis) -> set[str]:
-    """Return the candidates that the verdict names."""
+def answer_names(d: Diagnosis) -> set[tuple[str, str]]:
+    """Return the candidates that the verdict names, with the ports at which they act."""
     if d.verdict in ("none", "unknown"):
-        return {d.verdict}
-    return {name for cause in d.causes for name in cause.effects}
+        return {(d.verdict, "")}
+    return {place for cause in d.causes for place in zip(cause.effects, places(cause), strict=True)}

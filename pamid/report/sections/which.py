@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..drawings.ranking import answer_names
-from ..quantities import cell, effect
-from ..sentences import closes, query_words, reason
+from ..quantities import cell, placed
+from ..sentences import cause_names, closes, query_words, reason
 from .base import Section
 
 _FIRST = 6
@@ -33,19 +33,17 @@ class WhichSection(Section):
         told = answer_names(d)
         rows = [
             {
-                "name": _name(c.effect),
+                "name": _name(c.effect, c.where),
                 "confidence": c.confidence,
                 "text": cell(c.confidence),
                 "closes": closes(d, c),
-                "why": "the answer" if c.effect in told else reason(d, c),
-                "told": c.effect in told,
+                "why": "the answer" if (c.effect, c.where) in told else reason(d, c),
+                "told": (c.effect, c.where) in told,
             }
-            for c in sorted(d.candidates, key=lambda c: (c.effect not in told, -c.confidence))
+            for c in sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))
         ]
         apart = [
-            {"names": [effect(e) for e in cause.effects], "by": cause.distinguished_by}
-            for cause in d.causes
-            if len(cause.effects) > 1
+            {"names": cause_names(cause), "by": cause.distinguished_by} for cause in d.causes if len(cause.effects) > 1
         ]
         first = max(_FIRST, len(told) + 2)
         return {
@@ -56,9 +54,9 @@ class WhichSection(Section):
         }
 
 
-def _name(name: str) -> str:
+def _name(name: str, where: str) -> str:
     known = {"none": "none (no gap)", "unknown": "unknown (not in the library)"}
-    return known.get(name, effect(name))
+    return known.get(name, placed(name, where))
 
 
 def _leftover(found: dict[str, Any]) -> list[tuple[str, str]]:
