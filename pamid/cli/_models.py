@@ -134,12 +134,12 @@ def _role_of(port: Port) -> str:
 
 def _said(column: str) -> str:
     """Return the role that a column's name says; empty where it says none."""
-    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", _bare(column)).lower())
+    words = re.findall("[a-z]+", _bare(column))
     return next((role for role, known in _ROLES.items() if any(w in known for w in words)), "")
 
 
 def _bare(column: str) -> str:
-    """Return a column's name without its unit."""
+    """Return the words of a column's name in small letters, without its unit."""
     from ..signals.headers import read_header
 
     return " ".join(read_header(column).words)

@@ -241,9 +241,7 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
         sys.stdout = out
 
 
-def _silently(
-    function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]
-) -> Any:  # fmt: skip
+def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]) -> Any:
     """Call a user's function with numbers by name; what is not finite is looked at later."""
     given = [Values.of(rows, labels) for rows, labels in arguments]
     with np.errstate(all="ignore"):

@@ -87,13 +87,10 @@ def at_parameters(simulator: Simulator) -> list[Placement]:
     for name, parameter in simulator.parameters.items():
         if parameter.value == 0.0:
             continue
-        for effect_name, effect in OF_PARAMETERS.items():
-            if effect is not AddedInertia:
-                bound = named(effect, f"{effect_name}@{name}", equations=(), prior=-1.0)
-                units = {p.name: "-" for p in effect.parameters}
-                found.append(
-                    Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units)
-                )
+        for effect_name in ("parameter_deviation", "parameter_drift"):
+            bound = named(OF_PARAMETERS[effect_name], f"{effect_name}@{name}", equations=(), prior=-1.0)
+            units = {p.name: "-" for p in bound.parameters}
+            found.append(Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units))
     for joint, (name, size) in simulator.joint_inertias().items():
         if simulator.get(name) == 0.0 and size > 0.0:
             bound = named(AddedInertia, f"added_inertia@{joint}", equations=(), size=size)
