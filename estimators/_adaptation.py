@@ -37,6 +37,7 @@ from ._hybrid_fit import (
     spread_of,
     training_problem,
     warn_before,
+    without_repeats,
 )
 from ._hybrid_use import jet_of, mean_r2
 from ._pihm import HybridModel
@@ -130,12 +131,13 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         check_parameters(model)
         warn_before(model, state, Y)
         _warn_of_one_direction(state, weight)
-        codes = trajectory_codes(X, groups)
-        model.input_range_ = span_of(np.column_stack(state)[weight > 0])
+        table, Y, weight, codes = without_repeats(table, Y, weight, trajectory_codes(X, groups))
+        state = state_of(model, table)
+        model.input_range_ = span_of(np.column_stack(state))
         model.target_scale_ = np.array([spread_of(Y[:, k], weight) for k in range(Y.shape[1])])
         if not going_on:
             self._place(model, table, Y, weight, codes)
-        self._train(model, source, table, Y, weight, codes, rng, (X, y, groups), going_on)
+        self._train(model, source, table, Y, weight, codes, rng, (X, y), going_on)
         self.model_ = model
         self._remember(X, y, sample_weight, groups)
         return self
@@ -144,8 +146,8 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         """Take in a batch of the target muscle: the adaptation, from the source, to all rows so far.
 
         Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
-        the volume included; beyond, that of a fair sample of the stream. Where two batches in a row say that the muscle
-        is another one, rows from before count less, by as much as they are off. Memory does not grow.
+        the volume included; beyond, that of a fair sample of the stream. Whether the muscle is another one is not
+        guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew. Memory does not grow.
 
         Parameters
         ----------
@@ -162,11 +164,6 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         -------
         self
             The adapted model.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
@@ -215,7 +212,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         weight: np.ndarray,
         codes: Any,
         rng: Any,
-        original: tuple[Any, Any, Any],
+        original: tuple[Any, Any],
         going_on: bool,
     ) -> None:
         import torch
@@ -246,7 +243,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
         split = (problem, None)
-        held_out = early_stopping_rows(model, original[0], original[2], len(table), rng, trainer)
+        held_out = early_stopping_rows(model, codes, len(table), rng, trainer)
         if held_out.any():
             split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:

@@ -16,11 +16,11 @@ from pamid.errors import (
     UnknownOptionError,
 )
 from pamid.fitting.epochs import drawn_rows
+from pamid.fitting.stream_memory import Rows, merged
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 
 from ._checks import row_weights
-from ._trajectories import trajectory_codes
 
 if TYPE_CHECKING:
     from ._pihm import HybridModel
@@ -71,13 +71,22 @@ def warn_before(model: HybridModel, state: State, Y: np.ndarray) -> None:
             )
 
 
-def early_stopping_rows(model: HybridModel, X: Any, groups: Any, n: int, rng: Any, trainer: Any) -> np.ndarray:
+def without_repeats(
+    table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
+    unit = np.zeros(len(Y), dtype=int) if codes is None else codes
+    rows = Rows(np.column_stack([table, unit]), Y, weight, unit).at(weight > 0)
+    rows = merged(rows, whole=False)
+    return rows.X[:, :-1], rows.y, rows.weight, None if codes is None else rows.unit
+
+
+def early_stopping_rows(model: HybridModel, codes: np.ndarray | None, n: int, rng: Any, trainer: Any) -> np.ndarray:
     """Draw the whole trajectories that early stopping watches."""
     fraction = AUTO_FRACTION if model.validation_fraction == "auto" else float(model.validation_fraction)
     if model.validation_fraction == "auto" and trainer.keeps_last:
         fraction = 0.0  # rows that nothing is decided by are better learnt from
-    codes = trajectory_codes(X, groups) if fraction else None
-    if codes is None:
+    if codes is None or not fraction:
         if fraction and model.validation_fraction != "auto":
             raise MissingTrajectoryError(
                 f"validation_fraction={fraction:g}, and neither groups nor a column 'trajectory'.",

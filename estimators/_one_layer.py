@@ -59,7 +59,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     max_iter: int
     tol: float
     n_starts: int
-    forget_rows: float
+    forget_rows: float | None
     random_state: Any
 
     @property
@@ -133,13 +133,12 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         return self
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream: the fit of all rows so far, of which those long past count less.
+        """Take in a batch of a stream: the fit of all rows so far, or of late ones if `forget_rows` is set.
 
         Up to 5,000 different rows are remembered, with `direction` 20,000 in whole trajectories; beyond, a fair sample.
-        Their weight fades by 1/e over `forget_rows` rows, and by more where two batches in a row say that the same
-        signals now ask for something else. Each time that the memory has doubled the network is trained anew; in
-        between it goes on from where it stands, which it keeps as far as the memory says nothing, and its error on the
-        memory never rises.
+        With `forget_rows` their weight fades by 1/e over so many rows. Once most of it has faded, the network goes on
+        from where it stands, which it keeps as far as the memory says nothing, and its error on the memory never rises.
+        Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew.
 
         Parameters
         ----------
@@ -156,17 +155,10 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         -------
         self
             The fitted estimator.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
-    _continues: ClassVar[bool] = True
-
-    def _continue(self, rows: Rows, share: float) -> None:
+    def _continue(self, rows: Rows) -> None:
         """Train on from where the network stands; scales stay."""
         columns = self._columns(rows.X, rows.X, rows.unit)
         x, z = self._scaled(columns, rows.y)
@@ -188,7 +180,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         self.n_iter_ += taken
 
     def _fade(self, weight: float) -> float:
-        return float(np.exp(-weight / float(self.forget_rows)))
+        return 1.0 if self.forget_rows is None else float(np.exp(-weight / float(self.forget_rows)))
 
     def _in_order(self) -> bool:
         return bool(self.direction)
@@ -263,7 +255,9 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:
         check_counts(self, "hidden", "max_iter", "n_starts")
-        check_sizes(self, alpha=0.0, tol=0.0, direction_step=1e-12, forget_rows=1.0)
+        check_sizes(self, alpha=0.0, tol=0.0, direction_step=1e-12)
+        if self.forget_rows is not None:
+            check_sizes(self, forget_rows=1.0)
         if self.direction and self._turning not in self.inputs:
             raise ParameterError(
                 f"direction is set, and inputs are {tuple(self.inputs)!r}.",

@@ -20,7 +20,6 @@ from pamid.errors import (
     InterruptedFitWarning,
     ShapeError,
 )
-from pamid.fitting.stream_memory import Rows
 from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
@@ -40,10 +39,12 @@ from ._hybrid_fit import (
     training_problem,
     volume_scale,
     warn_before,
+    without_repeats,
 )
 from ._hybrid_use import jet_of, network_of
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming
+from ._trajectories import trajectory_codes
 
 
 class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
@@ -103,10 +104,13 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         laws = self.laws()
         weight = checked_weight(sample_weight, X)
         warn_before(self, state_of(self, X), Y)
+        codes = trajectory_codes(original[0], groups)
+        if not self.effects:  # which remember every row
+            X, Y, weight, codes = without_repeats(X, Y, weight, codes)
         fit_model_effects(self, X, Y, weight, rng)
         state, inputs, added = seen_by(self, X)
         Y = Y if added is None else Y - added
-        held_out = early_stopping_rows(self, original[0], groups, len(X), rng, self._trainer())
+        held_out = early_stopping_rows(self, codes, len(X), rng, self._trainer())
         train = weight * ~held_out
         anchored = self.volume_model == "anchored"
         self.input_scale_ = InputScale.of(inputs, train, correction=anchored)
@@ -165,13 +169,12 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream, and train on with all rows so far.
+        """Take in a batch of a stream: the fit of all rows so far.
 
-        Up to 5,000 different rows are remembered; beyond, a fair sample that stands for the whole stream. Each time
-        that the memory has doubled the model is fitted to it anew, scaling and anchor included; in between the network
-        takes as many further iterations as the batch has a share in the stream, and the training error on the memory
-        never rises. So passes approach one `fit` on all rows. Where two batches in a row say that the muscle is another
-        one, rows from before count less, by as much as they are off. Memory does not grow.
+        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them; beyond,
+        that of a fair sample that stands for the whole stream. A call costs no more than a fit to the memory, which
+        does not grow. Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor` tells it, and
+        `fit` begins anew.
 
         Parameters
         ----------
@@ -188,11 +191,6 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         -------
         self
             The fitted model.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
         """
         if self.effects:
             raise IncompatibleError(
@@ -201,27 +199,6 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
                 "Fit again on all trajectories.",
             )
         return self._partial_fit_rows(X, y, sample_weight, groups)
-
-    _continues: ClassVar[bool] = True
-
-    def _continue(self, rows: Rows, share: float) -> None:
-        """Train on from where the network stands."""
-        import torch
-
-        state, rng = state_of(self, rows.X), check_random_state(self.random_state)
-        inputs = np.column_stack(state)
-        self.input_range_ = span_of(np.vstack([self.input_range_, inputs]) if hasattr(self, "input_range_") else inputs)
-        problem = training_problem(self, state, rows.y, rows.weight)
-        here = [torch.as_tensor(w, dtype=getattr(torch, self.dtype), device=self.device) for w in self.weights_]
-        trainer = self._trainer()
-        trainer.set_params(max_iter=max(1, int(np.ceil(share * trainer.max_iter))), checkpoint=None)
-        if trainer.keeps_last:
-            trainer.set_params(keep="best")  # the error on the memory must not rise
-        result = trainer.run(problem, here, self.activation, rng)
-        result.loss_curve = [*self.loss_curve_, *result.loss_curve]
-        result.validation_curve = self.validation_curve_
-        result.n_iter += self.n_iter_
-        self._keep(result)
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         table, target = self._read_targets(X, y, reset=False)

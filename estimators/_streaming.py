@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from pamid.errors import ExcitationWarning, StreamChangeWarning
-from pamid.fitting.stream_memory import CHANGED, Rows, bounded, mean_square, merged, overlap, surprise, unforeseen
+from pamid.errors import ExcitationWarning
+from pamid.fitting.stream_memory import Rows, bounded, merged
 
 from ._checks import row_weights
 from ._sequences import SequenceMixin
@@ -18,22 +19,21 @@ from ._trajectories import TRAJECTORY, trajectory_codes
 MEMORY_ROWS = 5_000
 """Rows that a model of single rows remembers."""
 
+HALF = 0.5
+"""Weight a remembered row, on average, below which most of what was learnt is no longer in the memory."""
+
 GROWN = 2
-"""Growth of the memory at which a model that is trained step by step starts anew instead of going on."""
+"""Growth of what counts in a memory that has faded at which a model is fitted anew instead of going on."""
 
 MEMORY_ROWS_IN_ORDER = 20_000
 """Rows that a model of trajectories remembers: neighbours in time tell little that is new."""
 
 
-ERRORS = 100
-"""Batches whose errors are remembered."""
-
-
 class StreamMemory:
     """A memory of the stream, for an estimator whose ``fit`` calls ``self._remember(...)``.
 
-    A method ``_continue(rows, share)`` may train a network on from where it stands, where the new rows have that share
-    of the weight of all; it starts anew each time that the memory has doubled.
+    After each batch the model is the fit to the memory: how well a network does depends on how long it was trained, so
+    that going on from where it stands is no fit. Only one that forgets (``_fade``) goes on (``_continue``).
     """
 
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
@@ -41,10 +41,6 @@ class StreamMemory:
     _memory: dict[str, Any]
     _memory_rows: ClassVar[int | None] = None
     """Rows remembered, where neither of the bounds above is meant."""
-    _changes: ClassVar[bool] = True
-    """Whether a change of the stream is looked for."""
-    _continues: ClassVar[bool] = False
-    """Whether ``_continue`` trains on from where a network stands."""
 
     @property
     def _own(self) -> Any:
@@ -56,16 +52,13 @@ class StreamMemory:
         """Begin a memory with the rows of a fit."""
         rows, grouped = self._stream_rows(X, y, sample_weight, groups)
         rows = bounded(rows, self._most(), whole=self._whole(grouped), random=np.random.default_rng(0))
-        self._store(rows, grouped, np.empty((0, rows.y.shape[1])))
+        self._store(rows, grouped)
 
-    def _store(
-        self, rows: Rows, grouped: bool, errors: np.ndarray, n_batches: int = 1, suspect: int = 0, fitted: int = 0
-    ) -> None:
-        counts = {"grouped": bool(grouped), "n_batches": n_batches, "suspect": suspect, "fitted": fitted or len(rows)}
-        self._memory = rows.plain() | counts | {"errors": errors[-ERRORS:]}
+    def _store(self, rows: Rows, grouped: bool, n_batches: int = 1, fitted: int = 0) -> None:
+        self._memory = rows.plain() | {"grouped": bool(grouped), "n_batches": n_batches, "fitted": fitted or len(rows)}
 
     def _recalled(self) -> Rows:
-        return Rows(*(self._memory[name] for name in ("X", "y", "weight", "unit", "regime")))
+        return Rows(*(self._memory[name] for name in ("X", "y", "weight", "unit")))
 
     def _partial_fit_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Self:
         if not hasattr(self, "_memory"):
@@ -76,67 +69,23 @@ class StreamMemory:
         if not (batch.weight > 0).any():
             return self
         held, count = self._recalled(), int(self._memory["n_batches"])
-        batch = Rows(batch.X, batch.y, batch.weight, batch.unit + int(held.unit.max()) + 1, batch.regime)
+        batch = replace(batch, unit=batch.unit + int(held.unit.max()) + 1)
         grouped = grouped or bool(self._memory["grouped"])
         whole, fitted = self._whole(grouped), int(self._memory["fitted"])
-        ratio, errors = self._ratio(held, batch, grouped)
-        rows, suspect = self._joined(held, batch, ratio)
-        if rows.regime.max() > held.regime.max():
-            errors = errors[:0]
-        rows = merged(rows, whole=whole)
+        faded = replace(held, weight=self._fade(float(batch.weight.sum())) * held.weight)
+        rows = merged(faded.followed_by(batch), whole=whole)
         nothing_new = len(rows) == len(held) and not self._weighs()
         rows = bounded(rows, self._most(), whole=whole, random=np.random.default_rng(count))
-        # Rows that have faded are none to train a network on from nothing.
-        counting = min(float(len(rows)), float(rows.weight.sum()))
+        counting = float(rows.weight.sum())
         if nothing_new:
             pass
-        elif counting < GROWN * fitted and rows.regime.max() == held.regime.max() and self._continues:
-            self._continue(rows, float(batch.weight.sum() / rows.weight.sum()))
+        elif counting < min(HALF * len(rows), GROWN * fitted):
+            self._continue(rows)  # what has faded is none to fit to from nothing; the estimator still knows it
         else:
             self._refit(rows, grouped)
             fitted = len(rows)
-        self._store(rows, grouped, errors, count + 1, suspect, fitted)
+        self._store(rows, grouped, count + 1, fitted)
         return self
-
-    def _ratio(self, held: Rows, batch: Rows, grouped: bool) -> tuple[float, np.ndarray]:
-        """Return by how much a batch is off what was remembered, and the errors of batches that were not."""
-        errors, suspect = self._memory["errors"], int(self._memory["suspect"])
-        if not self._changes:
-            return 1.0, errors
-        old = held.at((held.regime == held.regime.max()) & ((held.unit < suspect) | (suspect == 0)))
-        if not self._in_order():
-            return surprise(old, batch, self._signal_positions()), errors
-        X, y, given = self._arguments(batch, grouped)
-        given.pop("sample_weight", None)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            off = np.reshape(self._own.predict(X, **given) - y, batch.y.shape)
-        error = mean_square(off)
-        ratio = unforeseen(errors, error) if overlap(old, batch, self._signal_positions()) else 1.0
-        return ratio, (np.vstack([errors, error]) if ratio <= CHANGED else errors)
-
-    def _joined(self, held: Rows, batch: Rows, ratio: float) -> tuple[Rows, int]:
-        """Return all rows, those before a change weighed down, and from which trajectory on a change is suspected."""
-        regime, suspect = int(held.regime.max()), int(self._memory["suspect"])
-        batch = Rows(batch.X, batch.y, batch.weight, batch.unit, np.full(len(batch), regime))
-        if (fade := self._fade(float(batch.weight.sum()))) < 1.0:
-            held = Rows(held.X, held.y, fade * held.weight, held.unit, held.regime)
-        both = held.followed_by(batch)
-        if ratio <= CHANGED:
-            return both, 0
-        if not suspect:
-            return both, int(batch.unit.min())
-        warnings.warn(
-            f"The stream has changed: at the same signals the target now differs by {ratio**0.5:.2g} times what it "
-            "differed by before. Expected one muscle. What came before the change counts less from here on; check the "
-            "sensors if the muscle is the same.",
-            StreamChangeWarning,
-            stacklevel=4,
-        )
-        new = (both.unit >= suspect) & (both.regime == regime)
-        weight = np.where(new, both.weight, both.weight / ratio)
-        rows = Rows(both.X, both.y, weight, both.unit, both.regime + new)
-        return (rows if self._weighs() else rows.at(new)), 0
 
     def _refit(self, rows: Rows, grouped: bool) -> None:
         """Fit to what is remembered."""
@@ -145,8 +94,8 @@ class StreamMemory:
             warnings.simplefilter("ignore", ExcitationWarning)  # told of the batch that it is true of, when it came
             self._own.fit(X, y, **given)
 
-    def _continue(self, rows: Rows, share: float) -> None:
-        """Train on from where the network stands."""
+    def _continue(self, rows: Rows) -> None:
+        """Go on from where the model stands, where most of what it learnt has faded from the memory."""
         raise NotImplementedError
 
     def _arguments(self, rows: Rows, grouped: bool) -> tuple[Any, Any, dict[str, Any]]:
@@ -173,8 +122,7 @@ class StreamMemory:
         weight = row_weights(sample_weight, table)
         codes = self._stream_codes(X, table, groups)
         unit = np.zeros(len(table), dtype=int) if codes is None else np.unique(codes, return_inverse=True)[1]
-        rows = Rows(table.copy(), target.copy(), weight.copy(), unit, np.zeros(len(table), dtype=int))
-        return rows, codes is not None
+        return Rows(table.copy(), target.copy(), weight.copy(), unit), codes is not None
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         from sklearn.utils.validation import column_or_1d
@@ -186,11 +134,6 @@ class StreamMemory:
         if isinstance(self, SequenceMixin):
             return np.asarray(self._codes(X, table, groups))
         return trajectory_codes(X, groups)
-
-    def _signal_positions(self) -> list[int]:
-        """Columns of X in which neighbours are looked for: all signals but the time."""
-        columns: dict[str, int] = self._own.signal_columns_
-        return sorted({k for name, k in columns.items() if name != "time"}) or [0]
 
     def _memory_columns(self, rows: Rows) -> bool:
         """Whether the target keeps its columns."""
@@ -223,8 +166,8 @@ class Streaming(StreamMemory):
 
         Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
         Beyond, it is the fit to a fair sample of the stream, with the weight of all; memory does not grow. A call costs
-        no more than a fit to the memory. Where two batches in a row say that the same signals now bring about something
-        else, rows from before count less, by as much as they are off.
+        no more than a fit to the memory. Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor`
+        tells it, and `fit` begins anew.
 
         Parameters
         ----------
@@ -241,11 +184,6 @@ class Streaming(StreamMemory):
         -------
         self
             The fitted estimator.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
@@ -258,8 +196,8 @@ class SequenceStreaming(StreamMemory):
 
         Up to `MEMORY_ROWS_IN_ORDER` rows, the model after any number of batches is that of one ``fit`` on all their
         trajectories; one that came before adds nothing. Beyond, it is the fit to a fair sample of whole trajectories;
-        memory does not grow. A call costs no more than a fit to the memory. Where two batches in a row say that the
-        same signals now bring about something else, trajectories from before are dropped.
+        memory does not grow. A call costs no more than a fit to the memory. Whether the system is another one is not
+        guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew.
 
         Parameters
         ----------
@@ -274,11 +212,6 @@ class SequenceStreaming(StreamMemory):
         -------
         self
             The fitted estimator.
-
-        Warns
-        -----
-        StreamChangeWarning
-            If the stream has changed.
         """
         return self._partial_fit_rows(X, y, None, groups)
 

@@ -21,7 +21,7 @@ from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterErr
 
 from ._base import SignalEstimator, plain_table
 from ._streaming import SequenceStreaming, forget
-from ._trajectories import TRAJECTORY, encode_text_columns, trajectory_codes
+from ._trajectories import encode_text_columns, trajectory_codes
 
 
 class PredictionInterval(NamedTuple):
@@ -171,10 +171,6 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
         target = column_or_1d(y).astype(float)
         check_consistent_length(table, target)
         return table, target[:, None]
-
-    def _signal_positions(self) -> list[int]:
-        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
-        return [k for k in range(self.n_features_in_) if not names or names[k] not in (TRAJECTORY, "time")]
 
     def _fitted(self, X: Any, y: np.ndarray, codes: np.ndarray) -> Any:
         """Fit a clone; it is told its trajectories if it asks for them."""

@@ -71,8 +71,8 @@ class ForwardModel(OneLayerRegressor):
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3
         Initial weights tried for a few steps, of which the best goes on.
-    forget_rows : float, default=5000
-        Rows over which `partial_fit` forgets.
+    forget_rows : float, optional
+        Rows over which `partial_fit` forgets; by default all rows count alike.
     one_trajectory : bool, default=False
         Whether all rows are one trajectory, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
@@ -143,7 +143,7 @@ class ForwardModel(OneLayerRegressor):
         max_iter: int = 200,
         tol: float = 1e-5,
         n_starts: int = 3,
-        forget_rows: float = 5000,
+        forget_rows: float | None = None,
         one_trajectory: bool = False,
         trajectory_column: int | None = None,
         random_state: Any = None,

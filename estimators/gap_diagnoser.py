@@ -290,7 +290,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return self._partial_fit_rows(X, y, None, groups)
 
     _memory_rows: ClassVar[int | None] = 100_000
-    _changes: ClassVar[bool] = False  # what differs between logs is for the diagnosis to name
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         return self._codes(X, groups)

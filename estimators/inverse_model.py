@@ -130,8 +130,8 @@ class InverseModel(OneLayerRegressor):
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that ask for a pressure beyond the limits or lie away from the data of the
         fit: bound the answer and warn, bound it silently, or raise `UnreachableError`.
-    forget_rows : float, default=5000
-        Rows over which `partial_fit` forgets.
+    forget_rows : float, optional
+        Rows over which `partial_fit` forgets; by default all rows count alike.
     one_trajectory : bool, default=False
         Whether all rows are one trajectory, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
@@ -219,7 +219,7 @@ class InverseModel(OneLayerRegressor):
         n_starts: int = 3,
         pressure_limits: tuple[float, float] | None = None,
         on_unreachable: str = "warn",
-        forget_rows: float = 5000,
+        forget_rows: float | None = None,
         one_trajectory: bool = False,
         trajectory_column: int | None = None,
         random_state: Any = None,

@@ -16,14 +16,12 @@ from pamid.fitting.epochs import (
     Best,
     Weights,
     held_out_rows,
-    later_generator,
     local_generator,
     penalty,
     run_epochs,
     standardisation,
     to_tensors,
 )
-from pamid.fitting.stream_memory import Rows
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
@@ -92,9 +90,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     validation_curve_ : list of float
         The same error on the held-out trajectories; empty without early stopping.
     n_iter_ : int
-        Epochs of the last fit, and passes of `partial_fit` since.
-    optimizer_state_ : dict
-        Moments of Adam, with which `partial_fit` goes on.
+        Epochs of the fit.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_features_in_ : int
@@ -226,7 +222,6 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         validation = self._scaled(columns[held_out], target[held_out], weights[held_out]) if held_out.any() else None
         initial = self._initial_weights(rng)
         best = Best(int(self.patience), float(self.tol))
-        self.optimizer_state_: dict[str, Any] = {}
         train = self._train_adam if self.optimizer == "adam" else self._train_lbfgs
         with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
             train(initial, training, validation, progress, best, rng, int(self.max_iter))
@@ -236,22 +231,6 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.n_iter_ = max(progress.n_epochs, 1)
         self._remember(X, y, sample_weight, groups)
         return self
-
-    _continues: ClassVar[bool] = True
-
-    def _continue(self, rows: Rows, share: float) -> None:
-        """Train on from where the network stands; the error on the memory never rises."""
-        training = self._scaled(self._signals(rows.X, self.inputs), rows.y[:, 0], rows.weight)
-        start = self.weights_
-        best = Best(int(self.patience), float(self.tol))
-        best.offer(self._error(to_tensors(start, self.device), training), lambda: start)
-        epochs = max(1, int(np.ceil(share * int(self.max_iter))))
-        progress = FitProgress(self, None, None, epochs)
-        train = self._train_adam if self.optimizer == "adam" else self._train_lbfgs
-        train(start, training, training, progress, best, later_generator(self.random_state, self.n_iter_), epochs)
-        self.weights_ = best.weights or start
-        self.loss_curve_ = [*self.loss_curve_, *progress.losses]
-        self.n_iter_ += progress.n_epochs
 
     def predict(self, X: Any) -> np.ndarray:
         """Evaluate the network.
@@ -373,24 +352,21 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any, epochs: int
     ) -> None:
         tensors = to_tensors(initial, self.device)
-        adam = AdamSteps(tensors, float(self.learning_rate), self.optimizer_state_)
+        adam = AdamSteps(tensors, float(self.learning_rate))
 
         def one_epoch(epoch: int) -> float:
             adam.anneal(epoch / epochs)
             return self._epoch(tensors, adam, training, rng)
 
-        try:
-            run_epochs(
-                progress,
-                best,
-                tensors,
-                one_epoch,
-                None if validation is None else lambda: self._error(tensors, validation),
-                one_step=len(training[0]) <= int(self.batch_size),
-                attributes=lambda weights: {"weights_": weights},
-            )
-        finally:  # an interrupted fit can be continued too
-            self.optimizer_state_ = adam.state()
+        run_epochs(
+            progress,
+            best,
+            tensors,
+            one_epoch,
+            None if validation is None else lambda: self._error(tensors, validation),
+            one_step=len(training[0]) <= int(self.batch_size),
+            attributes=lambda weights: {"weights_": weights},
+        )
 
     def _train_lbfgs(
         self, initial: Weights, training: Any, validation: Any, progress: FitProgress, best: Best, rng: Any, epochs: int

@@ -235,8 +235,6 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
         """
         return self._partial_fit_rows(X, y, None, groups)
 
-    _changes: ClassVar[bool] = False
-
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
         return table, np.zeros((len(table), 1))

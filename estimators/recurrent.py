@@ -15,18 +15,16 @@ from pamid.fitting.epochs import (
     Best,
     Weights,
     held_out_rows,
-    later_generator,
     local_generator,
     run_epochs,
     standardisation,
     to_tensors,
 )
 from pamid.fitting.recurrent import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
-from pamid.fitting.stream_memory import Rows
 
 from ._base import SignalEstimator, Signals
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
-from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
 from ._trajectories import trajectory_slices
@@ -102,9 +100,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     validation_curve_ : list of float
         The same error on the held-out trajectories; empty without early stopping.
     n_iter_ : int
-        Epochs of the last fit, and passes of `partial_fit` since.
-    optimizer_state_ : dict
-        Moments of Adam, with which `partial_fit` goes on.
+        Epochs of the fit.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_features_in_ : int
@@ -285,44 +281,11 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         finally:
             del self._codes_of_fit
         self.weights_ = initial if best.weights is None else best.weights
-        self.optimizer_state_ = adam.state()
         self.loss_curve_ = progress.losses
         self.validation_curve_ = best.curve if validation else []
         self.n_iter_ = max(progress.n_epochs, 1)
         self._remember(X, y, groups=groups)
         return self
-
-    _continues: ClassVar[bool] = True
-
-    def _continue(self, rows: Rows, share: float) -> None:
-        """Train on from where the network stands; the error on the memory never rises."""
-        inputs, wanted = self._scaled(self._signals(rows.X, self.inputs), rows.y[:, 0])
-        slices = trajectory_slices(rows.unit)
-        network = self._network(self.weights_)
-        adam = AdamSteps(network.parameters(), float(self.learning_rate), self.optimizer_state_)
-        pieces, whole = pieces_of(slices, self.segment_length), pieces_of(slices, None)
-        rng = later_generator(self.random_state, self.n_iter_)
-        epochs = max(1, int(np.ceil(share * int(self.max_iter))))
-        start, best = self.weights_, Best(int(self.patience), float(self.tol))
-        best.offer(self._mean_square(network, inputs, wanted, whole), lambda: start)
-
-        def one_epoch(epoch: int) -> float:
-            adam.anneal(epoch / epochs)
-            return self._epoch(network, adam, inputs, wanted, pieces, rng)
-
-        progress = FitProgress(self, None, None, epochs)
-        run_epochs(
-            progress,
-            best,
-            network.parameters(),
-            one_epoch,
-            lambda: self._mean_square(network, inputs, wanted, whole),
-            one_step=False,
-            attributes=lambda weights: {},
-        )
-        self.weights_, self.optimizer_state_ = best.weights or start, adam.state()
-        self.loss_curve_ = [*self.loss_curve_, *progress.losses]
-        self.n_iter_ += progress.n_epochs
 
     def _mean_square(self, network: Network, inputs: Any, wanted: Any, pieces: list[Piece]) -> float:
         """Mean squared error over whole trajectories, in units of the target's variance."""

@@ -25,13 +25,6 @@ def local_generator(random_state: Any) -> np.random.Generator:
     return np.random.default_rng(random_state)
 
 
-def later_generator(random_state: Any, steps: int) -> np.random.Generator:
-    """Return the generator of a later pass, which follows from the seed and the steps already made."""
-    if isinstance(random_state, (int, np.integer)):
-        return np.random.default_rng([int(random_state), steps])
-    return local_generator(random_state)
-
-
 def standardisation(columns: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean and standard deviation of each column; 1 for the deviation of a constant one."""
     share = weights / weights.sum()
@@ -102,26 +95,16 @@ class Best:
 
 
 class AdamSteps:
-    """Adam on tensors, with moments that can be taken out and put back as numpy arrays.
+    """Adam on tensors, its rate lowered as the training goes on.
 
     D. P. Kingma, J. Ba, "Adam: a method for stochastic optimization", 2015. https://doi.org/10.48550/arXiv.1412.6980
     """
 
-    def __init__(self, parameters: dict[str, Any], learning_rate: float, state: dict[str, Any] | None = None) -> None:
+    def __init__(self, parameters: dict[str, Any], learning_rate: float) -> None:
         import torch
 
-        self.parameters = parameters
         self.learning_rate = learning_rate
         self._adam = torch.optim.Adam(list(parameters.values()), lr=learning_rate)
-        self.steps = 0
-        if state:
-            self.steps = int(state["steps"])
-            for name, tensor in parameters.items():
-                self._adam.state[tensor] = {
-                    "step": torch.tensor(float(self.steps)),
-                    "exp_avg": torch.as_tensor(state["first"][name].copy(), device=tensor.device),
-                    "exp_avg_sq": torch.as_tensor(state["second"][name].copy(), device=tensor.device),
-                }
 
     def anneal(self, progress: float) -> None:
         """Lower the rate along a half cosine to 1 % of it; `progress` runs from 0 to 1."""
@@ -134,18 +117,6 @@ class AdamSteps:
         self._adam.zero_grad(set_to_none=True)
         loss.backward()
         self._adam.step()
-        self.steps += 1
-
-    def state(self) -> dict[str, Any]:
-        """Moments and step count, plain."""
-        held = {name: self._adam.state[tensor] for name, tensor in self.parameters.items()}
-        if not all(held.values()):
-            return {}
-        return {
-            "steps": self.steps,
-            "first": {name: s["exp_avg"].cpu().numpy().copy() for name, s in held.items()},
-            "second": {name: s["exp_avg_sq"].cpu().numpy().copy() for name, s in held.items()},
-        }
 
 
 def to_tensors(weights: Weights, device: str) -> dict[str, Any]:
