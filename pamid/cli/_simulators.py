@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
 
 if TYPE_CHECKING:
-    from ..simulators import Simulator
+    import numpy as np
+
+    from ..simulators import FmuSimulator, MujocoSimulator, Simulator
 
 MODELS = (".xml", ".fmu")
 """Endings of models that --sim may name itself, with a page of the same name beside them or without."""
 CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "corrected.fmu", "start_values.json")
 """What a corrected simulator may consist of."""
+_STEPS = 10
 _CALLBACK = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
 
 model, acting = load()
@@ -78,8 +81,8 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
     return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
 
 
-def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
-    """Write a corrected simulator into a stage that becomes a folder.
+def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> list[str]:
+    """Write a corrected simulator into a stage that becomes a folder; what does not load and run there is left out.
 
     Parameters
     ----------
@@ -89,25 +92,114 @@ def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
         Where files are written.
     folder : Path
         Where they will lie: what the page refers to is named from there.
+
+    Returns
+    -------
+    list of str
+        What was left out, and why: a sentence each.
+
+    Raises
+    ------
+    OutputError
+        They cannot be written.
     """
-    from ..errors import ExportError
-    from ..simulators import FmuSimulator, MujocoSimulator, page_text
-    from ..simulators.fmu_wrapper import wrapped
+    from ..simulators import FmuSimulator, MujocoSimulator
 
     if isinstance(simulator, MujocoSimulator):
-        text, rest = simulator.corrected_xml()
-        write_whole(stage / "corrected.xml", text)
-        page = page_text(simulator.with_({}, rest), folder)
-        home = page.split('model = "', 1)[1].split('"', 1)[0]
-        write_whole(stage / "corrected.toml", page.replace(f'model = "{home}"', 'model = "corrected.xml"', 1))
-        if rest:
-            write_whole(stage / "corrected.py", _CALLBACK)
-        return
+        names = ("corrected.xml", "corrected.toml", "corrected.py")
+        return _unless_it_fails(stage, names, lambda: _write_mujoco(simulator, stage, folder))
+    left = _unless_it_fails(stage, ("corrected.toml",), lambda: _write_page(simulator, stage, folder))
     if isinstance(simulator, FmuSimulator):
         write_whole(stage / "start_values.json", json.dumps(simulator.start_values(), indent=1) + "\n")
-        with contextlib.suppress(ExportError):  # the page does without
-            write_whole(stage / "corrected.fmu", wrapped(simulator))
-    write_whole(stage / "corrected.toml", page_text(simulator, folder))
+        left += _unless_it_fails(stage, ("corrected.fmu",), lambda: _write_fmu(simulator, stage / "corrected.fmu"))
+    return left
+
+
+def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], None]) -> list[str]:
+    """Make files; where that fails, remove them and say why. A diagnosis is worth having without them."""
+    from ..errors import OutputError
+
+    try:
+        make()
+    except OutputError:
+        raise
+    except Exception as error:  # whatever MuJoCo, an FMU or a function raises
+        for name in names:
+            (stage / name).unlink(missing_ok=True)
+        return [f"{' and '.join(names)} left out, since it could not be made, loaded and run: {error}"]
+    return []
+
+
+def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path) -> None:
+    """Write a corrected MuJoCo model, its page and callbacks, and let it make some steps."""
+    import mujoco
+    import numpy as np
+
+    from ..errors import SimulatorRunError
+    from ..simulators import page_text
+    from ..simulators.mujoco_callback import corrected
+
+    text, rest = simulator.corrected_xml()
+    write_whole(stage / "corrected.xml", text)
+    page = page_text(simulator.with_({}, rest), folder)
+    home = page.split('model = "', 1)[1].split('"', 1)[0]
+    write_whole(stage / "corrected.toml", page.replace(f'model = "{home}"', 'model = "corrected.xml"', 1))
+    if rest:
+        write_whole(stage / "corrected.py", _CALLBACK)
+    model, acting = corrected(stage / "corrected.toml")
+    data = mujoco.MjData(model)
+    with acting:
+        mujoco.mj_step(model, data, nstep=_STEPS)
+    if not np.isfinite(data.qpos).all():
+        raise SimulatorRunError("corrected.xml gives no finite positions.", "a model that runs", "Look at the causes.")
+
+
+def _write_page(simulator: Simulator, stage: Path, folder: Path) -> None:
+    """Write the page of a simulator, which read again is the same one."""
+    import numpy as np
+
+    from ..errors import SimulatorRunError
+    from ..simulators import page_text, read_simulator
+
+    path = stage / "corrected.toml"
+    write_whole(path, page_text(simulator, stage))
+    again = read_simulator(path, trust=True)  # its code has run in this diagnosis
+    known, shown = _few(simulator), _few(again)
+    same = known is None or (shown is not None and np.allclose(known, shown, rtol=1e-9, equal_nan=True))
+    if list(again.effects) != list(simulator.effects) or not same:
+        raise SimulatorRunError(
+            "corrected.toml, read again, is another simulator.", "the one of the report", "Tell pamid's authors."
+        )
+    write_whole(path, page_text(simulator, folder))
+
+
+def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
+    """Pack a corrected FMU, and let it make some steps where the original can."""
+    from ..errors import SimulatorRunError
+    from ..simulators import FmuSimulator
+    from ..simulators.fmu_wrapper import wrapped
+
+    path.write_bytes(wrapped(simulator))
+    if _few(simulator) is not None and _few(FmuSimulator(path, trust=True, seconds=simulator.seconds)) is None:
+        raise SimulatorRunError("corrected.fmu does not run.", "an FMU that runs as the original does", "Use the page.")
+
+
+def _few(simulator: Simulator) -> np.ndarray | None:
+    """Return what a simulator answers at a few instants at rest; None where it has no answer there."""
+    import numpy as np
+
+    from ..errors import PamidError
+
+    t = 0.01 * np.arange(_STEPS)
+    x, u = (np.zeros((len(names), len(t))) for names in (simulator.states, simulator.inputs))
+    try:
+        if simulator.form == "run":
+            return simulator.run(t, u, simulator.numbers, x[:, 0])
+        p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(t), axis=1)
+        ask = simulator.rate if simulator.form == "ode" else simulator.output
+        return ask(t, x, u, p)
+    except PamidError:
+        return None
 
 
 def evaluation(log: Any, simulator: Simulator) -> list[dict[str, Any]]:

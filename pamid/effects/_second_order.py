@@ -11,8 +11,13 @@ from ..signals.state import Array
 
 
 @lru_cache(maxsize=64)
-def transition(frequency: float, damping: float, dt: float, ramp: bool) -> tuple[Array, Array, Array]:
+def transition(
+    frequency: float, damping: float, dt: float, ramp: bool, damper: bool = False
+) -> tuple[Array, Array, Array]:
     r"""Return what carries (y, ẏ) over an interval, :math:`\ddot y = \omega^2 (v - y) - 2 \zeta \omega\,\dot y`.
+
+    With a damper beside the spring, :math:`\ddot y = \omega^2 (v - y) + 2 \zeta \omega\,(\dot v - \dot y)`, the second
+    state is :math:`\dot y - 2 \zeta \omega\,(v - y)`.
 
     Parameters
     ----------
@@ -22,6 +27,8 @@ def transition(frequency: float, damping: float, dt: float, ramp: bool) -> tuple
         The interval, s.
     ramp : bool
         Whether the input goes straight from its old value to its new one; it is held at the old one else.
+    damper : bool, default=False
+        Whether the damper is between input and output, as the spring is, and not at the output alone.
 
     Returns
     -------
@@ -34,6 +41,9 @@ def transition(frequency: float, damping: float, dt: float, ramp: bool) -> tuple
     A = np.zeros((4, 4))
     A[0, 1] = 1.0
     A[1] = -(frequency**2), -2.0 * damping * frequency, frequency**2, 0.0
+    if damper:
+        A[0] = -2.0 * damping * frequency, 1.0, 2.0 * damping * frequency, 0.0
+        A[1, 1] = 0.0
     A[2, 3] = 1.0 if ramp else 0.0
     E = expm(A * dt)
     slope = E[:2, 3] / dt if dt > 0.0 else 0.0 * E[:2, 3]
@@ -47,10 +57,15 @@ def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt
     return np.tensordot(M, x, 1) + old.reshape(shape) * v0 + new.reshape(shape) * v1
 
 
-def carried_along(v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool) -> Array:
-    """Return `carried` along the trajectories of a log, at rest at the start of each; time is the first axis."""
+def carried_along(
+    v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool, speed: Array = None
+) -> Array:
+    """Return `carried` along the trajectories of a log, at rest at the start of each; time is the first axis.
+
+    With the speed of the input there is a damper beside the spring, and the output begins at that speed.
+    """
     v = np.asarray(v, dtype=float)
-    M, old, new = transition(frequency, damping, dt, ramp)
+    M, old, new = transition(frequency, damping, dt, ramp, speed is not None)
     begin = np.zeros(len(v), dtype=int)
     begin[starts] = starts
     rest = v[np.maximum.accumulate(begin)]  # at rest the output is the input
@@ -58,11 +73,13 @@ def carried_along(v: Array, dt: float, frequency: float, damping: float, starts:
     d = new.reshape(shape) * u
     d[:, 1:] += old.reshape(shape) * u[:-1]
     d[:, starts] = 0.0
+    if speed is not None:
+        d[1, starts] = speed[starts]
     # M is a root of its characteristic polynomial, so that each state goes on from its own past alone.
     trace, determinant = float(np.trace(M)), float(np.linalg.det(M))
     drive = d.copy()
     drive[:, 1:] += np.tensordot(M - trace * np.eye(2), d[:, :-1], 1)
-    drive[:, starts] = 0.0
+    drive[:, starts] = d[:, starts]
     out = np.moveaxis(recursive(np.moveaxis(drive, 0, -1), [trace, -determinant], starts), -1, 0)
     out[0] += rest
     return out

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -28,11 +27,7 @@ def stopped(z: Array, moved: Array, width: float) -> Array:
 def stops_along(x: Array, width: float, starts: Array) -> Array:
     """Return `stopped` along the trajectories of a log, without a loop over time: x less what follows it with play."""
     x = np.asarray(x, dtype=float)
-    out = np.empty((len(RATIOS), *x.shape))
-    for a, b in pairwise([*np.asarray(starts).tolist(), len(x)]):
-        for z, ratio in zip(out, RATIOS, strict=True):
-            z[a:b] = (x[a:b] - play(x[a:b], ratio * width)) / (ratio * width)
-    return out
+    return np.stack([(x - play(x, ratio * width, starts)) / (ratio * width) for ratio in RATIOS])
 
 
 def stops_force(z: Array, weights: Sequence[float], slopes: Sequence[float], position: Array) -> Array:

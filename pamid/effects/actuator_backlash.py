@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ..signals.paths import play
@@ -55,9 +53,7 @@ class ActuatorBacklash(Effect):
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return what the actuator makes of the command along each trajectory, without a loop over time."""
-        u = np.asarray(s.command, dtype=float)
-        parts = pairwise([*np.asarray(starts).tolist(), len(u)])
-        return np.concatenate([play(u[a:b], self.half_width) for a, b in parts])[None]
+        return play(np.asarray(s.command, dtype=float), self.half_width, starts)[None]
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what follows the command with play."""

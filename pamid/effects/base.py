@@ -35,11 +35,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..errors import ImplausibleParameterError, ParameterError, SimulatorTypeError, UnknownParameterError
+from ..errors import ParameterError, UnknownParameterError
 from ..signals.paths import Path
 from ..signals.roles import STATE_ROLES
 from ..signals.state import Array, State
 from .plant import Plant
+from .values import checked_value
 
 EQUATIONS = ("force", "flow", "valve", "joint")
 """The equations that a gap can lie in."""
@@ -50,6 +51,10 @@ HOOKS = ("force", "flow", "command", "supply", "valve", "torque", "measure", "ad
 KINDS = ("bench", "muscle", "actuator", "joint", "motor", "gas")
 """What a diagnosis may be about: the antagonistic bench; one equation of a muscle, of the force of another actuator, of
 the torque of a joint or the voltage of its motor, of a flow."""
+
+
+MOST_PERIODS = 40
+"""Most periods of an effect of the position within the range that a log covers."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,10 @@ class Parameter:
         coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
     idle : bool, default=False
         Whether it is a limit: at the upper bound, or beyond what a signal reaches, the effect does nothing.
+    periods : bool, default=False
+        Whether it is 2π over a period of the position: what range a log covers says which can be told apart.
+    spacing : float, default=0
+        How far apart values are that a log tells apart, in ``unit``; 0 where nothing is known.
 
     Examples
     --------
@@ -101,6 +110,20 @@ class Parameter:
     before: bool = False
     position: int = 0
     idle: bool = False
+    periods: bool = False
+    spacing: float = 0.0
+
+    def over(self, span: float) -> Parameter:
+        """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.
+
+        Half a period more in the range leaves a quarter of one out of step at either end: a sine between two such
+        rates still goes with either.
+        """
+        if not self.periods or not span > 0.0:
+            return self
+        once = 2.0 * math.pi / span
+        lower, upper = max(self.lower, once), min(self.upper, MOST_PERIODS * once)
+        return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
 
     @property
     def share(self) -> bool:
@@ -245,6 +268,8 @@ class Effect(ABC):
 
     kinds: ClassVar[tuple[str, ...]] = KINDS
     """Of `KINDS` those whose gap it may cause where the whole library is asked for; none if it is asked for by name."""
+    domain: ClassVar[str] = "store"
+    """Of an effect on a flow, what is kept where it acts: a ``"store"`` of gas or liquid, or a ``"temperature"``."""
     prior: ClassVar[float] = 0.0
     """Logarithm of the odds with which it is expected: less than 0 for what another effect holds as a special case."""
 
@@ -274,7 +299,7 @@ class Effect(ABC):
             )
         self.values: dict[str, float] = {}
         for p in self.parameters:
-            self.values[p.name] = _check_value(self.name, p, values.get(p.name, p.nominal))
+            self.values[p.name] = checked_value(self.name, p, values.get(p.name, p.nominal))
             setattr(self, p.name, self.values[p.name])
 
     @classmethod
@@ -295,7 +320,7 @@ class Effect(ABC):
             p = known[name]
             if p.unit != "-" or p.position:
                 p = replace(p, lower=0.0 if p.lower >= 0.0 else -math.inf, upper=math.inf)
-            effect.values[name] = _check_value(cls.name, p, value)
+            effect.values[name] = checked_value(cls.name, p, value)
             setattr(effect, name, effect.values[name])
         return effect
 
@@ -451,21 +476,3 @@ class Effect(ABC):
 @cache
 def _hooks(cls: type[Effect]) -> tuple[str, ...]:
     return tuple(hook for hook in HOOKS if getattr(cls, hook) is not getattr(Effect, hook))
-
-
-def _check_value(effect: str, p: Parameter, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise SimulatorTypeError(
-            f"{p.name} of the effect {effect} is {value!r}.", f"a number in {p.unit}", "Write a plain number."
-        )
-    number = float(value)
-    if math.isfinite(number) and (inside := min(max(number, p.lower), p.upper)) != number:
-        # A search in logarithms ends beside a bound by what is rounded.
-        number = inside if abs(inside - number) <= 1e-12 * abs(number) else number
-    if not math.isfinite(number) or not p.lower <= number <= p.upper:
-        raise ImplausibleParameterError(
-            f"{p.name} of the effect {effect} is {number:g} {p.unit}.",
-            f"{p.lower:g} to {p.upper:g} {p.unit} ({p.description})",
-            "Correct the value; all units are SI.",
-        )
-    return number

@@ -11,11 +11,12 @@ from .plant import Plant
 
 
 class DirectionalFriction(Effect):
-    r"""Dry friction of a seal, a lip or a gear that is not the same forwards and backwards, and grows with pressure.
+    r"""Dry friction of a seal, a lip or a gear that is not the same forwards and backwards, and changes with pressure.
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
 
-    with the gauge pressure p and Dahl's bristle z as in `CoulombFriction`.
+    with the gauge pressure p and Dahl's bristle z as in `CoulombFriction`. Pressure that lifts a lip lowers its
+    friction.
 
     Parameters
     ----------
@@ -47,8 +48,8 @@ class DirectionalFriction(Effect):
     parameters = (
         Parameter("forward", "N", 0.0, 1e4, 4.0, "sliding friction while the position grows", linear=True),
         Parameter("backward", "N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True),
-        Parameter("forward_per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "the first one's growth with pressure", linear=True),
-        Parameter("backward_per_pressure", "N/Pa", 0.0, 1e-2, 0.0, "the other one's growth", linear=True),
+        Parameter("forward_per_pressure", "N/Pa", -1e-2, 1e-2, 0.0, "the first one's change by pressure", linear=True),
+        Parameter("backward_per_pressure", "N/Pa", -1e-2, 1e-2, 0.0, "the other one's change", linear=True),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),
     )
     forward: float

@@ -1,4 +1,4 @@
-"""Ends of the muscle that do not stay cylindrical."""
+"""Ends of the muscle that do not stay cylindrical, or that yield."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .plant import Plant
 
 
 class EndCap(Effect):
-    r"""Conical ends, which make the active part contract more than the whole.
+    r"""Active part that contracts by k times what the whole does: more with conical ends, less with ends that yield.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
@@ -39,10 +39,10 @@ class EndCap(Effect):
     family = "elasticity"
     equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
-    kinds = ("bench",)  # a single muscle has the effective contraction, on both sides of 1
+    kinds = ("bench",)  # a single muscle has the effective contraction, whose volume nobody measures
     source = "10.1109/37.833638"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("factor", "-", 1.0, 1.6, 1.1, "contraction of the active part over that of the whole"),
+        Parameter("factor", "-", 0.7, 1.6, 1.1, "contraction of the active part over that of the whole"),
         Parameter("swept", "-", 0.0, 1.0, 1.0, "share of the change of shape that the gas feels as volume"),
     )
     factor: float

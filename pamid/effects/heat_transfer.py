@@ -15,22 +15,26 @@ from .plant import Plant
 class HeatTransfer(Effect):
     r"""Gas that warms when compressed and cools at the walls: adiabatic when fast, isothermal when slow.
 
-    By the first law, with what flows in and out at the temperature T of the walls, a muscle holds less gas by E than it
-    would at that temperature,
+    By the first law, with what flows in at the temperature T of the walls and what flows out at its own, a muscle holds
+    less gas by E than it would at that temperature,
 
-    .. math:: \Delta\dot m = \frac{E}{\tau_P}, \qquad
-        \dot E = \frac{\gamma - 1}{\gamma}\,\frac{V \dot P}{R T} - \frac{E}{\tau_P}, \qquad
+    .. math:: \Delta\dot m = E\left(\frac{1}{\tau_P} + \kappa\,\omega\right), \qquad
+        \dot E = \frac{\gamma - 1}{\gamma}\,\frac{V \dot P}{R T} - E\left(\frac{1}{\tau_P} +
+        \kappa\,\omega\right), \qquad
+        \omega = \max\left(0, -\frac{\dot P}{P} - \frac{\dot V}{V}\right), \qquad
         \tau_P = \tau \Big(\frac{P}{3\,P_a}\Big)^{\varsigma}
 
-    for an excess of temperature E T/m that is small beside T. With ς = 0 denser gas gives off more heat; with ς = 1 the
-    conductance of the walls is constant, and more gas takes longer to cool.
+    for an excess of temperature E T/m that is small beside T. Gas that leaves, a share ω of it in a second, takes its
+    excess along: all of it (κ = 1), or less where it passes a hose that has the temperature of the walls. With ς = 0
+    denser gas gives off more heat; with ς = 1 the conductance of the walls is constant, and more gas takes longer to
+    cool.
 
     Parameters
     ----------
     **values : float
         ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
-        ``unknown``, how much of the range of pressure the gas may have come from shortly before a run begins, otherwise
-        in each run (dimensionless; in a log alone, a simulation knows).
+        ``carried`` κ; ``unknown``, how much of the range of pressure the gas may have come from shortly before a run
+        begins, otherwise in each run (dimensionless; in a log alone, a simulation knows).
 
     References
     ----------
@@ -41,22 +45,24 @@ class HeatTransfer(Effect):
     --------
     >>> from pamid.effects import make_effect
     >>> make_effect("heat_transfer", time_constant=0.2)
-    heat_transfer(time_constant=0.2 s, slowing=0, unknown=0)
+    heat_transfer(time_constant=0.2 s, slowing=0, carried=1, unknown=0)
     """
 
     name = "heat_transfer"
     family = "gas"
     equations = ("flow",)
-    roles = ("position", "pressure")
+    roles = ("position", "velocity", "pressure", "pressure_rate")
     source = "10.1115/1.1286336"
     n_states = 1
     parameters = (
         Parameter("time_constant", "s", 1e-3, 1e4, 0.2, "time constant of the cooling"),
         Parameter("slowing", "-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure"),
+        Parameter("carried", "-", 0.0, 1.0, 1.0, "share of its excess of temperature with which gas leaves"),
         Parameter("unknown", "-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True),
     )
     time_constant: float
     slowing: float
+    carried: float
     unknown: float
 
     def _rate(self, P: Array, plant: Plant) -> Array:
@@ -68,21 +74,26 @@ class HeatTransfer(Effect):
         g = plant.heat_capacity_ratio
         return (g - 1.0) / g * V * (P1 - P0) / plant.RT
 
+    def _lost(self, P0: Array, P1: Array, V0: Array, V1: Array, dt: float, plant: Plant) -> Array:
+        """Return the logarithm of what cooling and leaving gas take from the excess over an interval."""
+        left = self.carried * np.maximum(0.0, -np.log((P1 * V1) / (P0 * V0)))
+        return dt * self._rate(0.5 * (P0 + P1), plant) + left
+
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return gas at the temperature of the walls: nothing is missing."""
         return np.stack([0.0 * s.pressure])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Warm by compression, cool towards the walls."""
-        V = 0.5 * (plant.volume(s0.position) + plant.volume(s1.position))
-        r = dt * self._rate(0.5 * (s0.pressure + s1.pressure), plant)
-        return x * np.exp(-r) + self._gained(s0.pressure, s1.pressure, V, plant) * _mean_decay(r)
+        V0, V1 = plant.volume(s0.position), plant.volume(s1.position)
+        r = self._lost(s0.pressure, s1.pressure, V0, V1, dt, plant)
+        return x * np.exp(-r) + self._gained(s0.pressure, s1.pressure, 0.5 * (V0 + V1), plant) * _mean_decay(r)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the missing gas along each trajectory, without a loop over time."""
         P, V = np.asarray(s.pressure, dtype=float), np.asarray(plant.volume(s.position), dtype=float)
         drive, decay = np.zeros_like(P), np.zeros_like(P)
-        r = dt * self._rate(0.5 * (P[:-1] + P[1:]), plant)
+        r = self._lost(P[:-1], P[1:], V[:-1], V[1:], dt, plant)
         drive[1:] = self._gained(P[:-1], P[1:], 0.5 * (V[:-1] + V[1:]), plant) * _mean_decay(r)
         decay[1:] = np.exp(-r)
         drive[starts] = 0.0
@@ -96,8 +107,11 @@ class HeatTransfer(Effect):
         return (("flow", self.time_constant, size),) if size > 0.0 else ()
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return the gas that the cooling makes room for, kg/s."""
-        return FlowTerm(x[0] * self._rate(s.pressure, plant), 0.0)
+        """Return the gas that the cooling makes room for, and that warm gas takes the room of, kg/s."""
+        widening = plant.volume_slope(s.position) * s.velocity / plant.volume(s.position)
+        rate = s.pressure_rate / s.pressure + widening if s.flow is None else s.flow
+        leaving = np.where(rate < 0.0, self.carried * x[0], 0.0)
+        return FlowTerm(x[0] * self._rate(s.pressure, plant) - leaving * widening, -leaving / s.pressure)
 
 
 def _mean_decay(r: Array) -> Array:

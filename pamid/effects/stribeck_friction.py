@@ -43,7 +43,7 @@ class StribeckFriction(Effect):
     n_states = 1
     path_dependent = True
     parameters = (
-        Parameter("coulomb", "N", 0.0, 1e4, 3.0, "friction at speed", linear=True),
+        Parameter("coulomb", "N", 0.0, 1e4, 3.0, "friction at speed", linear=True, essential=True),
         Parameter("breakaway", "N", 0.0, 1e4, 3.0, "excess at rest", linear=True, essential=True),
         Parameter("velocity", "1/s", 1e-4, 10.0, 0.02, "speed at which the excess fades", position=1),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),

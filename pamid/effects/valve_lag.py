@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..signals.recursion import recursive
 from ..signals.state import Array
 from ._memory import hold_along
+from ._second_order import carried, carried_along
 from .base import Effect, Parameter, Signals
 from .plant import Plant
 
-_UNLIKE = 0.999
-"""Most that the second lag is as a share of the first: of two alike the difference is a derivative."""
+_LEAST = 1e-4
+"""Inertia below which a spool has none: its second time constant is as small a share of the first."""
 
 
 class ValveLag(Effect):
-    r"""Lag of the spool behind the command, which is held over a control period; of second order with a second lag.
+    r"""Lag of the spool behind the command, which is held over a control period; of second order with inertia.
 
-    .. math:: \tau_1\,\dot x = u - x, \qquad \tau_2\,\dot y = x - y, \qquad u' = y, \qquad
-        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
+    .. math:: s\,\tau^2\,\ddot y + \tau\,\dot y = u - y, \qquad u' = y
+
+    With s = 0 it is a lag of first order, with s = 1/4 two alike one behind the other; above that the spool swings
+    about its command, with a damping ratio of :math:`1/(2\sqrt{s})`. By τ it comes late in any case.
 
     Parameters
     ----------
     **values : float
-        ``time_constant`` τ (s), ``second`` s (dimensionless): 0 for a lag of first order, 1 for two alike.
+        ``time_constant`` τ (s), ``second`` s (dimensionless).
 
     References
     ----------
@@ -45,49 +47,35 @@ class ValveLag(Effect):
     n_states = 2
     parameters = (
         Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the spool"),
-        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+        Parameter("second", "-", 0.0, 1.0, 0.0, "inertia: 0.25 for two lags alike, above it swings"),
     )
     time_constant: float
     second: float
 
-    def _lags(self) -> tuple[float, float]:
-        share = min(self.second, _UNLIKE)
-        first = self.time_constant / (1.0 + share)
-        return first, share * first
-
-    def _decays(self, dt: float) -> tuple[float, float, float]:
-        """Return what is left of either lag after an interval, and what the first one leaves in the second."""
-        first, second = self._lags()
-        e1 = float(np.exp(-dt / first))
-        if second <= 0.0:
-            return e1, 0.0, e1
-        e2 = float(np.exp(-dt / second))
-        return e1, e2, first / (first - second) * (e1 - e2)
+    def _spring(self) -> tuple[float, float]:
+        """Return natural frequency (rad/s) and damping ratio."""
+        root = float(np.sqrt(self.second))
+        return 1.0 / (self.time_constant * root), 0.5 / root
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return a spool at its command."""
+        """Return a spool at rest at its command: its position and its speed."""
         u = np.array(s.command, dtype=float)
-        return np.stack([u, u])
+        return np.stack([u, 0.0 * u])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Move towards the command that is held from the first instant on."""
-        e1, e2, cross = self._decays(dt)
         u = s0.command
-        return np.stack([u + (x[0] - u) * e1, u + (x[0] - u) * cross + (x[1] - u) * e2])
+        if self.second < _LEAST:
+            return np.stack([u + (x[0] - u) * np.exp(-dt / self.time_constant), 0.0 * x[0]])
+        return carried(x, u, u, *self._spring(), dt, ramp=False)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the spool's position along each trajectory, without a loop over time."""
-        u = np.asarray(s.command, dtype=float)
-        x = hold_along(u, dt, self._lags()[0], starts)
-        if self.second <= 0.0:
-            return np.stack([x, x])
-        _, e2, cross = self._decays(dt)
-        drive = np.empty_like(u)
-        drive[1:] = (cross * x + (1.0 - cross - e2) * u)[:-1]
-        drive[starts] = u[starts]
-        y = recursive(drive, [e2], starts)
-        return np.stack([x, y])
+        """Return the spool's position and speed along each trajectory, without a loop over time."""
+        if self.second < _LEAST:
+            y = hold_along(s.command, dt, self.time_constant, starts)
+            return np.stack([y, 0.0 * y])
+        return carried_along(s.command, dt, *self._spring(), starts, ramp=False)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the spool's position."""
-        return x[1]
+        return x[0]

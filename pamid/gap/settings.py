@@ -44,9 +44,10 @@ acts, whose inexact forms could call for it; and how near to one of two forms a 
 # --- what is said -----------------------------------------------------------------------------------------------
 FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
-ONE_MORE = 10.0
-"""Evidence, in nats, that a further effect needs beyond its price, and an effect of other systems at all: there are
-many to choose from."""
+OTHER_SYSTEMS = 10.0
+"""Evidence, in nats, that an effect of other systems needs beyond its price."""
+INCLUDED = 0.95
+"""Posterior probability of a cause, or of a class, from which it is said beside others: one in twenty is wrong."""
 CLASS, CLASS_SHARE = 2.0, 0.004
 """Difference in score that the form of a candidate is worth: nats, and share of the gain."""
 FAR, FEW = 8.0, 4
@@ -59,11 +60,13 @@ FORM_EXACT = FORM_LOCAL / 5.0
 """The inexactness of faults of sensors and wrong parameters, whose forms are known."""
 FORM_TIMES = 0.0, 1.0, FORM_ROUGH
 """How many times the inexactness of forms a log may speak for: not at all, as usual, a rough form."""
+CERTAIN = log(INCLUDED / (1.0 - INCLUDED))
+"""The same as the logarithm of odds."""
 NONE_SURE = 1.0 - FALSE_ALARM
 """Confidence in no gap where there is no sign of one; half where evidence is only just missing."""
 LEAST_GAIN = -log(2.0 * FALSE_ALARM)
 """Gain in log-likelihood that a first effect must bring at least: that of a false alarm, there being two tests."""
 EXCESS = 2.0 * NOISE_KNOWN
 """Share by which a residual must be above its noise to be a gap, or a sign, by itself."""
-DECIDED = 2.0 * ONE_MORE
+DECIDED = 2.0 * OTHER_SYSTEMS
 """Difference in score, in nats, beyond which a rival is out of the question: no further run is about it."""

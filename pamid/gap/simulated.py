@@ -22,6 +22,7 @@ from .diagnosis.result import Diagnosis
 from .engine import explain
 from .inference.floor import explainable
 from .inference.sensitivity import templates
+from .readings import settled
 from .residuals.direct import DirectEvidence
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE
@@ -97,6 +98,7 @@ def diagnose_simulator(
     library = [k for k in chosen(evidence.placements, effects) if evidence.touched([k])]
     # Thousands of small products: threads would only wait for one another.
     with threadpool_limits(1), effects_beside({k: p.effect for k, p in evidence.placements.items()}):
+        library = settled(evidence, evidence.log, simulator, library, say)
         say("what could be explained at all")
         _learn(evidence, library)
         notes = [f"The residuals are {evidence.how}.", *evidence.notes]
@@ -214,14 +216,13 @@ def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
         The same for the reader.
     """
     places = evidence.placements
-    causes = [_cause(c, places) for c in found.causes]
-    known = found.verdict in ("cause", "class", "several")
-    corrected = corrected_simulator(evidence, found) if known else None
+    corrected = corrected_simulator(evidence, found) if found.added else None
     forces = _forces(evidence, found, corrected) if corrected is not None else []
     return replace(
         found,
         notes=[*found.notes, *forces],
-        causes=causes,
+        causes=[_cause(c, places) for c in found.causes],
+        families=[_cause(c, places) for c in found.families],
         candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, evidence),
         nominal=evidence.given,
@@ -233,7 +234,7 @@ def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
 def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
     """Return the simulator with the causes added: its own effects, and the first of each cause."""
     added = []
-    for cause in found.causes:
+    for cause in found.added:
         place = evidence.placements[cause.effects[0]]
         inward = {k: p.value for k, p in cause.parameters.items()}
         added.append((place, place.outward(inward)))
@@ -241,7 +242,7 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
     numbers = dict(zip(simulator.parameters, evidence.numbers(found.deviations), strict=True))
     kept = []
     for place, values in added:
-        made = place.effect(**place.inward(values))
+        made = place.made(values)
         if isinstance(made, FIXED):
             numbers[place.at] = made.adjust({"value": numbers[place.at]})["value"]
         else:
@@ -260,7 +261,7 @@ def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> l
         if force is None:
             continue
         told: dict[str, str] = {}
-        for cause in found.causes:
+        for cause in found.added:
             for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False):
                 place = evidence.placements[name]
                 volts = place.name == "back_emf" or place.port != joint.name  # a back-EMF is no force

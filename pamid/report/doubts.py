@@ -53,7 +53,7 @@ def _reference(d: Diagnosis) -> str:
     ambient = _ambient(d.corrected)
     area = float(getattr(d.corrected, "area", 0.0) or 0.0)
     asked = "Is gauge pressure read as absolute, or the reverse?"
-    for p in (p for cause in d.causes for p in cause.parameters.values()):
+    for p in (p for cause in d.added for p in cause.parameters.values()):
         if p.unit == "Pa" and _close(p.value, ambient):
             return f"{asked} The offset of {amount(p.value, p.unit)} is that of the ambient pressure."
     off = float(d.windows["before"].mean()) if area and d.gap and len(d.windows) else 0.0

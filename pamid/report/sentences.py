@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..effects import all_effects
 from .doubts import question
 from .quantities import (
     amount,
@@ -26,7 +27,7 @@ from .quantities import (
 )
 
 if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, Region
+    from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, ParameterEstimate, Region
     from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
@@ -106,6 +107,9 @@ def verdict(d: Diagnosis) -> str:
         return "Nothing could be tested"
     if d.verdict == "none":
         return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
+    if d.families:
+        kinds = listed(list(dict.fromkeys(c.family for c in d.families)))
+        return f"A gap whose cause is unknown and acts like {kinds}: {listed([_either(c) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     if d.verdict == "several":
@@ -248,6 +252,10 @@ def which(d: Diagnosis) -> str:
             return f"None: {text}."
         silent = listed([effect(name) for name in d.cannot_show], "or")
         return f"None among those that this log can show: {text}. It cannot show {silent}."
+    if d.families:
+        sizes = [f"{cause_names(c)[0]} {brief}" if (brief := _brief(c)) else cause_names(c)[0] for c in d.families]
+        left = "more than an inexact form of it would" if len(d.families) == 1 else "more than inexact forms would"
+        return f"No effect of the library explains it; what comes closest leaves {left}. Sizes: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -273,10 +281,18 @@ def which(d: Diagnosis) -> str:
     return f"{_capital(cause_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
 
 
+def _sized(cause: Cause) -> list[tuple[str, ParameterEstimate]]:
+    """Return the first two parameters of a cause, and what else adds to it by more than nothing, as slopes do."""
+    kind = all_effects().get(cause.effects[0])
+    adding = {p.name for p in kind.parameters if p.linear} if kind else set()
+    found = list(cause.parameters.items())
+    return found[:2] + [(name, p) for name, p in found[2:] if name in adding and p.ci90[0] * p.ci90[1] > 0.0]
+
+
 def _brief(cause: Cause) -> str:
     """Return the first parameters of a cause's likeliest effect, those that a log bounds with their intervals."""
     told = []
-    for name, p in list(cause.parameters.items())[:2]:
+    for name, p in _sized(cause):
         known = all(math.isfinite(end) for end in p.ci90)
         told.append(
             f"{name.replace('_', ' ')} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else "")
@@ -286,7 +302,7 @@ def _brief(cause: Cause) -> str:
 
 def _sizes(cause: Cause) -> str:
     told = []
-    for name, p in list(cause.parameters.items())[:2]:
+    for name, p in _sized(cause):
         bound = ", at the end of what is physical" if p.at_bound else ""
         told.append(
             f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
@@ -322,15 +338,16 @@ def how_far(d: Diagnosis) -> str:
         return "Nothing was fitted. Mend what kept the equations from being tested, or record such runs, and ask again."
     if d.verdict == "none":
         return f"There is nothing to close{_errors(d)}."
-    if d.verdict == "unknown" or not d.causes:
+    causes = d.added
+    if not causes:
         return "Nothing is added to the simulator, since what closes part of a gap for the wrong reason misleads."
     order = {e.equation: e.share for e in d.equations}
-    main = d.causes[0].equation
+    main = causes[0].equation
     closures = sorted(d.closure, key=lambda c: (c.equation != main, -order.get(c.equation, 0.0)))
     if not closures:
         return f"How much of the gap closes could not be tested on {_unseen(d)} that the fit had not seen."
     c = closures[0]
-    it = "them" if len(d.causes) > 1 else "the likelier one" if len(d.causes[0].effects) > 1 else "it"
+    it = "them" if len(causes) > 1 else "the likelier one" if len(causes[0].effects) > 1 else "it"
     text = (
         f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the "
         f"{equation(c.equation)} gap on {_unseen(d)} that the fit had not seen: "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,7 +32,7 @@ def reversals(x: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([[0], turned, [len(x) - 1]]))
 
 
-def play(x: np.ndarray, width: float) -> np.ndarray:
+def play(x: np.ndarray, width: float, starts: Sequence[int] | np.ndarray = (0,)) -> np.ndarray:
     r"""Follow a signal with a play of ± ``width``: y stays until x would leave [y − width, y + width].
 
     .. math:: y_k = \min(\max(y_{k-1}, x_k - w), x_k + w)
@@ -44,6 +45,8 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
         The signal, time along the first axis.
     width : float
         Half the play, not negative.
+    starts : sequence of int, default=(0,)
+        First row of each run; there y begins at x.
 
     Examples
     --------
@@ -53,11 +56,12 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
     array([ 0. ,  0.5,  0.5, -0.5])
     """
     low, high = x - width, x + width
-    low[0] = high[0] = x[0]
+    first = np.asarray(starts, dtype=int)
+    low[first] = high[first] = x[first]
     shift = 1
-    while shift < len(x):
-        new_low = np.clip(low[:-shift], low[shift:], high[shift:])
-        new_high = np.clip(high[:-shift], low[shift:], high[shift:])
+    while shift < len(x) and not np.array_equal(low, high):  # until every row is known, wherever the play began
+        new_low = np.minimum(np.maximum(low[:-shift], low[shift:]), high[shift:])
+        new_high = np.minimum(np.maximum(high[:-shift], low[shift:]), high[shift:])
         low[shift:], high[shift:] = new_low, new_high
         shift *= 2
     return low

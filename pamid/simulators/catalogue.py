@@ -12,6 +12,7 @@ from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
 from ..effects.overflow import Overflow
 from ..errors import UnknownOptionError
+from ..signals.units import UNITS, Unit
 from .base import Simulator
 from .dimensions import powers, unit_powers, unit_text
 from .of_parameters import OF_PARAMETERS, at_parameters
@@ -198,7 +199,7 @@ def _reached(p: Parameter, top: float, least: float) -> Parameter:
 def _placed(
     name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
     scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
-    reach: float = 0.0, least: float = 0.0,
+    reach: float = 0.0, least: float = 0.0, range_of: float = 0.0,
 ) -> Placement:  # fmt: skip
     key = f"{name}@{port}"
     known = {} if hook == "flow" else powers(effect, hook) or {}
@@ -219,6 +220,8 @@ def _placed(
     if reach and "limit" in units:
         top, low = reach / scales.target, least / scales.target
         changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
+    if any(p.periods for p in effect.parameters):
+        changes["parameters"] = tuple(p.over(range_of) for p in effect.parameters)
     bound = named(effect, key, hidden, equations=(), **changes)
     return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
 
@@ -310,7 +313,21 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
             found.append(
-                _placed(name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior)
+                _placed(
+                    name,
+                    effect,
+                    joint.name,
+                    "force",
+                    enters,
+                    at,
+                    used,
+                    scales,
+                    joint.unit,
+                    unit,
+                    hidden,
+                    prior,
+                    range_of=span / scale,
+                )
             )
     return found
 
@@ -338,8 +355,9 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if through:
             push = abs(survey.pushes.get((through, state), 1.0)) or 1.0
             size, unit = size / push, simulator.port(through).unit
+        domain = "temperature" if _temperature(simulator.port(state).unit) else "store"
         for effect_name, (kind, found_effect) in port_effects().items():
-            if kind == "chamber":
+            if kind == "chamber" and found_effect.domain == domain:
                 effect, into = found_effect, ""
                 head = _head(simulator.port(state).unit, survey, state)
                 scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
@@ -375,11 +393,47 @@ def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: f
     return type(effect.__name__, (effect,), {"parameters": tuple(changed)})
 
 
+def _temperature(unit: str) -> Unit | None:
+    """Return a unit as one of temperature; None if it is another."""
+    known = UNITS.get(unit)
+    return known if known is not None and known.dimension == "temperature" else None
+
+
 def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
     """Return how what is stored counts as a pressure: a gas against the surroundings, a level against nothing."""
+    if kelvin := _temperature(unit):
+        return {"pressure": kelvin.factor, "offset": kelvin.offset}
     if unit not in _PASCAL:
         return {"pressure": _TOP / survey.tops[state]}
     factor = _PASCAL[unit]
     gauge = factor * survey.lows.get(state, 0.0) < 0.5 * ATMOSPHERIC_PRESSURE
     offset = ATMOSPHERIC_PRESSURE if gauge else 0.0
     return {"pressure": factor, "offset": offset, "ambient": ATMOSPHERIC_PRESSURE}
+
+
+def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
+    """Return an effect that acts in the units of its port, where the bounds of a bench or log say nothing.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect at ports.
+    where : str
+        The port.
+    values : mapping of str to float
+        Values in the units of the port; those left out are the usual ones.
+
+    Returns
+    -------
+    Effect
+        The effect.
+
+    Raises
+    ------
+    ImplausibleParameterError
+        A value has the wrong sign, or is none that there can be.
+    """
+    kind, cls = port_effects()[name]
+    hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
+    known = (powers(cls, hook) if kind != "chamber" else None) or {}
+    return Placement(f"{name}@{where}", name, where, cls, kind, where, {}, Scales(), known).made(values)

@@ -7,11 +7,13 @@ import copy
 import os
 import re
 import select
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -23,6 +25,7 @@ from ..errors import (
     MissingDependencyError,
     ParameterError,
     SimulatorNotFoundError,
+    SimulatorRunError,
     SimulatorSyntaxError,
     UntrustedCodeError,
 )
@@ -94,15 +97,16 @@ class FmuSimulator(Simulator):
             raise SimulatorNotFoundError(f"{self.path} is not there.", "an FMU", "Check the path.")
         self._workers = [_Worker(self.path, self.seconds), _Worker(self.path, self.seconds)]
         self.described = self._workers[0].asked({"do": "describe"}, {})[0]["ok"]
-        self._names = {_plain(v["name"]): v["name"] for v in self.described["variables"]}
+        self._names = _distinct([v["name"] for v in self.described["variables"]])
+        plain = {name: own for own, name in self._names.items()}
         own = [
-            Port(_plain(v["name"]), v["causality"], v["unit"])
+            Port(plain[v["name"]], v["causality"], v["unit"])
             for v in self.described["variables"]
             if v["causality"] in ("input", "output") and v["type"] in _NUMERIC
         ]
         super().__init__(merged(own, ports), parameters, effects)
         if unknown := [n for n in (*self.parameters, *self.states) if n not in self._names]:
-            known = [_plain(v["name"]) for v in self.described["variables"] if v["causality"] == "parameter"]
+            known = [plain[v["name"]] for v in self.described["variables"] if v["causality"] == "parameter"]
             raise ParameterError(
                 f"{self.path.name} has no variable {', '.join(unknown)}.",
                 f"one of {', '.join(known[:30]) or 'none'}",
@@ -148,18 +152,18 @@ class FmuSimulator(Simulator):
         shares = np.array_split(np.arange(len(u)), len(workers))
         with ThreadPoolExecutor(len(workers)) as pool:
             asked = [
-                pool.submit(w.asked, said, {"t": t, "u": u[share], "start": start[share]})
+                pool.submit(w.asked, said, {"t": t, "u": u[share], "start": start[share]}, int(share[0]))
                 for w, share in zip(workers, shares, strict=True)
             ]
             return np.concatenate([a.result()[1]["y"] for a in asked])
 
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the parameters of the FMU with the values that its description gives them."""
-        found = {}
+        found, plain = {}, {name: own for own, name in self._names.items()}
         for v in self.described["variables"]:
             if v["causality"] == "parameter" and v["type"] in _NUMERIC:
                 with contextlib.suppress(ValueError, ParameterError):
-                    found[_plain(v["name"])] = ModelParameter(float(v["start"]), unit=v["unit"])
+                    found[plain[v["name"]]] = ModelParameter(float(v["start"]), unit=v["unit"])
         return found
 
     def name_of(self, port: str) -> str:
@@ -180,18 +184,23 @@ class _Worker:
     def __init__(self, path: Path, seconds: float) -> None:
         self.path, self.seconds = path, seconds
         self._process: subprocess.Popen[bytes] | None = None
+        self._ended: Callable[[], object] = lambda: None
 
     def _started(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
-            command = [sys.executable, "-m", "pamid.simulators.fmu_worker", str(self.path.resolve()), str(BYTES)]
+            # The process may be killed, and cannot remove the folder itself.
+            folder = tempfile.mkdtemp(prefix="pamid_fmu_")
+            worker = [sys.executable, "-m", "pamid.simulators.fmu_worker"]
+            command = [*worker, str(self.path.resolve()), str(BYTES), folder]
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
             )
-            weakref.finalize(self, _end, self._process)
+            self._ended = weakref.finalize(self._process, shutil.rmtree, folder, ignore_errors=True)
+            weakref.finalize(self, _end, self._process, self._ended)
         return self._process
 
     def asked(
-        self, said: dict[str, Any], arrays: dict[str, np.ndarray]
+        self, said: dict[str, Any], arrays: dict[str, np.ndarray], first: int = 0
     ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Return the answer to a request; raise where there is none in time."""
         process = self._started()
@@ -222,12 +231,18 @@ class _Worker:
                 )
             if said["do"] == "describe":
                 raise SimulatorSyntaxError(f"{self.path} is no FMU: {text}.", "an FMU of FMI 2 or 3", "Check the file.")
+            if "run" in answer[0]:
+                raise SimulatorRunError(
+                    f"{self.path.name} failed in run {first + int(answer[0]['run']) + 1}: {text}.",
+                    "a run that ends well, with finite numbers",
+                    "Mend the FMU, or the inputs and parameters that it is given.",
+                )
             raise ForeignSimulatorError(f"{self.path.name} failed: {text}.", "a run that ends well", "Mend the FMU.")
         return answer
 
     def _given_up(self) -> None:
         if self._process is not None:
-            _end(self._process)
+            _end(self._process, self._ended)
         self._process = None
 
     def _awaited(self, process: subprocess.Popen[bytes]) -> Any:
@@ -251,7 +266,7 @@ class _Worker:
         return first
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], remove: Callable[[], object]) -> None:
     with contextlib.suppress(OSError):
         process.kill()
         process.wait(timeout=5)
@@ -259,8 +274,23 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         if stream is not None:
             with contextlib.suppress(OSError):
                 stream.close()
+    remove()
 
 
 def _plain(name: str) -> str:
     plain = re.sub(r"\W+", "_", name).strip("_")
     return plain if re.match(r"[A-Za-z_]", plain) else f"v_{plain}"
+
+
+def _distinct(names: Sequence[str]) -> dict[str, str]:
+    """Return names by plain ones: those that are plain keep theirs, and no two share one."""
+    found = {name: name for name in names if _plain(name) == name}
+    for name in names:
+        if name in found.values():
+            continue
+        plain, k = _plain(name), 1
+        while plain in found:
+            k += 1
+            plain = f"{_plain(name)}_{k}"
+        found[plain] = name
+    return found

@@ -8,7 +8,19 @@ from typing import Any
 
 import numpy as np
 
-_FAILED = 3
+_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+_WARNING = 1
+
+
+def _well(status: int, what: str, time: float) -> None:
+    """Raise where a call has not succeeded: there is then no number to go on with."""
+    if status > _WARNING:
+        word = _STATUS[status] if status < len(_STATUS) else str(status)
+        raise FailedStepError(f"{what} at {time:g} s returned the status {word}")
+
+
+class FailedStepError(RuntimeError):
+    """A call of an FMU that did not succeed."""
 
 
 class Stepper:
@@ -64,29 +76,30 @@ class Stepper:
             left = s.apply_start_values(fmu, d, left, settable=s.settable_in_instantiated)
             fmu.enterInitializationMode(startTime=0.0, stopTime=length)
         left = s.apply_start_values(fmu, d, left, settable=s.settable_in_initialization_mode)
-        self._put(np.ascontiguousarray(first))
+        self._put(np.ascontiguousarray(first), 0.0)
         fmu.exitInitializationMode()
         if left:
             raise ValueError(f"{', '.join(left)} cannot be set before a run")
 
-    def _put(self, values: np.ndarray) -> None:
+    def _put(self, values: np.ndarray, time: float) -> None:
         if not len(values):
             return
         at = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         n = len(values)
+        size, fmu = ctypes.c_size_t(n), self._fmu
         if self.two:
-            self._fmu.dll.fmi2SetReal(self._fmu.component, self._given, ctypes.c_size_t(n), at)
+            status = fmu.dll.fmi2SetReal(fmu.component, self._given, size, at)
         else:
-            self._fmu.dll.fmi3SetFloat64(self._fmu.component, self._given, ctypes.c_size_t(n), at, ctypes.c_size_t(n))
+            status = fmu.dll.fmi3SetFloat64(fmu.component, self._given, size, at, size)
+        _well(status, "setting its inputs", time)
 
-    def _get(self, values: np.ndarray) -> None:
+    def _get(self, values: np.ndarray, time: float) -> None:
         at, n = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), ctypes.c_size_t(len(values))
         if self.two:
             status = self._fmu.dll.fmi2GetReal(self._fmu.component, self._asked, n, at)
         else:
             status = self._fmu.dll.fmi3GetFloat64(self._fmu.component, self._asked, n, at, n)
-        if status >= _FAILED:
-            raise ValueError("its outputs cannot be read")
+        _well(status, "reading its outputs", time)
 
     def run(self, t: np.ndarray, u: np.ndarray, start: Mapping[str, float]) -> np.ndarray:
         """Return the outputs at the times of a run, inputs held over each step.
@@ -108,11 +121,11 @@ class Stepper:
         t = t - t[0]
         given, out = np.ascontiguousarray(u.T, dtype=float), np.empty((len(t), len(self._asked)))
         self._begin(start, given[0], float(t[-1]))
-        self._get(out[0])
+        self._get(out[0], 0.0)
         fmu, flags = self._fmu, [ctypes.c_bool() for _ in range(3)]
         last = ctypes.c_double()
         for k in range(len(t) - 1):
-            self._put(given[k])
+            self._put(given[k], float(t[k]))
             step = ctypes.c_double(t[k + 1] - t[k])
             if self.two:
                 status = fmu.dll.fmi2DoStep(fmu.component, ctypes.c_double(t[k]), step, ctypes.c_int(1))
@@ -121,8 +134,6 @@ class Stepper:
                     fmu.component, ctypes.c_double(t[k]), step, ctypes.c_bool(True),
                     *(ctypes.byref(f) for f in flags), ctypes.byref(last),
                 )  # fmt: skip
-            if status >= _FAILED - 1:
-                out[k + 1 :] = np.nan
-                break
-            self._get(out[k + 1])
+            _well(status, "doStep", float(t[k]))
+            self._get(out[k + 1], float(t[k + 1]))
         return out.T

@@ -7,7 +7,6 @@ import json
 import os
 import struct
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import IO, Any
@@ -99,6 +98,23 @@ def _limited(memory: int) -> None:
         pass
 
 
+class FailedRunError(Exception):
+    """A run of a batch that failed: which, and how."""
+
+    def __init__(self, run: int, told: str) -> None:
+        super().__init__(told)
+        self.run = run
+
+
+def _numbers(y: np.ndarray, t: np.ndarray, names: list[str]) -> None:
+    """Raise where an output is no finite number."""
+    wrong = ~np.isfinite(y)
+    if wrong.any():
+        k = int(np.argmax(wrong.any(axis=0)))
+        name = int(np.argmax(wrong[:, k]))
+        raise ArithmeticError(f"its output {names[name]} at {t[k] - t[0]:g} s is {y[name, k]}")
+
+
 class _Served:
     """One FMU and what was made of it.
 
@@ -123,12 +139,17 @@ class _Served:
             self._unpacked = str(fmpy.extract(self.path, unzipdir=str(Path(self.folder) / "fmu")))
         stepper = self._stepper(said)
         found = []
-        for u, values in zip(given["u"], given["start"], strict=True):
+        for k, (u, values) in enumerate(zip(given["u"], given["start"], strict=True)):
             one = {**said, "start": dict(zip(said["start"], map(float, values), strict=True))}
-            if stepper is not None:
-                found.append(stepper.run(given["t"], u, one["start"]))
-            else:
-                found.append(_run(self._unpacked, said["kind"], one, {"t": given["t"], "u": u}))
+            try:
+                if stepper is not None:
+                    y = stepper.run(given["t"], u, one["start"])
+                else:
+                    y = _run(self._unpacked, said["kind"], one, {"t": given["t"], "u": u})
+                _numbers(y, given["t"], said["outputs"])
+            except Exception as error:  # whatever foreign code and fmpy raise: the others of the batch are not asked
+                raise FailedRunError(k, f"{type(error).__name__}: {error}") from error
+            found.append(y)
         return np.stack(found)
 
     def _stepper(self, said: dict[str, Any]) -> Any:
@@ -146,22 +167,23 @@ class _Served:
 
 
 def main() -> None:
-    """Serve one FMU, named by the first argument, within a number of bytes of memory, the second."""
+    """Serve one FMU, the first argument, within a number of bytes of memory, unpacked into a folder: the others."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the FMU prints is no answer
-    path, memory = sys.argv[1], int(sys.argv[2])
+    path, memory, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     _limited(memory)
-    with tempfile.TemporaryDirectory() as folder:
-        served = _Served(path, folder)
-        while (asked := receive(sys.stdin.buffer)) is not None:
-            said, given = asked
-            try:
-                if said["do"] == "describe":
-                    send(answers, {"ok": described(path)})
-                else:
-                    send(answers, {"ok": True}, {"y": served.runs(said, given)})
-            except Exception as error:  # whatever foreign code and fmpy raise is the answer
-                send(answers, {"error": f"{type(error).__name__}: {error}"[:500]})
+    served = _Served(path, folder)
+    while (asked := receive(sys.stdin.buffer)) is not None:
+        said, given = asked
+        try:
+            if said["do"] == "describe":
+                send(answers, {"ok": described(path)})
+            else:
+                send(answers, {"ok": True}, {"y": served.runs(said, given)})
+        except FailedRunError as error:
+            send(answers, {"error": str(error)[:500], "run": error.run})
+        except Exception as error:  # whatever foreign code and fmpy raise is the answer
+            send(answers, {"error": f"{type(error).__name__}: {error}"[:500]})
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from ..errors import ExportError
 from ..export.c_source import Writer, fill, statements
 from ..export.expression import as_symbol, symbol
 from ..export.fmu import binary_folder, compiled, packed
-from .catalogue import port_effects
+from .catalogue import in_port_units, port_effects
 from .fmu_model import FmuSimulator
 from .fmu_worker import MOST_UNPACKED
 
@@ -126,7 +126,7 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
             raise ExportError(
                 f"{name} at {where} remembers.", "an effect of what is there now", "Use the page of the simulator."
             )
-        effect: Any = cls.in_units(**{p.name: p.nominal for p in cls.parameters} | dict(values))
+        effect: Any = in_port_units(name, where, values)
         if kind == "output":
             at = places[where]
             read.append(_block(at, effect.measure(symbol("v"), ()), {"v": at}))

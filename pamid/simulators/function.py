@@ -128,7 +128,14 @@ class FunctionSimulator(Simulator):
 
         def at(k: Any) -> np.ndarray:
             some = [(rows[:, k], labels) for rows, labels in arguments]
-            return _rows(_silently(function, None if t is None else t[k], some), names, function)
+            found = _rows(_silently(function, None if t is None else t[k], some), names, function)
+            if np.ndim(k) == 0 and found.size != len(names):
+                raise ShapeError(
+                    f"{_name(function)} returned {found.size} values.",
+                    f"{len(names)}: {', '.join(names)}",
+                    "Return one number for each.",
+                )
+            return found
 
         if n == 0:
             return np.zeros((len(names), 0))
@@ -206,9 +213,9 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
         with contextlib.redirect_stdout(sys.stderr):
             by_path = module.endswith(".py")
             loaded = _load_file(Path(folder or ".") / module) if by_path else _load_module(module, folder)
-    except (SimulatorNotFoundError, ParameterError):
+    except (SimulatorNotFoundError, ParameterError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise ParameterError(
             f"{module} cannot be imported: {type(error).__name__}: {error}.", "a module without errors", "Correct it."
         ) from error
@@ -227,9 +234,9 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
     out, sys.stdout = sys.stdout, sys.stderr
     try:
         return function(*given)
-    except (PamidError, MemoryError):
+    except (PamidError, MemoryError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # a function may raise a class of its own below it
         trace = error.__traceback__.tb_next if error.__traceback__ else None
         line = f" in line {trace.tb_lineno}" if trace is not None else ""
         raise SimulatorRunError(

@@ -12,7 +12,7 @@ from ..effects import Effect
 from ..effects.base import Signals
 from ..effects.plant import Surroundings
 from ..errors import SimulatorTypeError
-from .catalogue import port_effects
+from .catalogue import in_port_units, port_effects
 from .mujoco_model import MujocoSimulator, actuators_of
 from .page import read_simulator
 
@@ -74,9 +74,8 @@ class MujocoCallbacks:
         self._mujoco, self._joints, self._actuators = mujoco, [], []
         known = port_effects()
         for name, where, values in effects:
-            kind, cls = known[name]
-            made = {p.name: p.nominal for p in cls.parameters if "Pa" in p.unit} | dict(values)
-            effect = cls.in_units(**made)
+            kind, _ = known[name]
+            effect = in_port_units(name, where, values)
             if kind == "joint":
                 at = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, where)
                 places = int(model.jnt_qposadr[at]), int(model.jnt_dofadr[at])

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import MissingDependencyError, ParameterError, SimulatorNotFoundError, SimulatorSyntaxError
 from .base import Simulator
+from .mujoco_pieces import KeptPieces
 from .page import named_from
 from .ports import ModelParameter, Port, merged
 
@@ -86,6 +87,7 @@ class MujocoSimulator(Simulator):
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
+        self._pieces = KeptPieces(self._m, self._d, self._each)
 
     def _own_ports(self) -> list[Port]:
         m = self._m
@@ -184,8 +186,9 @@ class MujocoSimulator(Simulator):
         """Return velocities and accelerations, shape (n_states, n)."""
         out = np.empty_like(x)
         out[0::2] = x[1::2]
+        pieces = self._pieces.find(x, u, p)
         acceleration = self._d.qacc
-        out[1::2] = self._each(x, u, p, self._m.nv, lambda: acceleration)
+        out[1::2] = self._each(x, u, p, self._m.nv, lambda: acceleration) if pieces is None else pieces(u)
         return out
 
     def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..effects import Effect, Signals
 from ..effects.plant import Surroundings
+from ..effects.values import checked_value
 from .dimensions import unit_powers
 
 
@@ -117,6 +118,34 @@ class Placement:
             if p.name in values:
                 found[p.name] = float(np.clip(values[p.name] / self.factor(p.name), p.lower, p.upper))
         return found
+
+    def made(self, values: Mapping[str, float]) -> Effect:
+        """Return the effect with values in the units of the port, however large they are.
+
+        Bounds in those units follow from the sizes in a log and are for a search; a sign, and the range of what has no
+        unit, hold everywhere.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values; those left out are the usual ones.
+
+        Raises
+        ------
+        ImplausibleParameterError
+            A value has the wrong sign, or is none that there can be.
+        """
+        out, named = self.effect(), f"{self.name} at {self.port}"
+        for p in self.effect.parameters:
+            if p.name not in values:
+                continue
+            unit, factor = self.units.get(p.name, p.unit), self.factor(p.name)
+            sized = unit != "-" or bool(self.powers.get(p.name))
+            low, high = (0.0 if p.lower >= 0.0 else -np.inf, np.inf) if sized else (p.lower * factor, p.upper * factor)
+            outward = replace(p, unit=unit, lower=low, upper=high)
+            out.values[p.name] = checked_value(named, outward, values[p.name]) / factor
+            setattr(out, p.name, out.values[p.name])
+        return out
 
     # --- what it adds ---------------------------------------------------------------------------------------
     @property

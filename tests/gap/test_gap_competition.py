@@ -232,7 +232,7 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
         prior=lambda name: 0.0,
         exact=False,
     )
-    competition.evidence = evidence  # type: ignore[assignment]
+    competition.evidence, competition.further = evidence, 0.0  # type: ignore[assignment]
     fitter = SimpleNamespace(linear=lambda z, D, low, high, start, J: SimpleNamespace(loglik=0.0))
     competition.fitter = fitter  # type: ignore[assignment]
 
@@ -246,9 +246,10 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
     competition.base = hypothesis({})
     monkeypatch.setattr(competition, "_shares", own)
     monkeypatch.setattr(competition, "_refined", hypothesis)
-    monkeypatch.setattr("pamid.gap.inference.worth.degenerate", lambda *_: None)
+    for module in ("worth", "competition"):
+        monkeypatch.setattr(f"pamid.gap.inference.{module}.degenerate", lambda *_: None)
     monkeypatch.setattr(
-        competition, "_sensitivities", lambda fit: (np.zeros((4, len(fit.spec))), [(n, None) for n in fit.spec])
+        competition, "sensitivities", lambda fit: (np.zeros((4, len(fit.spec))), [(n, None) for n in fit.spec])
     )
     return competition._purged(hypothesis({name: {} for name in max(shares, key=len)})).names
 

@@ -1,13 +1,16 @@
 """A corrected FMU comes back as an FMU: the original inside, its inputs and outputs with what was found."""
 
+import gc
+
 import numpy as np
 import pytest
 
 pytest.importorskip("fmpy")
 
-from pamid.errors import ExportError
+from pamid.errors import ExportError, SimulatorRunError
 from pamid.export.ode_fmu import ode_fmu
 from pamid.simulators import FmuSimulator, Port
+from pamid.simulators.fmu_model import _distinct
 from pamid.simulators.fmu_wrapper import wrapped
 
 DT, SAMPLES = 0.02, 200
@@ -83,3 +86,41 @@ def test_what_remembers_stays_in_the_page(motor):
     lagging = simulator(motor, [("actuator_lag", "voltage", {"time_constant": 0.1})])
     with pytest.raises(ExportError, match="remembers"):
         wrapped(lagging)
+
+
+@pytest.mark.parametrize("dead", [0.8, 3.5])
+def test_a_dead_zone_in_volts_knows_no_bounds_of_a_valve(motor, tmp_path, dead):
+    path = tmp_path / "corrected.fmu"
+    path.write_bytes(wrapped(simulator(motor, [("actuator_dead_zone", "voltage", {"width": dead})])))
+    found, expected, plain = run(path), truth(0.0, 1.0, dead), run(motor, 1.8e-3)
+    off = [np.sqrt(np.mean(np.square(y - expected), axis=1)) for y in (plain, found)]
+    assert np.all(off[1] < 0.02 * off[0])
+
+
+def test_a_run_without_numbers_is_told_and_is_no_number(tmp_path):
+    def rates(t, x, u, p):
+        return [x.speed, u.go * (1e200 * x.speed**3 + 1e200)]
+
+    start = {"position": 4.0, "speed": 0.0}
+    fmu = ode_fmu("bad", rates, start, {"go": 0.0}, {}, lambda t, x, u, p: {"y": x.position})
+    path = tmp_path / "bad.fmu"
+    path.write_bytes(fmu)
+    sim, go = FmuSimulator(path, trust=True), np.stack([np.zeros((1, SAMPLES)), np.ones((1, SAMPLES))])
+    with pytest.raises(SimulatorRunError, match=r"failed in run 2: .* at 0 s") as told:
+        sim.runs(T, go, np.zeros((2, 0)), np.zeros((2, 0)))
+    assert "status Error" in str(told.value)
+    assert np.allclose(sim.run(T, go[0], np.zeros(0), np.zeros(0)), 4.0)  # the same process goes on
+
+
+def test_variables_whose_plain_names_are_the_same_are_all_there():
+    assert _distinct(["y.", "y", "a[1]", "a(1)"]) == {"y": "y", "y_2": "y.", "a_1": "a[1]", "a_1_2": "a(1)"}
+
+
+def test_no_unpacked_folder_stays(motor, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    sim = simulator(motor)
+    sim.run(T, np.stack([U, np.zeros(SAMPLES)]), sim.numbers, np.zeros(0))
+    assert list(tmp_path.glob("pamid_fmu_*/fmu"))
+    del sim
+    gc.collect()
+    assert not list(tmp_path.iterdir())

@@ -55,6 +55,7 @@ def asked(folder: Path, source: str, command: str, capsys) -> tuple[int, str, st
     [
         ("raise ValueError('no')", "rates raised ValueError in line 2: no"),
         ("import sys; sys.exit(0)", "rates raised SystemExit in line 2"),
+        ("class Own(BaseException): pass\n    raise Own('gone')", "rates raised Own in line 3: gone"),
         ("return [x.v, 1 / 0]", "raised ZeroDivisionError"),
         ("return [x.v, u.F / p.nosuch]", "no value is named 'nosuch'"),
         ("return rates(t, x, u, p)", "raised RecursionError"),

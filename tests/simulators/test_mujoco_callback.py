@@ -85,3 +85,11 @@ def test_a_fault_of_an_actuator_acts_on_what_is_asked_once(effect, own):
     with MujocoCallbacks(model, [(effect[0], "motor", effect[1])]):
         found = swung(model, u, lambda data: None)
     assert np.allclose(found, swung(model, [own(v) for v in u], lambda data: None), atol=1e-9)
+
+
+def test_a_dead_zone_needs_no_value_that_its_port_hides():
+    model = mujoco.MjModel.from_xml_string(ARM)
+    with MujocoCallbacks(model, [("actuator_dead_zone", "motor", {"width": 0.9, "skew": 0.0})]):
+        acted = swung(model, currents(3), lambda data: None)
+    dead = np.sign(currents(3)) * np.maximum(np.abs(currents(3)) - 0.9, 0.0)
+    assert np.allclose(acted, swung(model, dead, lambda data: None), atol=1e-9)

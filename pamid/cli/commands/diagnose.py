@@ -164,6 +164,8 @@ def run(args: argparse.Namespace) -> int:
 def write(d: Diagnosis, folder: Path, source: Source, history: History | None = None) -> list[Path]:
     """Write report, diagnosis and simulator into a folder, all of them or none.
 
+    A corrected simulator with ports that cannot be made, loaded and run is left out, which the diagnosis's notes tell.
+
     Parameters
     ----------
     d : Diagnosis
@@ -188,14 +190,13 @@ def write(d: Diagnosis, folder: Path, source: Source, history: History | None = 
     from ...report import report_html
     from ...simulators import Simulator
 
-    texts = {"report.html": report_html(d, source), "diagnosis.json": d.to_json() + "\n"}
     with replacing_together(folder, FILES) as stage:
-        for name, text in texts.items():
-            write_whole(stage / name, text)
         if isinstance(d.corrected, Simulator):
-            write_corrected(d.corrected, stage, folder)
+            d.notes.extend(write_corrected(d.corrected, stage, folder))
         elif d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
+        write_whole(stage / "report.html", report_html(d, source))
+        write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
             history.write(stage)
         written = [name for name in FILES if (stage / name).exists()]

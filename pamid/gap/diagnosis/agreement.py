@@ -26,6 +26,8 @@ import numpy as np
 
 from ..residuals.protocol import ResidualSource, lanes
 
+STRETCHES = 8
+"""Stretches of equal information in which a factor is asked: enough for the jackknife, each longer than the memory."""
 OCTAVES = 5
 """Octaves of rates that are distinguished, a window being 20 ms."""
 
@@ -95,6 +97,18 @@ def agreement(information: np.ndarray, score: np.ndarray) -> Agreement:
 def over_labels(label: np.ndarray, information: np.ndarray, score: np.ndarray) -> Agreement:
     """Return how well the parts that labels stand for agree on a factor."""
     return agreement(np.bincount(label, information), np.bincount(label, score))
+
+
+def over_stretches(evidence: ResidualSource, information: np.ndarray, score: np.ndarray) -> Agreement:
+    """Return how well stretches of a log agree on a factor that each tell as much about it, runs one after the other.
+
+    What acts in a part of one run only is asked there, in pieces, and not of runs that say nothing about it.
+    """
+    order = np.lexsort((evidence.time, evidence.block))
+    told = np.cumsum(information[order])
+    label = np.empty(len(order), dtype=int)
+    label[order] = np.minimum(STRETCHES * told / max(float(told[-1]), 1e-300), STRETCHES - 1).astype(int)
+    return over_labels(label, information, score)
 
 
 def over_rates(evidence: ResidualSource, d: np.ndarray, z: np.ndarray) -> Agreement:

@@ -77,6 +77,7 @@ def answer(
     energy = power * np.square(evidence.noise)
     closure = closures(evidence, before, held_out, after, random_state)
     equations = _equations(evidence, before, after, verdict)
+    alike, not_named = verdict.kind == "family", verdict.kind in ("family", "unknown")
     main = [e.equation for e in equations if e.share > 0.1] or [e.equation for e in equations[:1]]
     causes = _causes(fitter, verdict, clusters, closure) if clusters is not None else []
     experiment, nominal, corrected = None, None, None
@@ -89,21 +90,22 @@ def answer(
         corrected = evidence.simulator(fit.spec if verdict.named else {}, deviations)
     gapped = verdict.kind != "none"
     return Diagnosis(
-        verdict=verdict.kind,
+        verdict="unknown" if alike else verdict.kind,
         p_value=verdict.p_value,
         equations=equations,
         regions=[r for e in main for r in regions(evidence, e, energy)] if gapped else [],
         bands=[b for e in main for b in bands(evidence, e, gap)] if gapped else [],
         trajectories=trajectories(evidence, _balanced(evidence, power)) if gapped else [],
         candidates=candidates(competition, verdict),
-        causes=causes,
+        causes=[] if alike else causes,
+        families=causes if alike else [],
         closure=[c for c in closure if gapped],
         next_experiment=experiment,
         notes=[*notes, *_beginnings(fit.spec if verdict.named else {})],
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
-        leftover=leftover(evidence, equations[0].equation, before) if verdict.kind == "unknown" and equations else {},
+        leftover=leftover(evidence, equations[0].equation, before) if equations and not_named else {},
         remainder=remainder(evidence, before, after) if verdict.named else {},
         with_reserve=verdict.reserved,
         signs=worst({name: found.signs for name, found in verdict.trust.items()}),
@@ -214,6 +216,8 @@ def _causes(
                 parameters[name],
                 others=others,
                 with_reserve=not trust.sure,
+                grade=trust.grade,
+                family=all_effects()[name].family,
                 signs=dict(trust.signs),
             )
         )

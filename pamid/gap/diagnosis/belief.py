@@ -21,7 +21,7 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         What was decided.
     """
     outcome = verdict.outcome
-    named = list(outcome.best.fit.spec) if verdict.named else []
+    named = list(outcome.best.fit.spec) if verdict.named and verdict.kind != "family" else []
     belief = _belief(verdict, named)
     scores = {name: single.gain for name, single in outcome.singles.items()}
     closed = {name: single.closed for name, single in outcome.singles.items()}
@@ -70,7 +70,7 @@ def _belief(verdict: Verdict, named: list[str]) -> dict[str, float]:
 def _reason(competition: Competition, verdict: Verdict, score: float, best: float) -> str:
     if score < competition.evidence.least_gain:
         return "brings no more than noise would"
-    if verdict.kind == "unknown" and score >= best:
+    if verdict.kind in ("unknown", "family") and score >= best:
         return "comes closest, but leaves more than an inexact form allows"
     if score < best:
         return f"explains less: its log-likelihood is lower by {best - score:.0f}"

@@ -10,7 +10,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis, Outcome
 from ..inference.significance import Excess, excess, library_test, outliers
-from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM
+from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM, INCLUDED
 from .closure import shapley
 from .open_set import Trust, trust
 
@@ -22,7 +22,8 @@ class Verdict:
     Parameters
     ----------
     kind : str
-        One of `pamid.gap.diagnosis.result.VERDICTS`.
+        One of `pamid.gap.diagnosis.result.VERDICTS`, or ``"family"``: what closes the gap acts like effects of the
+        library, and is none of them for all that is known.
     p_value : float
         Probability of the evidence without a gap.
     outcome : Outcome
@@ -51,7 +52,7 @@ class Verdict:
     @property
     def named(self) -> bool:
         """Whether causes are named."""
-        return self.kind in ("cause", "class", "several")
+        return self.kind in ("cause", "class", "several", "family")
 
     @property
     def reserved(self) -> bool:
@@ -106,7 +107,9 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
             verdict.classes[name] = _class(verdict.weights[name], name)
         verdict.trust = trust(competition, outcome, verdict.part_of, verdict.classes)
         named = [name for name in best.fit.spec if verdict.trust[name].named]
-        verdict.kind = kind_of(verdict, named) if named else "unknown"
+        shown = beyond < FALSE_ALARM or any(found.supported for found in verdict.trust.values())
+        alike = not named and all(found.closes for found in verdict.trust.values())
+        verdict.kind = kind_of(verdict, named) if named else "family" if alike else "unknown" if shown else "none"
         if named and len(named) < len(best.fit.spec):
             # What is not trusted is left to the remainder: it may mend the form of those beside which it acts.
             verdict.outcome = competition.only(outcome, {name: verdict.classes[name] for name in named})
@@ -142,6 +145,6 @@ def _class(weights: dict[str, float], name: str) -> tuple[str, ...]:
     for n in names:
         chosen.append(n)
         total += weights[n]
-        if total >= 0.95:
+        if total >= INCLUDED:
             break
     return tuple(chosen)

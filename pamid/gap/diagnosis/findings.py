@@ -211,6 +211,11 @@ class Cause:
         below the bar from which at most one name in twenty is wrong.
     signs : dict of str to float
         What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`.
+    grade : str
+        ``"sure"``, ``"reserve"`` (see `with_reserve`), or ``"family"``: it closes most of the gap on runs that were not
+        fitted, and what is left says that the cause is another effect that acts alike.
+    family : str
+        What kind of effect it is, such as ``"friction"``.
 
     Examples
     --------
@@ -231,6 +236,8 @@ class Cause:
     others: tuple[dict[str, ParameterEstimate], ...] = ()
     with_reserve: bool = False
     signs: dict[str, float] = field(default_factory=dict)
+    grade: str = "sure"
+    family: str = ""
 
     @property
     def told_apart_by(self) -> str | None:

@@ -52,7 +52,22 @@ class Trust:
     @property
     def named(self) -> bool:
         """Whether that is enough to say it."""
-        return self.probability >= TRUSTED
+        return self.supported and self.probability >= TRUSTED
+
+    @property
+    def grade(self) -> str:
+        """How it is said: without reserve, with it, or as one of a family that acts alike."""
+        return "sure" if self.sure else "reserve" if self.named else "family"
+
+    @property
+    def supported(self) -> bool:
+        """Whether the log excludes that it is nothing at all."""
+        return self.signs["unsupported"] < 1.0
+
+    @property
+    def closes(self) -> bool:
+        """Whether the set that it belongs to closes more of the gap than it leaves, on runs that were not fitted."""
+        return self.supported and self.signs["unclosed_of_gap"] <= 0.5
 
     @property
     def sure(self) -> bool:

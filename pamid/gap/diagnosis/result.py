@@ -61,6 +61,9 @@ class Diagnosis:
     windows : DataFrame
         One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
         its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
+    families : list of Cause
+        Where the cause is unknown, but effects of the library close most of the gap on runs that were not fitted: what
+        acts like it, of the grade ``"family"``. The corrected simulator holds these.
     leftover : dict
         For an unknown cause: what the leftover depends on, and its closest symbolic form.
     remainder : dict
@@ -113,6 +116,7 @@ class Diagnosis:
     nominal: Any
     corrected: Any
     windows: pd.DataFrame
+    families: list[Cause] = field(default_factory=list)
     leftover: dict[str, Any] = field(default_factory=dict)
     remainder: dict[str, Any] = field(default_factory=dict)
     with_reserve: bool = False
@@ -136,6 +140,11 @@ class Diagnosis:
         """Whether simulator and log disagree beyond the noise; False as well where nothing could be tested."""
         return self.verdict not in ("none", "untested")
 
+    @property
+    def added(self) -> list[Cause]:
+        """What the corrected simulator has and the given one lacks: the causes, or what acts like an unknown one."""
+        return self.causes or self.families
+
     def as_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain numbers and text, the content of ``diagnosis.json``."""
         return json_ready(
@@ -153,6 +162,7 @@ class Diagnosis:
                 "candidates": self.candidates,
                 # The old name of distinguished_by serves one version more.
                 "causes": [vars(c) | {"told_apart_by": c.distinguished_by} for c in self.causes],
+                "families": self.families,
                 "closure": self.closure,
                 "next_experiment": self.next_experiment,
                 "leftover": self.leftover,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis, degenerate
-from ..settings import CLASS, CLASS_SHARE, DECIDED, ONE_MORE
+from ..settings import CLASS, CLASS_SHARE, DECIDED
 from .decide import Verdict
 
 MOST = 6
@@ -78,10 +78,10 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     verdict : Verdict
         What was decided.
     """
-    outcome = verdict.outcome
-    scored = {h.names: (_comparable(h), h) for h in [outcome.base, *outcome.refitted] if _stands(h)}
-    best = outcome.best
-    scored[best.names] = (_comparable(best), best)
+    outcome, best = verdict.outcome, verdict.outcome.best
+    standing = [h for h in [outcome.base, *outcome.refitted] if _stands(h, best)]
+    scored = {h.names: (competition.comparable(h), h) for h in standing}
+    scored[best.names] = (competition.comparable(best), best)
     ranked = sorted(scored.values(), key=lambda s: (s[1] is not best, -s[0]))
     gain = max(best.score - outcome.base.score, 0.0)
     top = ranked[0][0]
@@ -101,10 +101,6 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     ]
 
 
-def _comparable(h: Hypothesis) -> float:
-    """Return the score that sets of different size are compared by."""
-    return h.score - ONE_MORE * max(len(h.names) - 1, 0)
-
-
-def _stands(h: Hypothesis) -> bool:
-    return not any(degenerate(h.fit, name) for name in h.names)
+def _stands(h: Hypothesis, best: Hypothesis) -> bool:
+    """Tell whether a set is an explanation of its own: none that has turned into another, or adds in vain."""
+    return not any(degenerate(h.fit, name) for name in h.names) and not (h.names > best.names and h.score < best.score)

@@ -15,8 +15,8 @@ from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
 from ..residuals.protocol import ResidualSource
-from ..settings import EXCESS, NU
-from .agreement import over_labels, over_rates
+from ..settings import EXCESS, NU, OF_ITS_OWN
+from .agreement import over_labels, over_rates, over_stretches
 from .closure import Clusters, closures
 from .findings import Closure
 
@@ -45,9 +45,10 @@ def signs_of(
     dict of str to dict of str to float
         For each cause, its equation being the one in which it adds most:
         ``left``: logarithm of what is left in its equation over that of what was there, both in units of noise and
-        inexactness; a half counts as all.
+        inexactness; a half counts as all. What is left of less than a form may be off by says nothing, here and in
+        ``predictable`` and ``coloured``.
         ``left_of_equation``, ``left_beside``, ``left_of_gap``: share of the power beyond the noise that is left in its
-        equation, in that of a cause in which it is most, and in all.
+        equation, in that of a cause in which it is most, and in all; ``unclosed_of_gap`` on runs not fitted.
         ``elsewhere``: the largest such share of an equation in which no cause adds most, weighed by the logarithm of
         that equation's gap over its noise.
         ``predictable``: share of what is left in its equation that a flexible function of the state predicts on other
@@ -58,6 +59,8 @@ def signs_of(
         ``disagreeing``, ``uneven``: spread of its factor over runs, and over halves of the state, beyond chance.
         ``paced``: the same over slow and fast changes, octave by octave.
         ``uncertain``: half of the 90 % interval of its factor.
+        ``unsupported``: half of the 90 % interval of its factor over stretches of the log that tell as much about it
+        each, all other parameters free; at 1 it may as well be nothing.
         ``alike``: number of effects from which it cannot be told; four count as all.
         ``unclosed``: one less the lower end of the 90 % interval of what is closed of its equation on unseen runs.
     """
@@ -118,6 +121,7 @@ class _Told:
         return {
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
+            "unclosed_of_gap": self._unclosed_of_gap,
             "elsewhere": self._elsewhere,
             "undone": self._undone(name),
             "faint": -0.25 * np.log(max(share, 1e-3)),
@@ -134,11 +138,14 @@ class _Told:
                 left = float(np.log(now) / np.log(was))
             room, still = _excess(self.before[part]), _excess(self.after[part])
             enough = still > 0.0 and part.stop - part.start > 60
+            share = still / room if room > 0 else 0.0
+            # What a right cause of a form that is a little off leaves is above the noise where the gap is large.
+            tells = min(1.0, share / OF_ITS_OWN**2)
             self._equations[k] = {
-                "left": 2.0 * left,
-                "left_of_equation": still / room if room > 0 else 0.0,
-                "predictable": self.flexible.remainder(name, self.best.fit.z).share if enough else 0.0,
-                "coloured": _colour(self.evidence, self.best.z, part),
+                "left": 2.0 * left * tells,
+                "left_of_equation": share,
+                "predictable": self.flexible.remainder(name, self.best.fit.z).share * tells if enough else 0.0,
+                "coloured": _colour(self.evidence, self.best.z, part) * tells,
                 # Two runs tell nothing of what would be closed on others.
                 "unclosed": 1.0 - self._closures[k].ci90[0] if len(self.evidence.trajectories) > 2 else 0.0,
             }
@@ -155,6 +162,17 @@ class _Told:
         return sum(_excess(self.after[part]) for part in self.evidence.parts) / room if room > 0 else 0.0
 
     @cached_property
+    def _held_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is left of the fit, and of the fits that had not seen the runs."""
+        clusters = Clusters(self.competition.fitter, self.best.fit)
+        return self.evidence.raw(clusters.z), self.evidence.raw(clusters.held_out())
+
+    @cached_property
+    def _unclosed_of_gap(self) -> float:
+        room, still = (sum(_excess(z[p]) for p in self.evidence.parts) for z in (self.before, self._held_out[1]))
+        return still / room if room > 0 else 0.0
+
+    @cached_property
     def _elsewhere(self) -> float:
         """A cause beyond the library, imitated in one equation, is still there in the others."""
         most = 0.0
@@ -166,8 +184,7 @@ class _Told:
 
     @cached_property
     def _closures(self) -> list[Closure]:
-        clusters = Clusters(self.competition.fitter, self.best.fit)
-        after, held_out = self.evidence.raw(clusters.z), self.evidence.raw(clusters.held_out())
+        after, held_out = self._held_out
         return closures(self.evidence, self.before, held_out, after, np.random.RandomState(0))
 
     def _undone(self, name: str) -> float:
@@ -197,7 +214,17 @@ class _Told:
             "uneven": uneven,
             "uncertain": runs.half,
             "paced": over_rates(evidence, size * d, size * fit.z).least,
+            "unsupported": self._unsupported(name, size * d, size),
         }
+
+    def _unsupported(self, name: str, d: np.ndarray, size: np.ndarray) -> float:
+        """Return half of the interval of a cause's factor, what tolerances take up taken off, beside other causes."""
+        D, slots = self.competition.sensitivities(self.best.fit)
+        others = D[:, [n != name for n, _ in slots]] * size[:, None]
+        if others.shape[1]:
+            others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+            d = d - others @ np.linalg.lstsq(others, d, rcond=1e-9)[0]
+        return over_stretches(self.evidence, d * d, -d * size * self.best.fit.z).half
 
 
 def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from ...effects import all_effects
 from ..residuals.protocol import ResidualSource
 from ..settings import (
+    CERTAIN,
     CLOSE,
     CLOSE_SHARE,
     EXCESS,
@@ -19,9 +20,9 @@ from ..settings import (
     KEPT,
     MOST_CAUSES,
     OF_ITS_OWN,
-    ONE_MORE,
     TOLERANCE,
 )
+from .discrepancy import has_form
 from .gauss_newton import Fit, joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
 from .sensitivity import Template, relinearised, templates
@@ -58,6 +59,7 @@ class Competition(Worth):
         for name in library:
             self.say(f"sensitivity to {name}")
             self.templates += templates(evidence, known[name])
+        self.further = float(np.log(max(len(self.usable), 1)))
         self._done: dict[frozenset[str], Hypothesis] = {frozenset(): self.base}
 
     @property
@@ -107,10 +109,10 @@ class Competition(Worth):
         apart, size = float(np.linalg.norm(there - straight)), float(np.linalg.norm(straight))
         return min(1.0, apart / max(size, 1e-300))
 
-    def _enough(self, h: Hypothesis) -> bool:
+    def enough(self, h: Hypothesis) -> bool:
         """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""
         wide = 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1))
-        return bool(h.fit.spec) and bool(np.all(h.left <= wide))
+        return bool(np.all(h.left <= wide))
 
     def _hopeless(self, about: Subsets, subset: Subset, nothing: float) -> bool:
         """Tell whether a set explains too little to be a gap, between the points of its grid, too."""
@@ -124,12 +126,12 @@ class Competition(Worth):
             return Outcome(self.base, self.base, {})
         nothing = about.fit(()).score
         for subset in self._promising(about, screen.contenders):
-            if len(subset.templates) > 1 and self.evidence.bends and self._enough(best):
+            if len(subset.templates) > 1 and self.evidence.bends and best.fit.spec and self.enough(best):
                 break
             if best is self.base and not self.evidence.bends and self._hopeless(about, subset, nothing):
                 continue
             # What one effect explains exactly may need several to first order.
-            first_order = subset.score - nothing - ONE_MORE * (len(subset.templates) - 1)
+            first_order = subset.score - nothing - self.further * (len(subset.templates) - 1)
             gain = self._ranked(best)[1] - self.base.score
             alone = self.evidence.bends and len(subset.templates) == 1
             if best is self.base or alone or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
@@ -151,6 +153,9 @@ class Competition(Worth):
             if better is best or not left:
                 break
             best = better
+        if (certain := self._pruned(best, CERTAIN)) is not best:
+            best = certain
+            alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
         return self._outcome(best, screen.singles, alternatives)
 
     def only(self, outcome: Outcome, classes: Mapping[str, Collection[str]]) -> Outcome:
@@ -183,11 +188,11 @@ class Competition(Worth):
         return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
 
     def _exactly(self, singles: Mapping[str, Single]) -> dict[str, Single]:
-        """Return what effects that were refitted alone close; to first order large ones close too little."""
+        """Return what effects that were refitted alone explain; to first order that of large ones is too little."""
         room = _excess(self.evidence, self.base.fit.z)
         alone = {next(iter(h.names)): h for h in self._done.values() if len(h.names) == 1}
         return {
-            name: singles[name]._replace(closed=_closed(_excess(self.evidence, h.fit.z), room))
+            name: Single(h.score - self.base.score, _closed(_excess(self.evidence, h.fit.z), room))
             for name, h in alone.items()
             if name in singles
         }
@@ -205,8 +210,8 @@ class Competition(Worth):
                 found[name] = Single(float(gains[t]) - about.cost[name], _closed(left, room))
         return found
 
-    def _about(self, h: Hypothesis, without: frozenset[str] = frozenset()) -> Subsets:
-        """Return the subsets of the library about a hypothesis, some of its effects taken out."""
+    def _about(self, h: Hypothesis, without: frozenset[str] = frozenset(), inexact: bool = True) -> Subsets:
+        """Return the subsets of the library about a hypothesis, some of its effects taken out, forms exact or not."""
         evidence, fit = self.evidence, h.fit
         spec = {k: v for k, v in fit.spec.items() if k not in without}
         z = evidence.tangent(spec, fit.x)
@@ -218,13 +223,14 @@ class Competition(Worth):
             phi = np.array([spec[name][p.name] for name, p in slots])
             D, low, high = self.fitter.jacobian(slots, phi, z, fit.x)
             smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales))
+            smooth = smooth if inexact else smooth[:, :0]
             fixed += [D, smooth]
             bound = np.full(smooth.shape[1], 2.0 * FORM_SMOOTH)
             lower, upper = [*lower, low, -bound], [*upper, high, bound]
             precision += [np.zeros(D.shape[1]), np.full(smooth.shape[1], FORM_SMOOTH**-2)]
         n = len(evidence.z0)
         cost = {
-            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (ONE_MORE if self.chosen(spec) else 0.0)
+            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (self.further if self.chosen(spec) else 0.0)
             for name in self.usable
         }
         weights = h.weights.copy()
@@ -325,8 +331,24 @@ class Competition(Worth):
         margin : float, default=1.0
             How far below what was taken away a set may be to first order, as a share of `CLOSE`.
         """
+        found = self._tried(at, out, most, margin, self._about(at, out))
+        if any(has_form(name) for name in at.fit.spec if name not in out):
+            # What an inexact form may call for may as well be a law of its own: then it has fewer parameters.
+            known = frozenset(name for h in found for name in h.names)
+            found += self._tried(at, out, 1, margin, self._about(at, out, inexact=False), known)
+        return found
+
+    def _tried(
+        self,
+        at: Hypothesis,
+        out: frozenset[str],
+        most: int,
+        margin: float,
+        about: Subsets,
+        known: frozenset[str] = frozenset(),
+    ) -> list[Hypothesis]:
+        """Refit the sets of `_neighbours` that are most promising in the light of some subsets."""
         keep = [name for name in at.fit.spec if name not in out]
-        about = self._about(at, out)
         nothing = about.fit(())
         gains = about.gains(nothing)
         place: dict[str, int] = {}
@@ -340,7 +362,7 @@ class Competition(Worth):
         for net in (promised, kept):
             own = max((net[name] for name in out if name in net), default=0.0)
             allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if at.fit.spec else 0.0
-            near |= {name for name in net if net[name] > own - allowed and name not in at.fit.spec}
+            near |= {name for name in net if net[name] > own - allowed} - known - set(at.fit.spec)
         found = []
         for name in sorted(near, key=lambda n: (-kept[n], n))[:most]:
             if self.evidence.bends and frozenset({*keep, name}) in self._done:
@@ -351,12 +373,20 @@ class Competition(Worth):
         return found
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects that are none of their own: close relatives that fit as one.
+        """Return a hypothesis without the effects that are none of their own: limits of others, or one with them.
 
         Which of them goes is no matter of size: what another can say may be the effect that there is, and the other one
         that can say anything. So one is tried, too, without which all others are of their own.
         """
-        if len(h.fit.spec) < 2 or min(shares := self._own_shares(h)) >= OF_ITS_OWN:
+        if len(h.fit.spec) < 2:
+            return h
+        for name in h.fit.spec:
+            if degenerate(h.fit, name):  # what it has turned into stands in its place
+                rest = self._refined({k: v for k, v in h.fit.spec.items() if k != name}, h)
+                others = [o for o in self._neighbours(h, frozenset({name}), 2) if name not in o.names]
+                settled = [o for o in (rest, *others) if not any(degenerate(o.fit, n) for n in o.fit.spec)]
+                return max((self._purged(o) for o in settled or [rest]), key=self._ranked)
+        if min(shares := self._own_shares(h)) >= OF_ITS_OWN:
             return h
         least = {list(h.fit.spec)[int(np.argmin(shares))], self._least_missed(h)}
         rests = ({k: v for k, v in h.fit.spec.items() if k != name} for name in sorted(least))
@@ -365,7 +395,7 @@ class Competition(Worth):
 
     def _least_missed(self, h: Hypothesis) -> str:
         """Return the effect without which the others are of their own and explain most, to first order."""
-        D, slots = self._sensitivities(h.fit)
+        D, slots = self.sensitivities(h.fit)
         found = {}
         for out in h.fit.spec:
             kept = np.array([name != out for name, _ in slots])
@@ -394,13 +424,13 @@ class Competition(Worth):
                     return self._merged(trial)
         return best
 
-    def _pruned(self, best: Hypothesis) -> Hypothesis:
-        """Take away effects that have too little evidence beside the others."""
+    def _pruned(self, best: Hypothesis, odds: float = 0.0) -> Hypothesis:
+        """Take away effects whose evidence beside the others falls short of some odds, a logarithm."""
         while len(best.fit.spec) > 1:
             rests = [{k: v for k, v in best.fit.spec.items() if k != name} for name in best.fit.spec]
-            found = [best, *(self._refined(rest, best) for rest in rests)]
-            chosen = max(found, key=self._ranked)
-            if chosen is best:
+            chosen = max((self._refined(rest, best) for rest in rests), key=self._ranked)
+            (own, least), (also, score) = self._ranked(best), self._ranked(chosen)
+            if (also, score + odds) <= (own, least):
                 break
             best = chosen
         return best
@@ -409,6 +439,13 @@ class Competition(Worth):
         """Return the best set with other effects in the place of one, the highest score first."""
         self._neighbours(best, frozenset({name}), KEPT)
         others = best.names - {name}
+        if (twin := self.evidence.twins.get(name)) in self.usable and twin not in best.names:
+            # What commutes says the same of the log, whatever it says of the beginnings of runs: nobody can tell.
+            spec = best.fit.spec
+            start = {p.name: spec[name].get(p.name, p.nominal) for p in all_effects()[twin].parameters}
+            key = others | {twin}
+            near = self._refined({**{k: spec[k] for k in others}, twin: start}, best)
+            self._done[key] = replace(near, score=best.score)
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)

@@ -159,9 +159,11 @@ class Discrepancy:
             if not has_form(name):
                 continue
             raw = self.evidence.raw(d)
-            found += [raw * signal for signal in self._signals]
+            mine = [raw * signal for signal in self._signals]
             if all_effects()[name].n_states:
-                found += pasts(raw, self.evidence)
+                mine += pasts(raw, self.evidence)
+            # A form is inexact by its share once, however many signals that may go with.
+            found += [column / np.sqrt(len(mine)) for column in mine]
         return self.evidence.white(np.column_stack(found)) if found else np.zeros((len(self.evidence.z0), 0))
 
 

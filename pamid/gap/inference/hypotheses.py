@@ -56,7 +56,7 @@ class Single(NamedTuple):
     Parameters
     ----------
     gain : float
-        Gain in log-likelihood less the effect's price, to first order.
+        Gain in log-likelihood less the effect's price; to first order where it was not refitted.
     closed : float
         Share of the excess over the noise, of all equations together, that it closes; to first order where it was not
         refitted.

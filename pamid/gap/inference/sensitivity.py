@@ -10,6 +10,7 @@ import numpy as np
 
 from ...effects import Effect, Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
+from .periods import peaks
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -35,6 +36,8 @@ class Template:
         Bounds of the coefficients.
     top : float, default=inf
         Of a limit, where it begins to act: what the signal reaches.
+    family : str, default=""
+        The effect's family; without one it is of its own.
     """
 
     effect: str
@@ -44,6 +47,7 @@ class Template:
     lower: np.ndarray
     upper: np.ndarray
     top: float = np.inf
+    family: str = ""
 
     def starts(self, x: np.ndarray) -> list[dict[str, float]]:
         """Return all parameters of the effect at fitted coefficients, in one or two readings of what they say."""
@@ -68,7 +72,7 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
     linear = [p for p in effect.parameters if p.linear]
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
-        return _small_change(evidence, effect.name, others[0])
+        return _small_change(evidence, effect, others[0])
     found = []
     for point in itertools.product(*(grid(p, len(others)) for p in others)):
         fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
@@ -77,8 +81,9 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
-            found.append(Template(effect.name, fixed, tuple(p.name for p in linear), D, lower, upper, top))
-    return found
+            names = tuple(p.name for p in linear)
+            found.append(Template(effect.name, fixed, names, D, lower, upper, top, effect.family))
+    return peaks(evidence, found, [p for p in others if p.spacing])
 
 
 def _columns(
@@ -130,6 +135,8 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
     if p.before or p.skew:  # an exact fit finds them from there
         return [p.nominal]
+    if p.spacing:
+        return np.arange(p.lower, p.upper, p.spacing).tolist()
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
     if p.nominal == 0.0 or p.share:
@@ -146,10 +153,11 @@ def _unit(p: Parameter) -> float:
     return p.nominal if p.nominal else 0.01 * p.upper
 
 
-def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Template]:
+def _small_change(evidence: ResidualSource, effect: type[Effect], p: Parameter) -> list[Template]:
     """Return the template of a parameter that changes the equations themselves, to first order."""
     h = 0.1 * p.nominal if p.nominal else 0.01 * p.upper
-    D = evidence.change({name: {p.name: h}}, {}, np.zeros(len(evidence.free))) / h
+    D = evidence.change({effect.name: {p.name: h}}, {}, np.zeros(len(evidence.free))) / h
     if not np.any(D):
         return []
-    return [Template(name, {}, (p.name,), D[:, None], np.array([p.lower]), np.array([p.upper]))]
+    bounds = np.array([p.lower]), np.array([p.upper])
+    return [Template(effect.name, {}, (p.name,), D[:, None], *bounds, family=effect.family)]

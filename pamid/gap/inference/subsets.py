@@ -97,6 +97,7 @@ class Subsets:
         share: np.ndarray,
     ) -> None:
         self.library, self.cost = list(library), cost
+        self._effects = {t.effect for t in self.library}
         self._root = np.sqrt(weights)
         self.z, self.fixed = z * self._root, fixed * self._root[:, None]
         self.lower, self.upper, self.precision = lower, upper, precision
@@ -253,15 +254,16 @@ class Subsets:
         beam = [first]
         while beam and len(beam[0].templates) < most:
             children: dict[frozenset[str], Subset] = {}
-            for parent in beam:
-                for t in self._promising(parent, barred):
-                    child = self.fit((*parent.templates, t), parent)
-                    if not self._of_its_own(child, parent, first):
-                        continue
-                    names = self._names(child.templates)
-                    if names not in children or child.score > children[names].score:
-                        children[names] = child
-            ranked = sorted(children.values(), key=lambda s: -s.score)[:KEPT]
+            for parent, t in self._promising(beam, barred):
+                child = self.fit((*parent.templates, t), parent)
+                if not self._of_its_own(child, parent, first):
+                    continue
+                names = self._names(child.templates)
+                if names not in children or child.score > children[names].score:
+                    children[names] = child
+            # Every effect is followed to its pairs; of larger sets the best one of each combination of families.
+            ranked = sorted(children.values(), key=lambda s: -s.score)
+            ranked = ranked if len(beam[0].templates) == 0 else self._distinct(ranked)[:KEPT]
             # The grid matters for what is refitted, and only the first few are.
             beam = [self._regridded(s) if k < 2 and len(s.templates) > 1 else s for k, s in enumerate(ranked)]
             best = max((s.score for s in found.values()), default=-np.inf)
@@ -282,16 +284,29 @@ class Subsets:
     def _names(self, templates: tuple[int, ...]) -> frozenset[str]:
         return frozenset(self.library[t].effect for t in templates)
 
-    def _promising(self, parent: Subset, barred: frozenset[str]) -> list[int]:
-        """Return for the most promising effects the grid point that adds most."""
-        gains, names = self.gains(parent), self._names(parent.templates) | barred
-        best: dict[str, int] = {}
-        for t in np.argsort(-gains, kind="stable"):
-            effect = self.library[t].effect
-            if effect not in names and effect not in best:
-                best[effect] = int(t)
-        ranked = sorted(best.values(), key=lambda t: self.cost[self.library[t].effect] - gains[t])
-        return ranked[: 2 * KEPT]
+    def _promising(self, beam: Sequence[Subset], barred: frozenset[str]) -> list[tuple[Subset, int]]:
+        """Return the sets with one effect more that promise most, each effect at the grid point that adds most."""
+        best: dict[frozenset[str], tuple[float, Subset, int]] = {}
+        for parent in beam:
+            gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
+            for t in np.argsort(-gains, kind="stable"):
+                effect = self.library[t].effect
+                if effect in own or effect in names or effect in barred:
+                    continue
+                own.add(effect)
+                promised = parent.score + float(gains[t]) - self.cost[effect]
+                if names | {effect} not in best or promised > best[names | {effect}][0]:
+                    best[names | {effect}] = promised, parent, int(t)
+        ranked = sorted(best.values(), key=lambda found: -found[0])
+        return [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+
+    def _distinct(self, ranked: Sequence[Subset]) -> list[Subset]:
+        """Return the best set of each combination of families."""
+        best: dict[tuple[str, ...], Subset] = {}
+        for s in ranked:
+            alike = tuple(sorted(self.library[t].family or self.library[t].effect for t in s.templates))
+            best.setdefault(alike, s)
+        return list(best.values())
 
     def _regridded(self, subset: Subset) -> Subset:
         """Return a set with each effect's grid point chosen anew beside the others."""

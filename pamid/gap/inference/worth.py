@@ -6,7 +6,7 @@ import numpy as np
 
 from ...effects import Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, ONE_MORE, TOLERANCE
+from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, TOLERANCE
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, slots_of
 from .hypotheses import Hypothesis, degenerate
@@ -21,10 +21,16 @@ class Worth:
     ----------
     evidence : ResidualSource
         The log.
+
+    Attributes
+    ----------
+    further : float
+        What each effect beyond the first pays, in nats: the logarithm of how many there are to choose from.
     """
 
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.fitter = evidence, Fitter(evidence)
+        self.further = 0.0
         self.discrepancy = Discrepancy(evidence)
         self._jacobians: dict[str, np.ndarray] = {}
         self.base = self.hypothesis(self.fitter.base())
@@ -78,7 +84,7 @@ class Worth:
         """Return what each effect of a fit costs for its parameters, less what is expected of it."""
         if not fit.spec:
             return {}
-        D, slots = self._sensitivities(fit)
+        D, slots = self.sensitivities(fit)
         found = {}
         for name, d in self.discrepancy.contributions(fit).items():
             mine = [k for k, (n, _) in enumerate(slots) if n == name]
@@ -93,23 +99,26 @@ class Worth:
         """Return what sets of different size are compared by: whether each effect is one of its own, then the score."""
         own = not any(degenerate(h.fit, name) for name in h.fit.spec)
         own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
-        return own, h.score - self._crowded(h)
+        return own, self.comparable(h) - self._crowded(h)
 
-    def _crowded(self, h: Hypothesis) -> float:
-        """Return what a set must explain better than a smaller one, in nats, for each effect beyond the first.
-
-        In the same equation, where the inexact form of one effect calls for another, that is a share of what they
-        explain there together; but any model other than a bench's may be wrong in several ways at once.
-        """
-        more = ONE_MORE * max(len(self.chosen(h.fit.spec)) - 1, 0)
-        if len(h.fit.spec) < 2 or not self.evidence.exact:
-            return more
-        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
-        return more + OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
+    def comparable(self, h: Hypothesis) -> float:
+        """Return the score that sets of different size are compared by."""
+        return h.score - self.further * max(len(self.chosen(h.fit.spec)) - 1, 0)
 
     def chosen(self, spec: Spec) -> list[str]:
-        """Return the effects of a set that were chosen among many, and that readings do not show by themselves."""
-        return [name for name in spec if self.evidence.prior(name) < ONE_MORE]
+        """Return the effects of a set that were chosen among many: readings may show others by themselves."""
+        return [name for name in spec if self.evidence.prior(name) <= 0.0]
+
+    def _crowded(self, h: Hypothesis) -> float:
+        """Return what effects beyond the first in an equation must explain better, in nats, than the inexact first one.
+
+        That is a share of what they explain there together; but any model other than a bench's may be wrong in several
+        ways at once.
+        """
+        if len(h.fit.spec) < 2 or not self.evidence.exact:
+            return 0.0
+        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
+        return OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
 
     def _gained(self, h: Hypothesis) -> np.ndarray:
         """Return what a set explains of each equation, in nats."""
@@ -128,7 +137,7 @@ class Worth:
 
     def _own_shares(self, h: Hypothesis) -> list[float]:
         if h.own is None:
-            h.own = self._shares(h.fit, *self._sensitivities(h.fit)) if len(h.fit.spec) > 1 else []
+            h.own = self._shares(h.fit, *self.sensitivities(h.fit)) if len(h.fit.spec) > 1 else []
         return h.own
 
     def _shares(self, fit: Fit, D: np.ndarray, slots: list[tuple[str, Parameter]]) -> list[float]:
@@ -139,7 +148,7 @@ class Worth:
         gap = self.base.fit.z
         return [self.discrepancy.own_share(fit, name, D[:, rest], gap) for name, rest in others.items()]
 
-    def _sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
+    def sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
         """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
         key = f"{fit.spec!r} {fit.x.tobytes()!r}"
         if key not in self._jacobians:

@@ -17,7 +17,7 @@ from ...equations.log import BenchLog, columns_of
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
 from ...signals.roles import ROLES
-from ..settings import LEAST_GAIN, ONE_MORE
+from ..settings import LEAST_GAIN, OTHER_SYSTEMS
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
 from .straight import Straight
@@ -83,7 +83,7 @@ class Evidence(Straight):
     """Gain that needs no draws to be believed: few windows, such as those of steps, may hold it."""
     fine = 15
     """Samples in a window above which what happens between two samples does not show as a slow error."""
-    coarse = 1.5 * LEAST_GAIN, 3.0 * ONE_MORE
+    coarse = 1.5 * LEAST_GAIN, 3.0 * OTHER_SYSTEMS
     """The same gains where windows hold fewer; their noise is then taken as it is."""
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
@@ -153,7 +153,7 @@ class Evidence(Straight):
     def prior(name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on a bench."""
         effect = all_effects()[name]
-        return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -ONE_MORE))
+        return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -OTHER_SYSTEMS))
 
     @staticmethod
     def _piece(i: int, residual: Residual) -> tuple[np.ndarray, ...]:

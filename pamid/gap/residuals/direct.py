@@ -22,7 +22,6 @@ from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest, resting_rows
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
-from ...simulators.of_parameters import FIXED
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     JointPort,
@@ -34,13 +33,14 @@ from ...simulators.structure import (
     spread_numbers,
 )
 from ..settings import OF_ITS_OWN
+from .along import changed, wide
 from .balance import Balance
-from .between_rows import NOTE, after, go_in_lines
-from .kinematic import bent, both_measured, nuisances
+from .between_rows import NOTE, after, driven, go_in_lines, timings
+from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .ports import Active, PortWindows
 from .states import integral, pairs_of, roles_of
 from .tolerances import SMALL, rms
-from .turned import Instants, Turned, by_drives, by_inertia
+from .turned import Instants, Turned, turned
 from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
 
@@ -87,10 +87,8 @@ class DirectEvidence(UndoneEvidence):
         self._u = log.inputs(simulator)
         self.held = True
         if simulator.form == "ode":
-            some = some_instants(log.n)
-            step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
-            at = log.t[some], self._x[:, some], self._u[:, some]
-            self.pushes = pushes_of(simulator, *at, step)
+            at = self._some()
+            self.pushes = pushes_of(simulator, *at, self._steps)
             self.joints: list[JointPort] = joints_of(simulator, self.pairs, self.pushes)
             self.feeds = fed_by(simulator, *at)
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
@@ -112,9 +110,17 @@ class DirectEvidence(UndoneEvidence):
         self._asked.clear()
         if self.simulator.form == "ode":
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
-            some = some_instants(self.log.n)
-            step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
-            self.pushes = pushes_of(self.simulator, self.log.t[some], self._x[:, some], self._u[:, some], step)
+            self.pushes = pushes_of(self.simulator, *self._some(), self._steps)
+
+    def _some(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return some instants with the states and inputs there."""
+        some = some_instants(self.log.n)
+        return self.log.t[some], self._x[:, some], self._u[:, some]
+
+    @property
+    def _steps(self) -> np.ndarray:
+        """Changes of the inputs that count as small."""
+        return 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
 
     @property
     def modelled(self) -> np.ndarray:
@@ -213,8 +219,8 @@ class DirectEvidence(UndoneEvidence):
     def _skew(self) -> None:
         """Let what is no cause by itself vary within tolerances.
 
-        Clocks of positions and velocities are half a step apart, velocities bend, and what drives a joint has an offset
-        too small to be told from the inexact forms of causes.
+        Clocks of positions and velocities are half a step apart, velocities bend, inputs act up to half a sample early
+        or late, and what drives a joint has an offset too small to be told from the inexact forms of causes.
         """
         ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
         driven, plain = {j.name for j in self.joints}, self._residual([], self.simulator.numbers)
@@ -230,8 +236,24 @@ class DirectEvidence(UndoneEvidence):
                 if np.any(own):
                     self.skews[name] = np.zeros(ends[-1])
                     self.skews[name][part] = own
+        if self.simulator.form == "ode":
+            for name, u in timings(self.simulator.inputs, self._u, self.log):
+                column = self._under(u) - plain
+                if np.any(column) and np.all(np.isfinite(column)):
+                    self.skews[name] = column
         self.free = [*self.free, *self.skews]
         self.about = np.zeros(len(self.free))
+
+    def _under(self, u: np.ndarray) -> np.ndarray:
+        """Return the residuals under other inputs."""
+        log, known = self.log, self.simulator.numbers
+        rates = self._total_rates(self._x, u, u, known, False)
+        outputs = self._outputs(self._x, u, known)
+        return self._windowed([], log.channels, rates, np.zeros_like(self._x), outputs)
+
+    def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        log, simulator = self.log, self.simulator
+        return simulator.output(log.t, x, u, wide(p, log.n)) if simulator.outputs else np.zeros((0, log.n))
 
     def _says(self, b: Balance) -> Rate:
         modelled = self._base_rates[b.row, : self.log.n] if b.order else self.log.channels[b.channel]
@@ -255,12 +277,16 @@ class DirectEvidence(UndoneEvidence):
             found.append(sizes[0] / sizes[1] if sizes[1] > 0.0 else 1.0)
         return found
 
+    def _accuracy(self, equation: int) -> float:
+        return ACCURACY if self.balances[equation].velocity else 0.0
+
     # --- motion ---------------------------------------------------------------------------------------------
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the states at each row, and all signals by name with the paths of the joints."""
         log, table = self.log, dict(channels)
         for position, velocity in self.derived.items():
-            table[velocity] = self._derivative(position, channels[position])
+            known = channels[position] is log.channels[position] and velocity in self._table
+            table[velocity] = self._table[velocity] if known else self._derivative(position, channels[position])
         x = np.stack([table.get(s, np.full(log.n, self.simulator.port(s).start)) for s in self.simulator.states]) if (
             self.simulator.states
         ) else np.zeros((0, log.n))  # fmt: skip
@@ -278,18 +304,18 @@ class DirectEvidence(UndoneEvidence):
 
     def _path(self, name: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the path of a joint without turns that are noise; of a speed alone its integral."""
-        key = f"{name}.steady"
-        if key not in self._table or table is not self._table:
-            if name.endswith(".path"):
-                joint = next(j for j in self.joints if f"{j.name}.path" == name)
-                path = integral(table[joint.velocity], self.log)
-            else:
-                sigma = self.channel_noise(name) if name in self.log.channels else 0.0
-                path = steady_path(table[name], self.log.starts, sigma, max(self.n, 5))
-            if table is not self._table:
-                return path
+        key, of = f"{name}.steady", self.speeds.get(name, name)
+        as_read = np.array_equal(table[of], self._table[of])
+        if as_read and key in self._table:
+            return self._table[key]
+        if of != name:
+            path = integral(table[of], self.log)
+        else:
+            sigma = self.channel_noise(name) if name in self.log.channels else 0.0
+            path = steady_path(table[name], self.log.starts, sigma, max(self.n, 5))
+        if as_read:
             self._table[key] = path
-        return self._table[key]
+        return path
 
     # --- residuals ------------------------------------------------------------------------------------------
     def _residual(
@@ -307,14 +333,14 @@ class DirectEvidence(UndoneEvidence):
         p: np.ndarray = numbers
         for place, made in active:
             if place.enters == "parameter":
-                p = self._changed(p, place.at, made)
+                p = changed(p, list(simulator.parameters).index(place.at), made, log)
         pushed = u.copy()
         added = np.zeros_like(x)
         for place, made in active:
             if place.enters == "input" and not place.acts:
                 k = simulator.inputs.index(place.at)
                 u = u.copy()
-                u[k] = place.drive(made, u[k], log.dt, log.starts)
+                u[k] = driven(place, made, u[k], log, self.held)
                 pushed[k] = u[k]
         pushed = pushed + 0.0
         for place, made in active:
@@ -325,10 +351,9 @@ class DirectEvidence(UndoneEvidence):
                 else:
                     place.add(made, force, simulator.states, added)
         if simulator.form == "algebraic":
-            return self._of_outputs(active, readings, x, pushed, p)
+            return self._windowed(active, readings, np.zeros((0, 0)), x, self._outputs(x, pushed, p))
         rates = self._total_rates(x, u, pushed, p, restored)
-        outputs = simulator.output(log.t, x, pushed, _wide(p, log.n)) if simulator.outputs else np.zeros((0, log.n))
-        return self._windowed(active, readings, rates, added, outputs)
+        return self._windowed(active, readings, rates, added, self._outputs(x, pushed, p))
 
     def _force(self, place: object, made: object, table: Mapping[str, np.ndarray]) -> np.ndarray:
         from ...simulators.placement import Placement
@@ -342,23 +367,13 @@ class DirectEvidence(UndoneEvidence):
         memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)  # type: ignore[attr-defined]
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)  # type: ignore[arg-type]
 
-    def _changed(self, p: np.ndarray, name: str, made: object) -> np.ndarray:
-        k = list(self.simulator.parameters).index(name)
-        if p.ndim == 1 and isinstance(made, FIXED):  # the same all along: no row has rates of its own
-            out = p.copy()
-            out[k] = made.adjust({"value": p[k]})["value"]
-            return out
-        wide = _wide(p, self.log.n).copy()
-        wide[k] = made.adjust({"value": wide[k], "along": self.log.along})["value"]  # type: ignore[attr-defined]
-        return wide
-
     def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates at both ends of each step, under the inputs there, shape (n_states, 2 n_rows)."""
         log = self.log
         t = np.concatenate([log.t, log.t + log.dt])
-        wide = _wide(p, log.n)
+        each = wide(p, log.n)
         return self.simulator.rate(
-            t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([wide, after(wide, log)])
+            t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
         )
 
     def _total_rates(
@@ -408,9 +423,8 @@ class DirectEvidence(UndoneEvidence):
 
     def _is_straight(self, k: int) -> bool:
         """Tell whether the rates are straight in an input, at some instants."""
-        some, step = some_instants(self.log.n), float(np.ptp(self._u[k])) or 1.0
-        t, x, u = self.log.t[some], self._x[:, some], self._u[:, some]
-        p = spread_numbers(self.simulator, len(some))
+        (t, x, u), step = self._some(), float(np.ptp(self._u[k])) or 1.0
+        p = spread_numbers(self.simulator, len(t))
 
         def moved(share: float) -> np.ndarray:
             there = u.copy()
@@ -421,12 +435,6 @@ class DirectEvidence(UndoneEvidence):
         slope = moved(1.0) - base
         size = 0.37 * np.max(np.abs(slope), axis=1, keepdims=True)
         return bool(np.all(np.abs(moved(-0.37) - (base - 0.37 * slope)) <= 1e-6 * size + 1e-12))
-
-    def _of_outputs(
-        self, active: Active, readings: Mapping[str, np.ndarray], x: np.ndarray, u: np.ndarray, p: np.ndarray
-    ) -> np.ndarray:
-        outputs = self.simulator.output(self.log.t, x, u, _wide(p, self.log.n))
-        return self._windowed(active, readings, np.zeros((0, 0)), x, outputs)
 
     def _windowed(
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
@@ -458,20 +466,14 @@ class DirectEvidence(UndoneEvidence):
 
         It takes equations of the same order, so that their windows are the same.
         """
-        moving = [k for k, b in enumerate(self.balances) if b.order and not b.velocity]
-        if not moving or len({self.balances[k].order for k in moving}) > 1:
+        moving = [(k, b) for k, b in enumerate(self.balances) if b.order and not b.velocity]
+        if not moving or len({b.order for _, b in moving}) > 1:
             return None
-        order, firsts = self.balances[moving[0]].order, self._first[moving[0]]
+        order, firsts = moving[0][1].order, self._first[moving[0][0]]
         reach = span(self.n, order + 1) + order
         at = np.concatenate([a + f for (a, _), f in zip(self.log.spans, firsts, strict=True)]) + (reach - 1) // 2
-        found = by_inertia(self.simulator, moving, self._x[:, at])
-        if found is not None or self.simulator.form != "ode":
-            return found
-        equations = [(k, self.balances[k].row, self.balances[k].name) for k in moving]
-        step = 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
-        return by_drives(
-            self.simulator, equations, self.joints, Instants(self.log.t[at], self._x[:, at], self._u[:, at], step)
-        )
+        instants = Instants(self.log.t[at], self._x[:, at], self._u[:, at], self._steps)
+        return turned(self.simulator, [(k, b.row, b.name) for k, b in moving], self.joints, instants)
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
@@ -480,7 +482,7 @@ class DirectEvidence(UndoneEvidence):
             if not j.position:
                 spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
         lengths = [(b - a) * log.dt for a, b in log.spans]
-        readings = list(dict.fromkeys(b.channel for b in self.balances))
+        readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
         tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
         lows = {k: float(np.min(x)) for k, x in self._table.items()}
         length = float(np.median(lengths))
@@ -494,7 +496,3 @@ class DirectEvidence(UndoneEvidence):
     def roles(self, equation: str) -> dict[str, str]:
         """Return for an equation the signal behind each name of the state, as far as there is one."""
         return roles_of(self.simulator, self.joints, equation)
-
-
-def _wide(p: np.ndarray, n: int) -> np.ndarray:
-    return p if p.ndim == 2 else np.repeat(p[:, None], n, axis=1)

@@ -2,12 +2,12 @@ r"""Two sensors of one motion held against each other: a position, and the veloc
 
 No force enters, so that a fault of either sensor is not read as one. Over a step of h seconds
 
-.. math:: \frac{x_{k+1} - x_k}{h} = \frac{v_k + v_{k+1}}{2} - \frac{\kappa}{12} \delta^2 v, \qquad 0 \le \kappa \le 1.5
+.. math:: \frac{x_{k+1} - x_k}{h} = \frac{v_k + v_{k+1}}{2} - \frac{\kappa}{12} \delta^2 v, \qquad 0 \le \kappa \le 3
 
 with the second difference of the velocities about the step. Where commands are held over it, the velocity bends at
-samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5. How two
-channels are sampled is known to half a step: a velocity may be a difference of positions, or both come from a
-simulation by Euler's method,
+samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5; and a
+velocity that is a central difference of the positions lacks so much by itself that κ is 3. How two channels are sampled
+is known to half a step: a velocity may be a difference of positions, or both come from a simulation by Euler's method,
 
 .. math:: v = \dot x(t \mp \tfrac{h}{2}) \approx \dot x \mp \tfrac{h}{2} \ddot x
 
@@ -22,6 +22,10 @@ import numpy as np
 
 from ...equations.windows import average
 from ...simulators.port_log import PortLog
+
+ACCURACY = 1e-3
+"""Share of a reading to which another one of the same motion can be held: the best usual class of instruments is 0.1
+(IEC 60051-1)."""
 
 
 def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
@@ -38,7 +42,7 @@ def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
 
 
 def bent(v: np.ndarray) -> np.ndarray:
-    """Return what steps lack that bend as much as is likely, κ being 0.75; as much again is the most.
+    """Return what steps lack that bend as much as is likely, κ being 1.5; as much again is the most.
 
     Parameters
     ----------
@@ -48,18 +52,18 @@ def bent(v: np.ndarray) -> np.ndarray:
     Returns
     -------
     array, shape (n_rows - 1,)
-        A sixteenth of the second difference about each step.
+        An eighth of the second difference about each step.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pamid.gap.residuals.kinematic import bent
-    >>> 16.0 * bent(np.array([0.0, 1.0, 4.0, 9.0, 16.0]))  # the first and last steps as their neighbours
+    >>> 8.0 * bent(np.array([0.0, 1.0, 4.0, 9.0, 16.0]))  # the first and last steps as their neighbours
     array([2., 2., 2., 2.])
     """
     if len(v) < 4:
         return np.zeros(max(len(v) - 1, 0))
-    inner = (v[3:] - v[2:-1] - v[1:-2] + v[:-3]) / 32.0
+    inner = (v[3:] - v[2:-1] - v[1:-2] + v[:-3]) / 16.0
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 

@@ -12,13 +12,14 @@ import numpy as np
 
 from ...effects import all_effects
 from ...equations.noise import channel_noise
-from ...errors import SimulatorRunError
+from ...errors import SimulatorRunError, UnknownOptionError
 from ...signals.paths import play, reversals
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes, placements
+from ...simulators.commuting import commuting_paths, twins_of
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from ...simulators.structure import JointPort
+from ...simulators.structure import JointPort, some_instants
 from ..settings import DECIDED, LEAST_GAIN
 from .protocol import STATE, Spec
 from .settled import Settled
@@ -106,6 +107,7 @@ class PortEvidence(Tolerances, Settled, ABC):
     alone, such as a command that saturates once, looks as likely under any draw of signs."""
     how = ""
     """How residuals come about, for the reader."""
+    twins: Mapping[str, str] = MappingProxyType({})
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
 
@@ -146,6 +148,7 @@ class PortEvidence(Tolerances, Settled, ABC):
         gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.placements = placements(self.simulator, self._survey(gaps))
         self._own = self._made_own()
+        self.twins = self._twins()
         self.value = self._residual(self._own, self.simulator.numbers)
         self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
@@ -174,14 +177,36 @@ class PortEvidence(Tolerances, Settled, ABC):
                 "Look at its parameters and their units, or leave those rows out.",
             )
 
+    def _twins(self) -> dict[str, str]:
+        """Return the faults of commands and readings that commute with a linear simulator between them."""
+        if self.simulator.form != "ode" or not self.simulator.inputs:
+            return {}
+        log, some = self.log, some_instants(self.log.n)
+        signals = self.signals()
+        x, u = (np.array([signals[n][some] for n in names]) for names in (self.simulator.states, self.simulator.inputs))
+        driven = [n for n in self.simulator.inputs if np.ptp(signals[n]) > 0.0]
+        return twins_of(self.placements, commuting_paths(self.simulator, log.t[some], x, u, driven, set(log.channels)))
+
+    def _refuse_nowhere(self, name: str, where: str) -> None:
+        """Raise if an effect of the simulator's own is at no port of it."""
+        known = {*(p.name for p in self.simulator.ports), *self.simulator.parameters, *(j.name for j in self.joints)}
+        if where not in known:
+            can = list(dict.fromkeys(p.port for p in self.placements.values() if p.name == name)) or sorted(known)
+            raise UnknownOptionError(
+                f"The effect {name} is at {where!r}, which is no port of the simulator.",
+                f"one of {', '.join(can)}",
+                "Correct 'at' under [[effects]].",
+            )
+
     def _made_own(self) -> Active:
         made: Active = []
         for name, where, values in self.simulator.effects:
             place = self.placements.get(f"{name}@{where}")
             if place is None:
+                self._refuse_nowhere(name, where)
                 self.notes.append(f"The simulator's own effect {name} at {where} cannot act on this log.")
                 continue
-            made.append((place, place.effect(**place.inward(values))))
+            made.append((place, place.made(values)))
         return made
 
     # --- what a subclass says -------------------------------------------------------------------------------
@@ -204,6 +229,10 @@ class PortEvidence(Tolerances, Settled, ABC):
         """Return for an equation the signal behind each name of `STATE`, as far as there is one."""
 
     # --- noise ----------------------------------------------------------------------------------------------
+    def _accuracy(self, equation: int) -> float:
+        """Return the share of what was measured in an equation that is its noise at least."""
+        return 0.0
+
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise a sample."""
         x = self.log.channels[name]
@@ -226,13 +255,14 @@ class PortEvidence(Tolerances, Settled, ABC):
             self._noisy_copy = noise
         self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
         self._drawn, self._whitening = drawn, Whitening()
-        for part in self.parts:
+        for k, part in enumerate(self.parts):
             power = np.mean(np.square(drawn[:, part]), axis=0)
             for run in np.unique(self.run[part]):
                 mine = self.run[part] == run
                 power[mine] = smoothed(power[mine], NEAR)
             typical = float(np.median(power)) if len(power) else 0.0
-            least = max(0.04 * typical, (_LEAST * rms(self.value[part])) ** 2, 1e-300)
+            accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
+            least = max(0.04 * typical, accuracy**2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
         self._repeat()
         self._whiten()
@@ -317,6 +347,16 @@ class PortEvidence(Tolerances, Settled, ABC):
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step
                 self.stretch = max(self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3, span / 24.0))))
+
+    def widen(self, times: Mapping[str, float]) -> None:
+        """Take the noise of equations for so many times as large."""
+        for equation, part in zip(self.equations, self.parts, strict=True):
+            self.noise[part] *= times.get(equation, 1.0)
+            self._drawn[:, part] *= times.get(equation, 1.0)
+        self._kept.clear()
+        self._laid.clear()
+        self.z0 = self._whitening.white(self.value / self.noise)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
 
     def _whitened(self, rest: np.ndarray, part: slice) -> np.ndarray:
         whole = np.zeros(len(self.value))

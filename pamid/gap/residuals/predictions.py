@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects import Effect
+from ...errors import SimulatorRunError
 from ...signals.paths import steady_path
 from ...simulators.base import Simulator
 from ...simulators.integrate import Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from .between_rows import drawn
+from .between_rows import drawn, driven
 from .ports import Active
 from .response import Drive, Response
 from .states import integral
@@ -53,6 +54,7 @@ class PredictedEvidence(StretchEvidence):
         self.n = self.substeps = 1
         self.lines = False
         """Whether inputs go straight from row to row, instead of being held over each step."""
+        self._has_run = False
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
         self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
@@ -82,7 +84,7 @@ class PredictedEvidence(StretchEvidence):
                 p[k] = made.adjust({"value": p[k], "along": log.along})["value"]
             elif place.enters == "input" and not place.acts:
                 k, u = simulator.inputs.index(place.at), u.copy()
-                u[k] = place.drive(made, u[k], log.dt, log.starts)
+                u[k] = driven(place, made, u[k], log, not self.lines)
             elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] += self._force(place, made)
@@ -144,10 +146,23 @@ class PredictedEvidence(StretchEvidence):
                 drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
                 starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
                 times = t[spans[0]] - t[spans[0]][0]
-                found |= dict(zip(mine, self.simulator.runs(times, drive, numbers, starts), strict=True))
+                found |= dict(zip(mine, self._asked_for(times, drive, numbers, starts), strict=True))
             self.simulated += float(np.sum(lengths)) / self.log.n
             self._kept_runs[key] = [found[k] for k in range(len(lengths))]
         return self._kept_runs[key]
+
+    def _asked_for(
+        self, times: np.ndarray, drive: np.ndarray, numbers: np.ndarray, starts: np.ndarray
+    ) -> Sequence[np.ndarray]:
+        """Return the outputs of runs; where a trial of other numbers ends in an error, what no log can be like."""
+        try:
+            found = list(self.simulator.runs(times, drive, numbers, starts))
+        except SimulatorRunError:
+            if not self._has_run:
+                raise  # as it was given, too
+            return [np.full((len(self.simulator.outputs), len(times)), np.nan)] * len(drive)
+        self._has_run = True
+        return found
 
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1

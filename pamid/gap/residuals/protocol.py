@@ -54,6 +54,8 @@ class ResidualSource(Protocol):
         Length of time beyond which residuals forget, s.
     sharp : sequence of slice
         Windows in which none may be far out by chance.
+    twins : mapping of str to str
+        Effects that act alike, each by the other's name: no log of this simulator tells them apart.
     curved : bool
         Whether tolerances are so wide that what parameters do differs within them: `slopes` are then other than `J`.
     """
@@ -78,6 +80,7 @@ class ResidualSource(Protocol):
     exact: bool
     bends: bool
     curved: bool
+    twins: Mapping[str, str]
     least_gain: float
     decisive: float
 

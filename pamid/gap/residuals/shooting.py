@@ -29,7 +29,7 @@ from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED
-from .between_rows import NOTE, go_in_lines
+from .between_rows import NOTE, go_in_lines, timings
 from .ports import Active, PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Spec
@@ -175,22 +175,13 @@ class ShootingEvidence(PredictedEvidence):
         ]
 
     def _skew(self) -> None:
-        """Let the clocks of commands and readings be half a step apart, within a tolerance.
-
-        Whether a command acts from the row on that holds it, or while the next one is computed, a log does not say.
-        """
-        driven = [n for n, u in zip(self.simulator.inputs, self._u, strict=True) if np.ptp(u) > 0.0]
-        if not driven:
-            return
-        known = self.simulator.numbers
-        base = self._drive([], known)
-        late = self._u.copy()
-        late[:, 1:] = 0.5 * (self._u[:, 1:] + self._u[:, :-1])
-        late[:, self.log.starts] = self._u[:, self.log.starts]
-        near = self._near(self._x0, base, Drive(late, base.p, [], self.lines))
-        column = self._compared([], [], *map(self._fold, near))
-        if np.any(column):
-            self.skews[f"skew of {', '.join(driven)}"] = column
+        """Let inputs act up to half a sample early or late, within a tolerance."""
+        base = self._drive([], self.simulator.numbers)
+        for name, u in timings(self.simulator.inputs, self._u, self.log):
+            near = self._near(self._x0, base, Drive(u, base.p, [], self.lines))
+            column = self._compared([], [], *map(self._fold, near))
+            if np.any(column):
+                self.skews[name] = column
         self.free = [*self.free, *self.skews]
         self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
 

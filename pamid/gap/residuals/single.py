@@ -273,7 +273,9 @@ class SignalEvidence(Straight):
         return self._mean(passed)
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a limit of the reading within what the model reaches: beyond, it does nothing."""
+        """Return a limit within what the model reaches, beyond which it does nothing, and periods in a range."""
+        if p.periods:
+            return p.over(float(np.ptp(self.table["position"])) if "position" in self.table else 0.0)
         top = float(np.max(np.abs(self.predicted), initial=0.0))
         lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
         # A limit of something else than the reading, such as a command's, keeps its own bounds.

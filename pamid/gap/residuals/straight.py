@@ -1,6 +1,9 @@
-"""Tolerances so narrow that what parameters do is one linear model."""
+"""Tolerances so narrow that what parameters do is one linear model, of systems whose faults do not commute."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,6 +15,7 @@ class Straight:
 
     J: np.ndarray
     curved = False
+    twins: Mapping[str, str] = MappingProxyType({})
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter."""

@@ -67,6 +67,28 @@ class Turned(NamedTuple):
         return out
 
 
+def turned(
+    simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
+) -> Turned | None:
+    """Return what turns residuals of rates: into forces where the inertia is known, else as drives act; None as is.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    equations : sequence of (int, int, str)
+        Place, row among the states and name of each equation of motion.
+    joints : sequence of JointPort
+        The joints.
+    at : Instants
+        The centres of the windows.
+    """
+    found = by_inertia(simulator, [k for k, _, _ in equations], at.x)
+    if found is not None or simulator.form != "ode":
+        return found
+    return by_drives(simulator, list(equations), joints, at)
+
+
 def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Turned | None:
     """Return the map to the forces of all joints; None where the simulator does not know its inertia.
 

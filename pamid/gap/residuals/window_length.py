@@ -123,7 +123,7 @@ def window_noise(noise: float, n: int, order: int, dt: float) -> float:
 def _told(n: int, rates: Sequence[Rate], dt: float) -> np.ndarray:
     """Return for each equation the power of what is modelled over that of its noise, a sample of the log."""
     power = [float(np.var(np.convolve(r.modelled, kernel(n, r.order + 1), "valid"))) for r in rates]
-    noise = [max(window_noise(r.noise, n, r.order, dt), 1e-300) for r in rates]
+    noise = [max(window_noise(r.noise, n, r.order, dt), 1e-150) for r in rates]
     return np.array([p / (s * s) / n for p, s in zip(power, noise, strict=True)])
 
 

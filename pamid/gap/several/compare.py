@@ -58,6 +58,7 @@ def merged(
         verdict=one if found.verdict == "several" and len(causes) == 1 else found.verdict,
         candidates=_candidates(found.candidates, variants),
         causes=causes,
+        families=_causes(found.families, logs, variants),
         hypotheses=[
             replace(h, effects=tuple(dict.fromkeys(variants.plain(e) for e in h.effects))) for h in found.hypotheses
         ],

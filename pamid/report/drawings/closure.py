@@ -91,7 +91,7 @@ def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
     """Return the closure of an equation."""
     from ...errors import UnknownOptionError
 
-    wanted = equation or (d.causes[0].equation if d.causes else None)
+    wanted = equation or (d.added[0].equation if d.added else None)
     by_name = {c.equation: c for c in d.closure}
     if wanted in by_name:
         return by_name[wanted]
@@ -116,7 +116,7 @@ def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
         return [Bar("before", 0.0, 0.0, ORANGE, shown(0.0))]
     after, noise = closure.rmse_after**2 / before, min(closure.noise_floor**2 / before, 1.0)
     bars = [Bar("before", 0.0, 1.0, ORANGE, shown(closure.rmse_before))]
-    own = [c for c in d.causes if c.equation == closure.equation] or d.causes
+    own = [c for c in d.added if c.equation == closure.equation] or d.added
     taken = max(1.0 - after, 0.0)
     weights = np.array([max(c.share, 0.0) for c in own])
     parts = taken * (weights / weights.sum() if weights.sum() > 0 else np.full(len(own), 1.0 / max(len(own), 1)))

@@ -55,7 +55,7 @@ def course_figure(
     with style():
         figure, axes = new_figure(5.2, 2.7)
         ax = axes[0, 0]
-        told = {"before": "simulated before" if d.causes else "simulated", "after": "simulated after"}
+        told = {"before": "simulated before" if d.added else "simulated", "after": "simulated after"}
         lines: list[tuple[Any, str, str, Any, float]] = [(measured, INK, "measured", "-", 1.6)]
         for name, colour, dash in zip(states(d), (ORANGE, BLUE), ("-", (0, (4, 2))), strict=False):
             simulated = measured - shown[name].to_numpy(dtype=float)

@@ -63,7 +63,7 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
                     fontsize=8,
                 )
         for power, colour, label, dash in (
-            (before, ORANGE, "before" if d.causes else "error", "-"),
+            (before, ORANGE, "before" if d.added else "error", "-"),
             (after, BLUE, "after", "-"),
             (noise, GREY, "noise", (0, (4, 3))),
         ):

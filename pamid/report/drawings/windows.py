@@ -54,7 +54,7 @@ def of_equation(d: Diagnosis, equation: str) -> pd.DataFrame:
 
 def states(d: Diagnosis) -> tuple[str, ...]:
     """Return which residuals differ: there is an after only where something was added."""
-    return ("before", "after") if d.causes else ("before",)
+    return ("before", "after") if d.added else ("before",)
 
 
 def usable(part: pd.DataFrame, column: str) -> bool:

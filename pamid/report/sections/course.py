@@ -23,7 +23,7 @@ class CourseSection(Section):
     def content(self) -> dict[str, Any]:
         """Return the pictures and the fits."""
         d = self.diagnosis
-        name = d.causes[0].equation if d.causes and d.causes[0].equation in equations(d) else equations(d)[0]
+        name = d.added[0].equation if d.added and d.added[0].equation in equations(d) else equations(d)[0]
         runs = telling_trajectories(d, name, 2)
         limits = shared_limits(d, name, runs)
         pictures = [
@@ -33,4 +33,4 @@ class CourseSection(Section):
         for one in equations(d):
             part = of_equation(d, one)
             rows.append({"equation": one, "fits": [fit_words(fit(part, state)) for state in states(d)]})
-        return {"pictures": pictures, "rows": rows, "added": bool(d.causes)}
+        return {"pictures": pictures, "rows": rows, "added": bool(d.added)}

@@ -18,7 +18,7 @@ class HowFarSection(Section):
 
     def heading(self) -> str:
         """Return the heading under this diagnosis."""
-        return self.title if self.diagnosis.causes else "The errors and their noise"
+        return self.title if self.diagnosis.added else "The errors and their noise"
 
     def shown(self) -> bool:
         """Whether closure was tested."""
@@ -33,13 +33,13 @@ class HowFarSection(Section):
                 "before": amount(c.rmse_before, c.unit),
                 "after": amount(c.rmse_after, c.unit),
                 "noise": amount(c.noise_floor, c.unit),
-                "closed": percent(c.closed_share) if d.causes else "",
-                "ci": share_span(*c.ci90) if d.causes else "",
+                "closed": percent(c.closed_share) if d.added else "",
+                "ci": share_span(*c.ci90) if d.added else "",
             }
             for c in d.closure
         ]
-        told = list(dict.fromkeys(c.equation for c in d.causes))
-        with_gap = [c.equation for c in d.closure if c.equation in told][:2] if d.causes else []
+        told = list(dict.fromkeys(c.equation for c in d.added))
+        with_gap = [c.equation for c in d.closure if c.equation in told][:2] if d.added else []
         pictures: list[Picture] = [
             self.picture(
                 closure_figure(d, name),
@@ -49,4 +49,4 @@ class HowFarSection(Section):
             )
             for name in with_gap
         ]
-        return {"rows": rows, "pictures": pictures, "gap": d.gap, "added": bool(d.causes)}
+        return {"rows": rows, "pictures": pictures, "gap": d.gap, "added": bool(d.added)}

@@ -24,11 +24,11 @@ class LoopsSection(Section):
     def content(self) -> dict[str, Any]:
         """Return the pictures."""
         d = self.diagnosis
-        name = d.causes[0].equation if d.causes and d.causes[0].equation in equations(d) else equations(d)[0]
+        name = d.added[0].equation if d.added and d.added[0].equation in equations(d) else equations(d)[0]
         pictures = []
         runs = telling_trajectories(d, name, 3 if d.gap else 2)
         limits = shared_scale(d, name, runs)
         for place, trajectory in enumerate(runs):
             caption = f"{RESIDUALS.get(name, name).capitalize()} in the run {trajectory}."
             pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
-        return {"pictures": pictures, "added": bool(d.causes)}
+        return {"pictures": pictures, "added": bool(d.added)}

@@ -40,7 +40,7 @@ class MapsSection(Section):
                     f". Framed: {query_words(region.query)}" if framed and region is not None else ""
                 )
                 pictures.append(self.picture(map_figure(d, name, x, y), f"{name}-{x}-{y}", f"{caption}."))
-        return {"pictures": pictures, "added": bool(d.causes)}
+        return {"pictures": pictures, "added": bool(d.added)}
 
 
 def _words(name: str) -> str:

@@ -21,12 +21,12 @@ class ParametersSection(Section):
 
     def heading(self) -> str:
         """Return the heading under this diagnosis."""
-        return self.title if self.diagnosis.causes else "Parameters of the simulator"
+        return self.title if self.diagnosis.added else "Parameters of the simulator"
 
     def shown(self) -> bool:
         """Whether there is a cause or a tolerance."""
         corrected = self.diagnosis.corrected
-        return bool(self.diagnosis.causes or (corrected is not None and corrected.tolerance))
+        return bool(self.diagnosis.added or (corrected is not None and corrected.tolerance))
 
     def content(self) -> dict[str, Any]:
         """Return the tables."""
@@ -45,7 +45,7 @@ class ParametersSection(Section):
                     {"name": effect(e), "rows": _rows(p)} for e, p in zip(c.effects[1:], c.others, strict=False)
                 ],
             }
-            for c in d.causes
+            for c in d.added
         ]
         refitted = []
         if d.corrected is not None and d.nominal is not None:

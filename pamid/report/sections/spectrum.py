@@ -30,7 +30,7 @@ class SpectrumSection(Section):
         try:
             caption = f"Spectrum of the {RESIDUALS.get(name, name)}."
             pictures.append(self.picture(spectrum_figure(d, name), name, caption))
-            worse = worse_bands(d, name) if d.causes else []
+            worse = worse_bands(d, name) if d.added else []
         except ShortTrajectoryError:
             worse = []  # a log of very short runs has no spectrum
         bands = [

@@ -1,0 +1,82 @@
+"""A second mass on a spring, which nothing measures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..signals.state import Array
+from ._second_order import carried_along
+from .base import Effect, Parameter, Signals
+from .plant import Plant
+
+
+class Resonance(Effect):
+    r"""A load, a rotor or a frame that is carried along by a spring and a damper, and swings at a frequency of its own.
+
+    .. math:: \Delta F = -m\,\ddot y, \qquad
+        \ddot y = \omega^2\,(x - y) + 2\,\zeta\,\omega\,(\dot x - \dot y)
+
+    Far below its frequency it is a mass like any other. It begins at rest beside what carries it.
+
+    Parameters
+    ----------
+    **values : float
+        ``mass`` m (N s²), ``frequency`` ω with the carrier held (rad/s), ``damping`` ζ (dimensionless).
+
+    References
+    ----------
+    M. W. Spong, "Modeling and control of elastic joint robots", Journal of Dynamic Systems, Measurement, and Control
+    109(4), 1987. https://doi.org/10.1115/1.3143860
+
+    Examples
+    --------
+    >>> from pamid.effects import make_effect
+    >>> make_effect("resonance", frequency=40)
+    resonance(mass=0.1 N s^2, frequency=40 rad/s, damping=0.1)
+    """
+
+    name = "resonance"
+    family = "load"
+    equations = ("force",)
+    roles = ("position", "velocity")
+    kinds = ("actuator", "joint", "motor")
+    prior = -2.0  # a rigid body is the simpler model
+    source = "10.1115/1.3143860"
+    n_states = 2
+    parameters = (
+        Parameter("mass", "N s^2", 0.0, 1e6, 0.1, "mass on the spring", linear=True, position=-1),
+        Parameter("frequency", "rad/s", 3.0, 3e3, 60.0, "natural frequency of that mass alone"),
+        Parameter("damping", "-", 0.005, 0.99, 0.1, "damping ratio of that mass alone"),
+    )
+    mass: float
+    frequency: float
+    damping: float
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return a mass that moves with its carrier."""
+        return np.stack([s.position + 0.0, s.velocity + 0.0])
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Swing freely about a carrier that goes straight on."""
+        fades, damper = self.damping * self.frequency, 2.0 * self.damping * self.frequency
+        swings = self.frequency * math.sqrt(1.0 - self.damping**2)
+        speed = (s1.position - s0.position) / dt
+        ahead = x[0] - s0.position
+        gains = x[1] - damper * ahead - speed
+        decay, sine, cosine = np.exp(-fades * dt), np.sin(swings * dt), np.sin(swings * dt + 0.5 * math.pi)
+        later = decay * (ahead * cosine + (gains + fades * ahead) / swings * sine)
+        gained = decay * (gains * cosine - (self.frequency**2 * ahead + fades * gains) / swings * sine)
+        return np.stack([later + s1.position, gained + speed + damper * later])
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the mass along each trajectory, without a loop over time."""
+        speed = np.asarray(s.velocity, dtype=float)
+        return carried_along(s.position, dt, self.frequency, self.damping, starts, ramp=True, speed=speed)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what spring and damper pull back, N."""
+        damper, behind = 2.0 * self.damping * self.frequency, s.position - x[0]
+        pulls = self.frequency**2 * behind + damper * (s.velocity - x[1] - damper * behind)
+        return -self.mass * pulls

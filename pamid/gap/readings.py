@@ -1,0 +1,63 @@
+"""Two readings of one motion, settled between them before a fault of either may explain what a force does.
+
+A position and a velocity that are both logged say the same twice. A gain, lag or delay of one of them is seen where
+they are compared with each other, without the simulator: what does not show there is no cause of its gap, and what they
+disagree on without a fault that explains it is their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..effects.registry import effects_beside
+from ..simulators.base import Simulator
+from ..simulators.port_log import PortLog
+from .inference.competition import Competition
+from .residuals.between_readings import KinematicEvidence
+from .residuals.kinematic import both_measured
+from .residuals.ports import PortEvidence
+from .residuals.states import pairs_of
+from .settings import CLOSE
+
+
+def settled(
+    evidence: PortEvidence, log: PortLog, simulator: Simulator, library: Sequence[str], say: Callable[[str], None]
+) -> list[str]:
+    """Return the library without the faults of readings that another reading of the same motion contradicts.
+
+    Parameters
+    ----------
+    evidence : PortEvidence
+        The log compared with its simulator; what readings disagree on without a fault becomes noise of its equations.
+    log : PortLog
+        The log at the ports.
+    simulator : Simulator
+        The simulator.
+    library : sequence of str
+        Effects at ports that may be causes.
+    say : callable
+        Called with a short text at each step.
+    """
+    if simulator.form != "ode" or not (pairs := both_measured(pairs_of(simulator, log), log)):
+        return list(library)
+    say("compare readings of the same motion")
+    between = KinematicEvidence(log, simulator, {})
+    faults = [k for k in library if evidence.placements[k].enters == "output" and between.touched([k])]
+    with effects_beside({k: p.effect for k, p in between.placements.items()}):
+        competition = Competition(between, faults)
+        if competition.enough(competition.base):
+            admitted, left = set(), np.ones(len(between.equations))
+        else:
+            outcome = competition.run()
+            near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - CLOSE]
+            admitted, left = set().union(*(h.names for h in [outcome.best, *near])), outcome.best.left
+    evidence.widen(dict(zip(between.equations, np.maximum(left, 1.0).tolist(), strict=True)))
+    if refused := [k for k in faults if k not in admitted]:
+        named = ", ".join(f"{x} and {v}" for x, v in pairs.items())
+        shown = f" but for {', '.join(sorted(admitted))}" if admitted else ""
+        evidence.notes.append(
+            f"The readings {named} agree{shown}: no other fault of these sensors that shows between them is a cause."
+        )
+    return [k for k in library if k not in set(refused)]

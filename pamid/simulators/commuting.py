@@ -1,0 +1,102 @@
+r"""Where a fault of a command cannot be told from the same fault of a reading: linear paths from one to the other.
+
+What is linear and does not change in time commutes: a lag, delay or gain before a plant G acts on the reading y = G u
+as the same one after it,
+
+.. math:: y = H\,(G\,u) = G\,(H\,u)
+
+as long as that input moves this reading alone, and no other input moves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from .base import Simulator
+from .placement import Placement
+from .structure import spread_numbers
+
+LINEAR = ("gain", "lag", "delay")
+"""Faults that are linear and the same at all times, as commands and readings have them: ``actuator_lag``,
+``sensor_lag``."""
+
+
+def commuting_paths(
+    simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, driven: Collection[str], read: Collection[str]
+) -> dict[str, str]:
+    """Return the reading of each input that moves it alone, where the simulator is linear; none elsewhere.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Instants at which it is asked.
+    driven : collection of str
+        Inputs that change in the log.
+    read : collection of str
+        States and outputs that the log holds.
+    """
+    names = (*simulator.states, *simulator.outputs)
+    signals = np.vstack([x, u])
+    slopes = _slopes(simulator, t, signals)
+    if slopes is None:
+        return {}
+    n = len(simulator.states)
+    # A signal reaches a state through rates, and what it reaches reaches on; an output reads what it is made of.
+    reach = np.abs(slopes[:n]) > 0.0
+    for _ in range(n):
+        reach = reach | (reach[:, :n].astype(int) @ reach.astype(int) > 0)
+    shown = np.vstack([reach, (np.abs(slopes[n:]) > 0.0) | (np.abs(slopes[n:, :n]) > 0.0).astype(int) @ reach > 0])
+    found = {}
+    for name in driven:
+        k = n + simulator.inputs.index(name)
+        moved = [i for i, signal in enumerate(names) if signal in read and shown[i, k]]
+        others = [n + simulator.inputs.index(o) for o in driven if o != name]
+        if len(moved) == 1 and not shown[moved[0], others].any():
+            found[name] = names[moved[0]]
+    return found
+
+
+def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str]) -> dict[str, str]:
+    """Return the effects at ports that act alike on linear paths, each by the other's name.
+
+    Parameters
+    ----------
+    placements : mapping of str to Placement
+        Every effect at every port.
+    paths : mapping of str to str
+        The reading of each input, see `commuting_paths`.
+    """
+    found = {}
+    for entry, reading in paths.items():
+        for word in LINEAR:
+            pair = f"actuator_{word}@{entry}", f"sensor_{word}@{reading}"
+            if all(key in placements for key in pair):
+                found[pair[0]], found[pair[1]] = pair[1], pair[0]
+    return found
+
+
+def _slopes(simulator: Simulator, t: np.ndarray, signals: np.ndarray) -> np.ndarray | None:
+    """Return what each state and input does to each rate and output; None where that is not the same everywhere."""
+    n, p = len(simulator.states), spread_numbers(simulator, len(t))
+
+    def answers(at: np.ndarray) -> np.ndarray:
+        rates = simulator.rate(t, at[:n], at[n:], p)
+        outputs = simulator.output(t, at[:n], at[n:], p) if simulator.outputs else np.zeros((0, len(t)))
+        return np.vstack([rates, outputs])
+
+    base, columns = answers(signals), []
+    for k, signal in enumerate(signals):
+        step = float(np.ptp(signal)) or 1.0
+        moved = [signals.copy(), signals.copy()]
+        moved[0][k] += step
+        moved[1][k] -= 0.37 * step
+        up, down = ((answers(m) - base) / d for m, d in zip(moved, (step, -0.37 * step), strict=True))
+        slope = np.median(up, axis=1, keepdims=True)
+        if np.any(np.abs(np.stack([up, down]) - slope) > 1e-6 * np.abs(slope) + 1e-9 * np.abs(base).max() / step):
+            return None
+        columns.append(np.where(np.abs(slope) > 1e-9 * np.abs(base).max() / step, slope, 0.0))
+    return np.hstack(columns)

@@ -1,0 +1,58 @@
+"""Faults that commute with a linear simulator: nobody can tell on which side of it they act."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import diagnose_simulator
+from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.commuting import commuting_paths
+
+STEP = 0.01
+
+
+def heater(square: float = 0.0) -> FunctionSimulator:
+    """Return a first-order plant; with a squared loss it is no longer linear."""
+    ports = [Port("u", "input", "V"), Port("y", "state", "K")]
+    return FunctionSimulator(lambda t, x, u, p: [(2.5 * u.u - x.y - square * x.y**2) / 0.3], ports, {})
+
+
+def pole_at(place: str) -> pd.DataFrame:
+    rng, runs = np.random.default_rng(5), []
+    for run in range(4):
+        u = np.repeat(rng.uniform(-4.0, 4.0, 40), 15)
+        y, lagged, read, out = 0.0, 0.0, 0.0, []
+        for command in u:
+            out.append(read if place == "output" else y)
+            for _ in range(40):
+                h = STEP / 40
+                y += h * (2.5 * (lagged if place == "input" else command) - y) / 0.3
+                lagged += h * (command - lagged) / 0.06
+                read += h * (y - read) / 0.06
+        noisy = np.array(out) + 0.03 * rng.standard_normal(len(u))
+        runs.append(pd.DataFrame({"trajectory": str(run), "time": STEP * np.arange(len(u)), "u": u, "y": noisy}))
+    return pd.concat(runs, ignore_index=True)
+
+
+@pytest.mark.parametrize("place", ["input", "output"])
+@pytest.mark.parametrize("library", ["all", ("actuator_lag", "sensor_lag", "actuator_gain")], ids=["all", "three"])
+def test_a_pole_before_or_behind_a_linear_plant_is_one_class(place: str, library: str | tuple[str, ...]) -> None:
+    found = diagnose_simulator(pole_at(place), heater(), library)
+    [cause] = found.causes
+    assert set(cause.effects) == {"actuator_lag", "sensor_lag"}
+    for parameters in (cause.parameters, *cause.others):
+        assert parameters["time_constant"].value == pytest.approx(0.06, rel=0.06)
+
+
+def test_only_linear_paths_from_one_input_to_one_reading_commute() -> None:
+    rng = np.random.default_rng(0)
+    x, u, t = rng.uniform(-1, 1, (1, 50)), rng.uniform(-1, 1, (1, 50)), np.arange(50.0)
+    assert commuting_paths(heater(), t, x, u, ["u"], {"y"}) == {"u": "y"}
+    assert commuting_paths(heater(0.2), t, x, u, ["u"], {"y"}) == {}
+    ports = [Port("u", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    mass = FunctionSimulator(lambda t, x, u, p: [x.v, u.u - x.x], ports, {})
+    both = rng.uniform(-1, 1, (2, 50))
+    assert commuting_paths(mass, t, both, u, ["u"], {"x"}) == {"u": "x"}
+    assert commuting_paths(mass, t, both, u, ["u"], {"x", "v"}) == {}

@@ -1,0 +1,66 @@
+"""What a diagnosis hands over runs; where it cannot be made, the diagnosis is still written, and says so."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+
+PAGE = """
+kind = "ode"
+[ode]
+function = "cart.py:rates"
+[ports]
+F = { kind = "input", unit = "N" }
+v = { kind = "state", unit = "m/s" }
+[parameters]
+m = { value = 2.0, unit = "kg" }
+"""
+
+
+@pytest.fixture
+def cart(tmp_path, monkeypatch):
+    """A cart whose log has an actuator that is too weak."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cart.py").write_text("def rates(t, x, u, p):\n    return [u.F / p.m]\n")
+    (tmp_path / "sim.toml").write_text(PAGE)
+    t, parts, rng = np.arange(0, 4, 0.01), [], np.random.default_rng(0)
+    for k in range(2):
+        F = 6 * np.sin((1 + k) * t)
+        v = 0.8 * 6 * (1 - np.cos((1 + k) * t)) / (1 + k) / 2.0 + 1e-3 * rng.standard_normal(len(t))
+        parts.append(pd.DataFrame({"trajectory": f"run {k}", "time": t, "F": F, "v": v}))
+    pd.concat(parts).to_csv("log.csv", index=False)
+    return tmp_path
+
+
+COMMAND = ["diagnose", "log.csv", "--sim", "sim.toml", "--trust", "--out", "found", "--effects", "actuator_gain"]
+
+
+def test_a_page_that_loads_is_handed_over(cart, capsys):
+    assert main(COMMAND) == 0
+    capsys.readouterr()
+    assert (cart / "found" / "corrected.toml").is_file()
+    assert "left out" not in (cart / "found" / "diagnosis.json").read_text()
+    assert main(["evaluate", "log.csv", "--sim", "found/corrected.toml", "--trust", "--json"]) == 0
+
+
+def test_a_diagnosis_outlives_a_page_that_does_not_load(cart, capsys):
+    # A module that can be imported once alone, as one that opens a device.
+    once = "import pathlib\nmark = pathlib.Path(__file__).with_name('mark')\nmark.touch(exist_ok=False)\n"
+    (cart / "cart.py").write_text(once + (cart / "cart.py").read_text())
+    assert main(COMMAND) == 0
+    told = capsys.readouterr().out
+    assert "corrected.toml left out" in told and "FileExistsError" in told
+    found = json.loads((cart / "found" / "diagnosis.json").read_text())
+    assert any("corrected.toml left out" in text for text in found["notes"])
+    assert "corrected.toml left out" in (cart / "found" / "report.html").read_text()
+    assert not (cart / "found" / "corrected.toml").exists()
+
+
+def test_two_values_for_one_state_are_told(cart, capsys):
+    (cart / "cart.py").write_text("def rates(t, x, u, p):\n    return [u.F / p.m, 0.0]\n")
+    assert main(COMMAND) != 0
+    told = capsys.readouterr().err
+    assert "rates returned 2 values" in told and "inside pamid" not in told
