@@ -1,15 +1,22 @@
-"""The gap diagnosis on measured systems: a cylinder's seal, air chambers, a servo's friction, Festo muscles.
+"""The gap diagnosis on measured systems: a cylinder, air chambers, a servo, Festo muscles, a piezo stage, EMPS, an arm.
 
-Reads ``pneumatic_cylinder``, ``servo_pendulum``, ``festo_muscles`` under ``--real`` (public data of three repositories
-that are not part of this package, see docs/measured.md). ``--plots DIR`` writes the pictures of that page.
+Reads ``pneumatic_cylinder``, ``servo_pendulum``, ``festo_muscles``, ``piezo``, ``emps``, ``so101`` under ``--real``
+(public data that are not part of this package, see docs/measured.md). ``--plots DIR`` writes the pictures of that page.
+EMPS is diagnosed in many ways, each in a process of its own; ``--way``, ``--records``, ``--speed`` choose among them.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
 from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if __package__ in (None, ""):
+    sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np
 import pandas as pd
@@ -17,6 +24,7 @@ from pamid.estimators import GapDiagnoser, GeometricForce
 from scipy.signal import savgol_filter
 from sklearn.linear_model import LinearRegression
 
+from benchmarks import _emps, _so101
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals import read_log
 from pamid.systems.muscle import Muscle
@@ -324,24 +332,42 @@ STUDIES = {
     "festo_laws": (laws, "festo_muscles/10mm"),
     "festo_together": (together, "festo_muscles/10mm"),
 }
+MANY = {"emps": (_emps, "emps"), "so101": (_so101, "so101")}
+"""Studies whose diagnoses run in processes of their own with a time limit."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="folder with the measured data")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the pictures there")
-    parser.add_argument("--only", choices=STUDIES, action="append", help="one study; may be repeated")
+    parser.add_argument("--only", choices=[*STUDIES, *MANY], action="append", help="one study; may be repeated")
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="folder of the one study that --only names")
+    parser.add_argument("--way", choices=_emps.WAYS, action="append", help="EMPS: how the simulator is given")
+    parser.add_argument("--records", type=int, action="append", metavar="N", help="EMPS: runs to cut the record into")
+    parser.add_argument("--speed", choices=_emps.SPEEDS, action="append", help="EMPS: how the speed column is made")
+    parser.add_argument(
+        "--no-speed", dest="speed", action="append_const", const="none", help="the same as --speed none"
+    )
+    parser.add_argument("--thin", type=int, default=1, metavar="N", help="EMPS, arm: each Nth row")
+    parser.add_argument("--effects", metavar="A,B,...", help="EMPS, arm: the library (default: all of it)")
+    parser.add_argument("--limit", type=float, default=600.0, metavar="S", help="seconds for one case of EMPS, the arm")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="cases of EMPS side by side")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="keep cases of EMPS, the arm there, as JSON lines")
     args = parser.parse_args()
     if args.plots:
         args.plots.mkdir(parents=True, exist_ok=True)
-    for name in args.only or STUDIES:
-        study, folder = STUDIES[name]
-        if args.real is None or not (args.real / folder).is_dir():
+    for name in args.only or [*STUDIES, *MANY]:
+        study, folder = (STUDIES | MANY)[name]
+        data = args.data or (args.real / folder if args.real else None)
+        if data is None or not data.is_dir():
             print(
                 f"skipped {name}: --real FOLDER names the folder that holds {folder}, which is not part of this package"
             )
             continue
-        study(args.real / folder, args.plots)
+        if name in MANY:
+            study.study(data, args)
+        else:
+            study(data, args.plots)
     return 0
 
 

@@ -181,9 +181,9 @@ def _said(found: Any, case: Case) -> dict[str, Any]:
 
 def _realised(before: Any, plan: Any, more: dict[str, Any], params: Any, case: Case) -> list[Any]:
     """Return predicted and realised differences in log-likelihood of the true explanation to its rivals."""
+    from pamid.effects.registry import chosen_effects
     from pamid.gap.inference.competition import Competition
     from pamid.gap.residuals.bench import Evidence
-    from pamid.gap.settings import ONE_MORE
     from pamid.gap.several.stacked import Log, StackedEvidence
 
     known = {frozenset(r.names): r for r in before.rivals}
@@ -200,7 +200,8 @@ def _realised(before: Any, plan: Any, more: dict[str, Any], params: Any, case: C
             out[names] = competition.hypothesis(fit).score
         return out
 
-    a = {names: r.score + ONE_MORE * max(len(names) - 1, 0) for names, r in known.items()}
+    further = float(np.log(len(chosen_effects("all", "bench"))))  # what each effect beyond the first had paid
+    a = {names: r.score + further * max(len(names) - 1, 0) for names, r in known.items()}
     b = scores(more)
     pairs = [e for e in plan.expected if frozenset(e.truth) == true]
     return [

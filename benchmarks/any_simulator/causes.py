@@ -48,8 +48,6 @@ class Force(Cause):
             return -p["a"] * np.maximum(x - 1.01e5, 0.0) / np.sqrt(1.0 + p["orifice"] * np.maximum(x - 1.01e5, 0) / 2e5)
         if n == "disturbance":
             return p["a"] * np.sin(p["omega"] * t + p["phase"]) + 0.0 * x
-        if n == "cogging":
-            return p["a"] * np.sin(2 * np.pi * x / p["pitch"] + p["phase"])
         raise KeyError(n)
 
     def begin(self, x: np.ndarray) -> None:
@@ -89,11 +87,10 @@ class Command(Cause):
             steps = max(1, round(p["a"] / h))
             self.memory = kept[-steps - 1 :]
             return self.memory[0]
-        if n in ("actuator_backlash", "slew"):
+        if n == "actuator_backlash":
             if self.memory is None:
                 self.memory = c.copy()
-            at, play, way = self.memory, p["a"], p["a"] * h
-            self.memory = np.clip(at, c - play, c + play) if n != "slew" else at + np.clip(c - at, -way, way)
+            self.memory = np.clip(self.memory, c - p["a"], c + p["a"])
             return self.memory
         raise KeyError(n)
 
@@ -133,7 +130,7 @@ class Number(Cause):
 JOINT = ("viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag")
 INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation")
 OUTPUT = ("sensor_gain", "sensor_lag", "sensor_delay", "sensor_bias")
-FOREIGN = ("disturbance", "cogging", "ripple", "crosstalk", "slew")
+FOREIGN = ("disturbance", "ripple", "crosstalk")
 
 
 def menu(plant: Plant) -> list[tuple[str, str]]:
@@ -149,8 +146,7 @@ def menu(plant: Plant) -> list[tuple[str, str]]:
 def foreign_menu(plant: Plant) -> list[tuple[str, str]]:
     """Return what it can have that no library holds."""
     joints = [j for j in plant.forces if not j.startswith("chamber")]
-    found = [(n, j) for j in joints for n in ("disturbance", "cogging")]
-    found += [("ripple", r) for r in plant.readings] + [("slew", i) for i in plant.inputs]
+    found = [("disturbance", j) for j in joints] + [("ripple", r) for r in plant.readings]
     return found + ([("crosstalk", r) for r in plant.readings] if len(plant.readings) > 1 else [])
 
 
@@ -171,7 +167,6 @@ def drawn(name: str, port: str, plant: Plant, sizes: dict[str, tuple[float, floa
             },
             "leakage": {"a": F / 2.5e5, "orifice": float(rng.uniform(0.0, 1.0))},
             "disturbance": {"a": F, "omega": float(rng.uniform(9.0, 25.0)), "phase": float(rng.uniform(0, 6))},
-            "cogging": {"a": F, "pitch": span * float(rng.uniform(0.04, 0.12)), "phase": float(rng.uniform(0, 6))},
         }[name]  # fmt: skip
         return Force(name, port, numbers, name in FOREIGN)
     if port in plant.inputs:
@@ -182,7 +177,6 @@ def drawn(name: str, port: str, plant: Plant, sizes: dict[str, tuple[float, floa
             "actuator_dead_zone": {"a": share * deviation}, "actuator_lag": {"a": tau}, "actuator_delay": {"a": tau},
             "actuator_saturation": {"limit": 0.5 * span * float(rng.uniform(0.35, 0.8))},
             "actuator_backlash": {"a": 0.5 * share * deviation},
-            "slew": {"a": deviation * float(rng.uniform(8.0, 20.0)) / (plant.samples * plant.dt)},
         }[name]  # fmt: skip
         if name == "actuator_saturation" and plant.name == "tanks":
             numbers = {"limit": float(rng.uniform(2.4, 3.3))}

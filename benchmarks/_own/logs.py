@@ -1,0 +1,151 @@
+"""Logs of the systems by integrators of their own: Euler's, Runge-Kutta's, adaptive; inputs held or linear; sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .systems import System
+
+INTEGRATORS = ("euler", "runge-kutta", "adaptive")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """How a log is made.
+
+    Parameters
+    ----------
+    dt : float
+        Sampling interval, s.
+    samples, runs : int
+        Rows of a run, and how many.
+    integrator : str
+        One of `INTEGRATORS`.
+    linear : bool
+        Whether inputs go straight from sample to sample; else they are held.
+    noise : float
+        Factor on the usual noise.
+    step : float
+        Resolution of the readings as a share of their range; 0 for none.
+    """
+
+    dt: float
+    samples: int
+    runs: int
+    integrator: str
+    linear: bool
+    noise: float
+    step: float
+
+
+def planned(system: System, how: Recording, rng: np.random.Generator) -> np.ndarray:
+    """Return inputs or references, shape (samples, n, runs): sines, steps, or ramps between levels."""
+    t, out = np.arange(how.samples) * how.dt, []
+    for mean, amplitude, fastest in system.plan.values():
+        runs = []
+        for _ in range(how.runs):
+            kind, top = rng.integers(3), 2.0 * np.pi * fastest / system.dt
+            if kind == 0 or system.loop is not None:
+                w = np.exp(rng.uniform(np.log(0.05 * top), np.log(top), 6))
+                x = np.sin(w * t[:, None] + rng.uniform(0.0, 2.0 * np.pi, 6)).sum(axis=1) / 3.0
+            else:
+                hold = max(2, round(rng.uniform(0.5, 2.0) * np.pi / (top * how.dt)))
+                levels = rng.uniform(-1.0, 1.0, how.samples // hold + 3)
+                at = np.arange(how.samples) / hold
+                x = levels[at.astype(int)] if kind == 1 else np.interp(at, np.arange(len(levels)), levels)
+            runs.append(mean + amplitude * x)
+        out.append(np.stack(runs, axis=1))
+    return np.stack(out, axis=1)
+
+
+def simulated(
+    system: System, p: dict[str, float], how: Recording, rng: np.random.Generator,
+    command: Callable[[np.ndarray, float], np.ndarray] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return states and logged inputs, shape (samples, n, runs); `command` is what becomes of inputs on their way.
+
+    It gets the inputs of one sample, and the sampling interval, once a sample.
+    """
+    plan, numbers = planned(system, how, rng), SimpleNamespace(**p)
+    n = len(system.states)
+    x = system.start(rng, how.runs, p) if system.start else np.zeros((n, how.runs))
+    inputs, states = list(system.inputs), list(system.states)
+
+    def rate(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        some = system.rates(
+            t, SimpleNamespace(**dict(zip(states, x, strict=True))),
+            SimpleNamespace(**dict(zip(inputs, u, strict=True))), numbers,
+        )  # fmt: skip
+        return np.stack([np.broadcast_to(row, x.shape[1:]) for row in some])
+
+    xs, us, acting = [], [], None
+    for k in range(how.samples):
+        u = plan[k]
+        if system.loop is not None:
+            u = np.stack(system.loop(plan[k], SimpleNamespace(**dict(zip(states, x, strict=True))), numbers))
+        xs.append(x)
+        us.append(u)
+        acting = u if command is None else command(u, how.dt)
+        slope = np.zeros_like(u)
+        if how.linear and system.loop is None and command is None and k + 1 < how.samples:
+            slope = (plan[k + 1] - u) / how.dt
+        x = advanced(lambda t, x, u=acting, s=slope: rate(t, x, u + s * t), x, how, system)
+    return np.stack(xs), np.stack(us)
+
+
+def advanced(rate: Callable[[float, np.ndarray], np.ndarray], x: np.ndarray, how: Recording, system: System) -> Any:
+    """Return the states one sample later."""
+    if how.integrator == "adaptive":
+        from scipy.integrate import solve_ivp
+
+        sizes = np.maximum(np.abs(x), 1e-3).ravel()
+        found = solve_ivp(
+            lambda t, y: rate(t, y.reshape(x.shape)).ravel(), (0.0, how.dt), x.ravel(), rtol=1e-7, atol=1e-8 * sizes
+        )
+        return found.y[:, -1].reshape(x.shape)
+    if how.integrator == "euler" and system.euler is not None:
+        steps = max(1, round(how.dt / system.euler))
+        h = how.dt / steps
+        for j in range(steps):
+            x = x + h * rate(j * h, x)
+        return x
+    steps = max(2, round(how.dt / (system.finest * system.dt)))
+    h = how.dt / steps
+    for j in range(steps):
+        t = j * h
+        a = rate(t, x)
+        b = rate(t + h / 2, x + h / 2 * a)
+        c = rate(t + h / 2, x + h / 2 * b)
+        x = x + h / 6 * (a + 2 * b + 2 * c + rate(t + h, x + h * c))
+    return x
+
+
+def log_of(
+    system: System, x: np.ndarray, u: np.ndarray, how: Recording, rng: np.random.Generator,
+    readings: list[str] | None = None, read: Callable[[str, np.ndarray], np.ndarray] | None = None,
+) -> pd.DataFrame:  # fmt: skip
+    """Return what was logged; `read` is what a sensor makes of its signal, shape (samples, runs)."""
+    columns: dict[str, np.ndarray] = {}
+    order = list(system.states)
+    for k, name in enumerate(system.inputs):
+        columns[name] = u[:, k]
+    for name in system.readings if readings is None else readings:
+        y = x[:, order.index(name)]
+        y = y if read is None else read(name, y)
+        spread = float(np.ptp(y)) or 1.0
+        y = y + how.noise * system.readings.get(name, 3e-3) * spread * rng.standard_normal(y.shape)
+        if how.step:
+            y = np.round(y / (how.step * spread)) * (how.step * spread)
+        columns[name] = y
+    t = np.arange(how.samples) * how.dt
+    runs = [
+        pd.DataFrame({"trajectory": f"run {r + 1}", "time": t, **{n: c[:, r] for n, c in columns.items()}})
+        for r in range(how.runs)
+    ]
+    return pd.concat(runs, ignore_index=True)
