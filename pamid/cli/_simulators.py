@@ -78,6 +78,21 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
     return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
 
 
+def outline(page: Path, trust: bool = False) -> Simulator:
+    """Return the ports that a page says; without trust nothing runs."""
+    from ..errors import ParameterError
+    from ..simulators import read_simulator
+    from ..simulators.page import read_outline
+
+    if page.suffix.lower() != ".toml":
+        raise ParameterError(
+            f"--sim names {page}.",
+            f"a model or a page: {', '.join(MODELS)} or .toml",
+            "Name the model itself, or write a page for it: docs/simulators.md.",
+        )
+    return read_simulator(page, trust=True) if trust else read_outline(page)
+
+
 def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> None:
     """Write a corrected simulator into a stage that becomes a folder.
 
