@@ -73,6 +73,35 @@ def take(draft: Draft, simulator: Simulator, found: Sequence[Match], doubts: Map
             draft.suppose(sources[port], f"ASSUMED, DOUBTFUL: {doubt}")
 
 
+def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
+    """Declare the joint of an FMU where samples and units tell one, so that friction can be tested there; its name."""
+    from ..simulators import Port
+    from ..simulators.likeness import dimension
+    from ..simulators.motion import rate_between
+
+    t, frame = first_run(draft)
+    said = {g.signal: str(g.column) for g in draft.guesses if g.signal} | {m.port: m.column for m in found}
+    if simulator.kind != "fmu" or any(p.kind == "joint" for p in simulator.ports):
+        return ""
+    for position, rate, force in (("angle", "angular rate", "torque"), ("length", "speed", "force")):
+        kinds = {p.name: (p.kind, dimension(p.unit)) for p in simulator.ports}
+        free = [n for n, kind in kinds.items() if kind == ("input", force) and n not in said]
+        pairs = [
+            (q, v)
+            for q, of_q in kinds.items()
+            for v, of_v in kinds.items()
+            if of_q == ("output", position) and of_v == ("output", rate) and {q, v} <= set(said)
+            if rate_between(t, frame[said[q]], frame[said[v]])[0] > 0.9
+        ]
+        if len(free) == 1 == len(pairs):
+            (q, v), through = pairs[0], free[0]
+            unit = simulator.port(through).unit
+            joint = Port(f"joint_of_{q}", "joint", unit, position=q, velocity=v, through=through)
+            simulator.ports = (*simulator.ports, joint)
+            return joint.name
+    return ""
+
+
 def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[str, str]) -> list[str]:
     """Return what a log still lacks before a simulator can be compared with it, and how to say it."""
     signals = _signals(simulator)
@@ -128,6 +157,8 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
             lines[k] += "  # ASSUMED: replace the column or confirm it"
         elif name in unknown:
             lines[k] += '  # add column = "..." if the log has it'
+        elif name.startswith("joint_of_"):
+            lines[k] += "  # ASSUMED, by units and samples: friction is tested here"
         elif line == "[parameters]":
             lines[k] += "  # a tolerance of 0 holds a number fixed: say how well you know each"
     return "\n".join(lines) + "\n"

@@ -35,6 +35,15 @@ _BY_DIMENSION = {
     "angle": "position", "length": "position", "angular rate": "velocity", "speed": "velocity", "torque": "effort",
     "temperature": "temperature", "acceleration": "acceleration", "angular acceleration": "acceleration",
 }  # fmt: skip
+_SYMBOLS = {
+    "voltage": {"u", "v", "volt", "voltage", "spannung"}, "current": {"i", "iq", "current", "strom"},
+    "pressure": {"p", "pressure", "druck"}, "force": {"f", "force", "kraft"},
+    "torque": {"tau", "torque", "moment", "drehmoment"}, "length": {"x", "y", "z", "position", "pos", "weg", "hub"},
+    "angle": {"phi", "theta", "q", "angle", "winkel", "encoder"},
+    "angular rate": {"w", "omega", "n", "speed", "drehzahl"}, "speed": {"v", "velocity", "speed"},
+    "mass flow": {"mdot", "flow"}, "temperature": {"temp", "temperature", "temperatur"},
+}  # fmt: skip
+"""What quantities without a unit are called."""
 _FILLING = frozenset(("state", "states", "joint", "joints", "motor", "motors", "dof"))
 _TOGETHER = {("q", "dot"): "dq", ("d", "q"): "dq", ("dd", "q"): "ddq"}
 
@@ -75,6 +84,11 @@ class Column:
     def dimension(self) -> str:
         """Dimension of its unit; empty where it states none."""
         return UNITS[self.unit].dimension if self.unit else ""
+
+    def may_be(self, kind: str) -> bool:
+        """Tell whether its unit is of a dimension, or without one whether its words speak of it."""
+        said = {*tokens(self.name)}
+        return self.dimension == kind or (not self.certain and bool(said & _SYMBOLS.get(kind, set())))
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,7 @@ class _Matcher:
         self.ranges, self.driven = simulator.ranges(), simulator.driven()
         joints = [p for p in simulator.ports if p.kind == "joint"]
         self.place_under = {p.velocity: p.position for p in joints if p.velocity}
+        self.supposed_under = {} if joints else _only_pair(self.places)
         self.joint_of = {p.position: p.name for p in joints if p.position}
         ranks = [self._ranks(column) for column in self.columns]
         self.base = np.array(
@@ -212,7 +213,7 @@ class _Matcher:
             ports = [p for p in left if (p.commanded, p.dimension) == kind]
             columns = [
                 c for c in free
-                if c.dimension == kind[1] and c.commanded <= kind[0] and not (c.measured and kind[0])
+                if c.may_be(kind[1]) and c.commanded <= kind[0] and not (c.measured and kind[0])
             ]  # fmt: skip
             unsaid = not kind[0] and any((True, kind[1]) == (p.commanded, p.dimension) for p in left)
             if len(ports) == len(columns) and not unsaid:
@@ -235,7 +236,9 @@ class _Matcher:
                 doubts[place.port.name] = f"{clash[0].name} is in {clash[0].unit}, the port in {place.port.unit}"
         degrees = self._in_degrees(pairs, by_port, by_column)
         found: list[Match] = []
-        for port, name in sorted(pairs.items(), key=lambda pair: pair[0] in self.place_under):  # positions first
+        for port, name in sorted(
+            pairs.items(), key=lambda pair: pair[0] in {**self.place_under, **self.supposed_under}
+        ):  # positions first
             place, column = by_port[port], by_column[name]
             match = Match(port, name, named=is_named(place, column))
             if port in self.given:
@@ -252,6 +255,11 @@ class _Matcher:
     ) -> Match:  # fmt: skip
         stated = column.unit if column.dimension == place.dimension else ""
         under = known.get(self.place_under.get(place.port.name, ""))
+        below = known.get(self.supposed_under.get(place.port.name, ""))
+        if below is not None and not stated:  # no joint says that one is the other's derivative: only the samples do
+            unit, why = self._unit_of_rate(below, column, place, "")
+            if unit is not None and self._rate(below.column, column.name)[0] > 0.9:
+                return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
         if under is not None and place.dimension in ("angular rate", "speed"):
             unit, why = self._unit_of_rate(under, column, place, stated)
             if unit is None:
@@ -314,6 +322,17 @@ class _Matcher:
         return near, f"{text}, though its name says {stated}" if stated and UNITS[near].factor != UNITS[
             stated
         ].factor else text
+
+
+def _only_pair(places: Sequence[Place]) -> dict[str, str]:
+    """Return the only rate of a simulator with its only position, where there is one of each."""
+    found = {}
+    for position, rate in (("angle", "angular rate"), ("length", "speed")):
+        below = [p.port.name for p in places if p.dimension == position and not p.commanded]
+        above = [p.port.name for p in places if p.dimension == rate and not p.commanded]
+        if len(below) == 1 == len(above):
+            found[above[0]] = below[0]
+    return found
 
 
 def _own(place: Place) -> str:

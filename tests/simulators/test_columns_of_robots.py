@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -189,3 +190,47 @@ def test_a_rate_without_a_unit_has_that_of_its_positions_derivative() -> None:
         found, doubts = matches(simulator, ports[:3], frame, t)
         match = next(m for m in found if m.port == "dq")
         assert match.unit == unit and not doubts and bool(match.why) == (unit != "rad/s")
+
+
+def test_an_fmus_log_is_mapped_joined_and_diagnosed_by_the_printed_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``w_m`` is a speed, not a w in metres; the load stands at its start value; friction is tested at a joint."""
+    pytest.importorskip("fmpy")
+    if shutil.which("cc") is None and shutil.which("gcc") is None:
+        pytest.skip("needs a C compiler")
+    from pamid.export.ode_fmu import ode_fmu
+
+    fmu = ode_fmu(
+        "motor", lambda t, x, u, p: [x.w, (p.k * u.voltage + u.load) / p.J], {"q": 0.0, "w": 0.0},
+        {"voltage": 0.0, "load": 0.02}, {"k": 0.05, "J": 2e-3},
+        outputs=lambda t, x, u, p: {"theta": x.q, "w_m": x.w},
+        units={"voltage": "V", "load": "N m", "theta": "rad", "w_m": "rad/s", "J": "kg m^2"},
+    )  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("motor.fmu").write_bytes(fmu)
+    rng, runs = np.random.default_rng(0), []
+    for run in range(3):
+        t, w, q, rows = np.arange(0, 6, 0.02), 0.0, 0.0, []
+        drive = 4 * np.sin((1 + run) * t) + 3 * np.sin(2.3 * t + run)
+        for u in drive:
+            rows.append((q, w))
+            for _ in range(20):
+                w += 1e-3 * (0.05 * u + 0.02 - 4e-3 * w) / 2e-3
+                q += 1e-3 * w
+        theta, speed = np.array(rows).T + [[1e-3], [5e-2]] * rng.standard_normal((2, len(t)))
+        table = {"trajectory": f"r{run}", "time": t, "U_motor": drive, "theta_deg": np.degrees(theta), "w_m": speed}
+        runs.append(pd.DataFrame(table))
+    pd.concat(runs).to_csv("motor.csv", index=False)
+    assert main(["init", "motor.csv", "--sim", "motor.fmu", "--out", "setup", "--yes", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    signals = {name: (entry["column"], entry.get("unit")) for name, entry in said["signals"].items()}
+    assert signals["theta"] == ("theta_deg", "deg") and signals["w_m"] == ("w_m", "rad/s")
+    assert set(said["assumed"]["signals"]) == {"voltage"} and signals["voltage"][0] == "U_motor"
+    page = Path("setup/sim.toml").read_text()
+    assert "start = 0.02" in page and 'through = "load" }  # ASSUMED' in page
+    command = [*said["next"].split()[1:], "--json", "--effects", "viscous_friction,actuator_gain,sensor_gain"]
+    assert main(command) == 0
+    [cause] = json.loads(capsys.readouterr().out)["causes"]
+    assert (cause["effects"], cause["where"]) == (["viscous_friction"], ["joint_of_theta"])
+    assert cause["parameters"]["coefficient"]["value"] == pytest.approx(4e-3, rel=0.1)

@@ -137,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
 def _of_model(args: argparse.Namespace) -> int:
     """Write the mapping of a log where names, units or the clock need one, and the page of a model that has none."""
     from ...systems.draft import draft_for
-    from .._models import columns_of, declare_model, is_plain, lacking, model_page, take
+    from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take
     from .._simulators import MODELS, bare_model, outline
 
     model = Path(args.sim)
@@ -151,6 +151,8 @@ def _of_model(args: argparse.Namespace) -> int:
         assign(draft, pair)
     found, doubts = columns_of(draft, simulator)
     columns = {m.port: m.column for m in found}
+    if not given_page:
+        join(draft, simulator, found)
     if not given_page and is_plain(draft, found) and not doubts and not lacking(simulator, columns, doubts):
         return _page_alone(args, draft, columns, simulator)
     folder = checked_folder(args, FILES[:1] if given_page else FILES)
