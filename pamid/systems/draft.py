@@ -252,12 +252,28 @@ class Draft:
         self.guesses = [
             replace(g, signal="", question="") if g.signal and g.signal not in wanted else g for g in self.guesses
         ]
+        self.guesses = [self._length_or_shortening(g) for g in self.guesses]
         needs_rest = any(g.signal == "eps" and g.source != "value" for g in self.guesses)
         if needs_rest or "length" in set(self.constants).union(*self.file_constants.values()):
             rest = self.numbers.get("rest_length", _TYPICAL["rest_length"])
             self.constants.setdefault("rest_length", f"{rest} m")
         if (clock := self.of("time")) is not None:
             self._look_at_clock(clock.column)
+
+    def _length_or_shortening(self, guess: Guess) -> Guess:
+        """Return a guess of how far a muscle is contracted: what is near its length is one."""
+        rest = self.numbers.get("rest_length")
+        if guess.source != "shortening" or guess.why == "given" or rest is None or guess.high != guess.high:
+            return guess
+        if set(read_header(str(guess.column)).words) & {"shortening", "contraction", "verkürzung", "kontraktion"}:
+            return guess
+        factor = UNITS[guess.unit].factor if guess.unit in UNITS else 1.0
+        half = 0.5 * parse_quantity(rest, "rest_length")
+        low, high = sorted((factor * guess.low * guess.scale, factor * guess.high * guess.scale))
+        if low <= half or high >= 3.0 * half:
+            return guess
+        self.supposed[guess.signal] = "ASSUMED: a length rather than a shortening, as it is near the muscle's own"
+        return replace(guess, source="length")
 
     def _look_at_clock(self, column: str | int) -> None:
         """Note what the clock says of the runs."""
@@ -434,7 +450,7 @@ def _comment(guess: Guess, meaning: str, supposed: str = "") -> str:
     said = [meaning or guess.signal]
     if supposed:
         said.append(supposed)
-    elif not guess.sure:
+    if not guess.sure:
         said.append("unit ASSUMED: check it")
     if guess.is_pressure and guess.why not in ("its name", "given"):
         said.append(guess.why)
