@@ -84,6 +84,16 @@ def outline(page: Path, trust: bool = False) -> Simulator:
     from ..simulators import read_simulator
     from ..simulators.page import read_outline
 
+    code, _, name = str(page).rpartition(":")
+    if code.endswith(".py"):
+        raise ParameterError(
+            f"--sim names the function {name} of {code}; which signals it has, in which units, only a page can say.",
+            "a page beside it",
+            'Write sim.toml with kind = "ode" (rates of states) or "function", '
+            f'[ode] function = "{Path(code).name}:{name}", [ports] such as u = {{ kind = "input", unit = "V" }} and '
+            'x = { kind = "state", unit = "m" }, states in the order of their rates, and [parameters]; then: '
+            "pamid init LOG --sim sim.toml.",
+        )
     if page.suffix.lower() != ".toml":
         raise ParameterError(
             f"--sim names {page}.",

@@ -35,6 +35,9 @@ _LEAD = 0.3
 _SLACK = 0.05
 """Share of its range by which a joint may be driven against its stop, or read beyond it."""
 
+_FAR = math.log(1.5)
+"""Logarithm of the factor up to which a rate is in the nearest unit: the nearest two, deg/s and rpm, are 6 apart."""
+
 
 @dataclass(frozen=True)
 class Match:
@@ -316,9 +319,11 @@ class _Matcher:
         near = min(
             units, key=lambda u: (round(abs(math.log(UNITS[u].factor / factor)), 2), u != stated, u != _own(place))
         )
-        if abs(math.log(UNITS[near].factor / factor)) > 0.15 + (1.0 - r):
+        off = abs(math.log(UNITS[near].factor / factor))
+        if off > _FAR:
             return None, f"{column.name} is {1.0 / factor:.3g} times the derivative of {under.column}"
-        text = f"the derivative of {under.column} in {near}"
+        times = f"{UNITS[near].factor / factor:.3g} times " if off > _SLACK else ""
+        text = f"{times}the derivative of {under.column} in {near}"
         return near, f"{text}, though its name says {stated}" if stated and UNITS[near].factor != UNITS[
             stated
         ].factor else text

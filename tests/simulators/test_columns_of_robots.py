@@ -122,6 +122,9 @@ def test_a_reading_that_contradicts_its_position_is_doubtful(
     said = drafted(tmp_path, frame, capsys)
     assert "DOUBTFUL" in said["assumed"]["signals"]["elbow_joint_dq"]
     assert "DOUBTFUL" not in said["assumed"]["signals"]["shoulder_pan_joint_dq"]
+    frame["actual_qd_0"] *= 0.85
+    said = drafted(tmp_path, frame, capsys)
+    assert "0.85 times the derivative of actual_q_0 in rad/s" in said["assumed"]["signals"]["shoulder_pan_joint_dq"]
 
 
 def test_columns_that_say_nothing_stay_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,6 +178,16 @@ def test_a_unit_of_something_else_is_refused(tmp_path: Path, capsys: pytest.Capt
     assert "u [%] is in %, the port in V" in said["missing"][0]
     assert main([*command, "--force", "--signal", "u=u [%]"]) == 2
     assert "--signal 'u=u [%]*FACTOR'" in capsys.readouterr().err
+
+
+def test_a_function_without_a_page_is_answered_with_the_page_to_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t = np.arange(0.0, 5.0, 0.01)
+    command = motor(tmp_path, {"time": t, "x": np.sin(t)})
+    command[command.index("--sim") + 1] = str(tmp_path / "motor.py") + ":rates"
+    assert main(command) == 2
+    assert '[ode] function = "motor.py:rates"' in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_rate_without_a_unit_has_that_of_its_positions_derivative() -> None:

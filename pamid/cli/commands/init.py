@@ -33,6 +33,7 @@ from .._drafting import (
     trusted,
     write,
 )
+from .._simulators import add_trust_option
 from ..common import add_command, print_json, table
 
 if TYPE_CHECKING:
@@ -80,11 +81,7 @@ def add_parser(subparsers: Any) -> None:
         help="a MuJoCo model (.xml), an FMU, or the page of a simulator (.toml): find the columns of its ports, and "
         "write a page where there is none",
     )
-    parser.add_argument(
-        "--trust",
-        action="store_true",
-        help="the code that the page names may run; only a page that says no ports needs it",
-    )
+    add_trust_option(parser)
     parser.add_argument(
         "--equation",
         metavar="LEFT=RIGHT",
