@@ -54,11 +54,25 @@ def show(draft: Draft) -> None:
             f"{g.high:.4g}" if g.high == g.high else "",
             g.signal or "-",
             unit(g),
-            "given" if g.why == "given" else "?" if g.question else "" if g.sure or not g.signal else "assumed",
+            _how(draft, g),
         ]
         for g in draft.guesses
     ]
     print(table(["column" if named else "position", "lowest", "highest", "signal", "unit", ""], rows) + "\n")
+
+
+def _how(draft: Draft, guess: Guess) -> str:
+    if guess.signal in draft.supposed:
+        return draft.supposed[guess.signal]
+    return (
+        "given"
+        if guess.why == "given"
+        else "?"
+        if guess.question
+        else ""
+        if guess.sure or not guess.signal
+        else "assumed"
+    )
 
 
 def unit(guess: Any) -> str:
@@ -240,9 +254,9 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
 
 
 # --- writing ------------------------------------------------------------------------------------------------
-def checked_folder(args: argparse.Namespace) -> Path:
-    folder = check_folder(args.out, FILES, parents=True)
-    there = [name for name in FILES if (folder / name).exists()]
+def checked_folder(args: argparse.Namespace, files: Sequence[str] = FILES) -> Path:
+    folder = check_folder(args.out, tuple(files), parents=True)
+    there = [name for name in files if (folder / name).exists()]
     if there and not args.force:
         raise OutputError(
             f"{' and '.join(str(folder / name) for name in there)} exist already.",
@@ -282,8 +296,10 @@ def disagreement(draft: Draft, log: Any) -> str:
 
 
 def write(draft: Draft, folder: Path) -> list[Path]:
-    texts = {"columns.toml": draft.columns_text(), "sim.toml": draft.page_text()}
-    with replacing_together(folder, FILES, parents=True) as stage:
+    texts = {"columns.toml": draft.columns_text()}
+    if draft.own_page is None:
+        texts["sim.toml"] = draft.page_text()
+    with replacing_together(folder, tuple(texts), parents=True) as stage:
         for name, text in texts.items():
             write_whole(stage / name, text)
     return [folder / name for name in texts]
@@ -298,10 +314,13 @@ def trusted(draft: Draft) -> str:
     return " --trust" if draft.runs_code else ""
 
 
-def tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str) -> None:
+def tell(
+    args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], doubt: str, missing: Sequence[str] = ()
+) -> None:
     unsure = [g.signal for g in draft.guesses if g.signal and not g.sure]
+    guessed = list(draft.supposed)
     assumed = list(draft.assumed())
-    options = f"--columns {quoted([files[0]])} --sim {quoted([files[1]])}{trusted(draft)}"
+    options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
     command, out = ("diagnose", " --out diagnosis") if draft.ports else ("check", "")
     follow = f"pamid {command} {quoted(args.log)} {options}{out}"
     if args.json:
@@ -310,11 +329,12 @@ def tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], do
                 "kind": draft.kind,
                 "files": {path.name: str(path) for path in files},
                 "signals": draft.mapping()["signals"],
-                "assumed": {"units": unsure, "numbers": assumed},
+                "assumed": {"units": unsure, "numbers": assumed, **({"signals": draft.supposed} if guessed else {})},
+                **({"missing": list(missing)} if missing else {}),
                 "rows": len(log),
                 "trajectories": [str(name) for name in log["trajectory"].unique()],
                 "doubts": [doubt] if doubt else [],
-                "next": follow,
+                "next": "" if missing else follow,
             }
         )
         return
@@ -327,11 +347,14 @@ def tell(args: argparse.Namespace, draft: Draft, log: Any, files: list[Path], do
     print(table(["signal", "lowest", "highest", "unit"], rows) + "\n")
     for path in files:
         print(f"wrote {path}")
-    if unsure or assumed:
-        what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed])
+    if unsure or assumed or guessed:
+        what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed, *(f"the column of {s}" for s in guessed)])
         note(args, f"assumed: {what}. Look for ASSUMED in the files and correct it.")
     if doubt:
         note(args, f"{doubt}. Correct it before anything is made of this log.")
+    if missing:
+        print("\nThis log and simulator cannot be compared yet:", *missing, sep="\n  ")
+        return
     print(f"\nnext: {follow}")
 
 

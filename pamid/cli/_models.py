@@ -2,61 +2,130 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..simulators import Port, Simulator
-    from ..systems.draft import Draft
+    import numpy as np
 
-_ROLES = {
-    "input": {
-        "cmd",
-        "command",
-        "commanded",
-        "des",
-        "desired",
-        "ref",
-        "reference",
-        "target",
-        "ctrl",
-        "setpoint",
-        "goal",
-    },
-    "speed": {"dq", "qd", "qvel", "vel", "velocity", "speed", "omega", "rate"},
-    "place": {"q", "qpos", "pos", "position", "angle", "theta", "encoder"},
-}
-"""What logs call a command, a speed and a position; the first that a name says is what it is."""
+    from ..simulators import Port, Simulator
+    from ..simulators.matching import Match
+    from ..systems.draft import Draft
 
 
 def declare_model(draft: Draft, simulator: Simulator) -> None:
     """Give a draft the signals of a model: its inputs, readings and states."""
     from ..systems.base import Input
 
-    draft.ports = tuple(Input(p.name, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
+    draft.ports = tuple(Input(p.source, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
     draft.runs_code = simulator.executes
+    for port in _signals(simulator):  # a page may say the column itself
+        if port.column in (str(g.column) for g in draft.guesses):
+            draft.assign(port.column, port.column)
 
 
-def columns_of(draft: Draft, simulator: Simulator) -> dict[str, str]:
-    """Return the column that each port of a model probably is, those that were given among them."""
-    found = {g.signal: str(g.column) for g in draft.guesses if g.signal not in ("", "time", "trajectory")}
-    for port in _signals(simulator):
-        taken = {*found.values(), *(str(g.column) for g in draft.guesses if g.signal in ("time", "trajectory"))}
-        if port.name not in found and draft.table.named:
-            free = [str(g.column) for g in draft.guesses if str(g.column) not in taken]
-            if column := _likeliest(port, free, _signals(simulator)):
-                found[port.name] = column
-    return found
+def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[str, str]]:
+    """Return the column that each port of a model probably is, beside those that were given, and what is doubtful."""
+    from ..simulators.matching import matches
+
+    said = {g.signal: (str(g.column), g.unit or "") for g in draft.guesses if g.signal}
+    ports = _signals(simulator)
+    given = {p.name: said[p.source] for p in ports if p.source in said}
+    t, frame = first_run(draft)
+    return matches(simulator, ports, frame, t, given)
 
 
-def is_plain(draft: Draft) -> bool:
+def first_run(draft: Draft) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the times of the first run, s, and its columns of numbers, clock and names of runs aside."""
+    import numpy as np
+
+    from ..signals.units import UNITS
+
+    def numbers(column: str | int) -> np.ndarray | None:
+        try:
+            return np.asarray(draft.table.frame[column].to_numpy(dtype=float, na_value=np.nan))
+        except (KeyError, TypeError, ValueError):
+            return None
+
+    if not draft.table.named:
+        return np.zeros(0), {}
+    named = [g.column for g in draft.guesses if g.signal not in ("time", "trajectory")]
+    found = {str(name): x for name in named if (x := numbers(name)) is not None and x.ndim == 1}
+    clock = draft.of("time")
+    t = np.arange(len(draft.table.frame), dtype=float)
+    if clock is not None and (ticks := numbers(clock.column)) is not None:
+        t = ticks * (UNITS[clock.unit].factor if clock.unit in UNITS else 1.0)
+    ends = np.flatnonzero(np.diff(t) <= 0.0)
+    end = int(ends[0]) + 1 if len(ends) else len(t)
+    return t[:end], {name: x[:end] for name, x in found.items()}
+
+
+def take(draft: Draft, simulator: Simulator, found: Sequence[Match], doubts: Mapping[str, str]) -> None:
+    """Assign to a draft what was found; what is guessed is marked in its files."""
+    sources = {p.name: p.source for p in _signals(simulator)}
+    for match in found:
+        signal = sources[match.port]
+        draft.assign(signal, match.column, match.unit)
+        draft.suppose(signal, f"ASSUMED: {match.why}" if match.why else "")
+    for port, doubt in doubts.items():
+        if draft.of(sources[port]) is not None:
+            draft.suppose(sources[port], f"ASSUMED, DOUBTFUL: {doubt}")
+
+
+def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
+    """Declare the joint of an FMU where samples and units tell one, so that friction can be tested there; its name."""
+    from ..simulators import Port
+    from ..simulators.likeness import dimension
+    from ..simulators.motion import rate_between
+
+    t, frame = first_run(draft)
+    said = {g.signal: str(g.column) for g in draft.guesses if g.signal} | {m.port: m.column for m in found}
+    if simulator.kind != "fmu" or any(p.kind == "joint" for p in simulator.ports):
+        return ""
+    for position, rate, force in (("angle", "angular rate", "torque"), ("length", "speed", "force")):
+        kinds = {p.name: (p.kind, dimension(p.unit)) for p in simulator.ports}
+        free = [n for n, kind in kinds.items() if kind == ("input", force) and n not in said]
+        pairs = [
+            (q, v)
+            for q, of_q in kinds.items()
+            for v, of_v in kinds.items()
+            if of_q == ("output", position) and of_v == ("output", rate) and {q, v} <= set(said)
+            if rate_between(t, frame[said[q]], frame[said[v]])[0] > 0.9
+        ]
+        if len(free) == 1 == len(pairs):
+            (q, v), through = pairs[0], free[0]
+            unit = simulator.port(through).unit
+            joint = Port(f"joint_of_{q}", "joint", unit, position=q, velocity=v, through=through)
+            simulator.ports = (*simulator.ports, joint)
+            return joint.name
+    return ""
+
+
+def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[str, str]) -> list[str]:
+    """Return what a log still lacks before a simulator can be compared with it, and how to say it."""
+    signals = _signals(simulator)
+    wanted = [p for p in signals if p.kind == "input" and p.start == 0.0 and p.name not in columns]
+    acting = {p.through for p in simulator.ports if p.through}
+    if any(p.kind == "input" and p.name in columns for p in signals):
+        wanted = [p for p in wanted if p.name not in acting]  # none by itself, as a disturbance is
+    read = [p for p in signals if p.kind != "input"]
+    wanted += [] if any(p.name in columns for p in read) else read[:1]
+    return [
+        f"no column is known for {p.source}{f' ({doubts[p.name]})' if p.name in doubts else ''}: add "
+        f"--signal {p.source}=COLUMN{f':{p.unit}' if _plain(p.unit) else ''}"
+        + (f", or start = VALUE to the port {p.name} of the page if it stands still" if p.kind == "input" else "")
+        for p in wanted
+    ]
+
+
+def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     """Tell whether a page alone can say what the columns of a log are: its clock and runs need no mapping."""
     clock, run = draft.of("time"), draft.of("trajectory")
     ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
-    return ticks and not given and (run is None or run.column == "trajectory")
+    converted = any(m.unit and m.unit != (draft.unit_of(m.port) or m.unit) for m in found)
+    return ticks and not given and not converted and (run is None or run.column == "trajectory")
 
 
 def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, mapped: bool) -> str:
@@ -88,77 +157,18 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
             lines[k] += "  # ASSUMED: replace the column or confirm it"
         elif name in unknown:
             lines[k] += '  # add column = "..." if the log has it'
+        elif name.startswith("joint_of_"):
+            lines[k] += "  # ASSUMED, by units and samples: friction is tested here"
         elif line == "[parameters]":
             lines[k] += "  # a tolerance of 0 holds a number fixed: say how well you know each"
     return "\n".join(lines) + "\n"
 
 
 def _signals(simulator: Simulator) -> list[Port]:
-    """Return the ports that a log may have a column of."""
-    hidden = {p.through for p in simulator.ports if p.through}
+    """Return the ports that a log may have a column of; torques that MuJoCo adds beside its actuators are none."""
+    hidden = {p.through for p in simulator.ports if p.through and not p.column and simulator.kind == "mujoco"}
     return [p for p in simulator.ports if p.kind in ("input", "output", "state") and p.name not in hidden]
 
 
 def _plain(unit: str) -> str:
     return "" if unit == "-" else unit
-
-
-def _likeliest(port: Port, columns: list[str], ports: Sequence[Port]) -> str:
-    """Return the column whose name is nearest to a port's and says nothing else; empty where none is near."""
-    import difflib
-
-    wanted, role = _letters(port.name), _role_of(port)
-    others = {"input"} if role == "output" else _ROLES.keys() - {role}  # a reading may be of any motion
-    plain = {_letters(_bare(c)): c for c in columns if _said(c) not in others}
-    if wanted in plain:
-        return plain[wanted]
-    stem = _letters(port.name.removesuffix("_dq").removesuffix("_q").removesuffix("_ctrl"))
-    own = [c for letters, c in plain.items() if stem in letters and _said(c)]
-    alone = [c for c in plain.values() if _said(c)] if sum(_role_of(p) == role for p in ports) == 1 else []
-    inside = [c for letters, c in plain.items() if len(letters) > 1 and (letters in wanted or wanted in letters)]
-    for found in (own, inside, alone):
-        if len(found) == 1:
-            return found[0]
-    if close := difflib.get_close_matches(wanted, plain, n=1, cutoff=0.75):
-        return plain[close[0]]
-    # A unit tells where no other port and no other column has one of its kind.
-    kind = _dimension(port.unit)
-    alike = [c for c in plain.values() if kind and _dimension(_unit(c)) == kind]
-    return alike[0] if len(alike) == 1 and sum(_dimension(p.unit) == kind for p in ports) == 1 else ""
-
-
-def _role_of(port: Port) -> str:
-    """Return the role in which a log writes a port down."""
-    return port.kind if port.kind != "state" else "speed" if port.name.endswith("_dq") else "place"
-
-
-def _said(column: str) -> str:
-    """Return the role that a column's name says; empty where it says none."""
-    words = re.findall("[a-z]+", _bare(column))
-    return next((role for role, known in _ROLES.items() if any(w in known for w in words)), "")
-
-
-def _bare(column: str) -> str:
-    """Return the words of a column's name in small letters, without its unit."""
-    from ..signals.headers import read_header
-
-    return " ".join(read_header(column).words)
-
-
-def _unit(column: str) -> str:
-    from ..signals.headers import read_header
-
-    return read_header(column).unit or ""
-
-
-def _dimension(unit: str) -> str:
-    """Return the dimension of a unit; empty where it is not known."""
-    from ..signals.unit_names import unit_name
-    from ..signals.units import UNITS
-
-    found = unit_name(unit) if unit else None
-    return UNITS[found].dimension if found else ""
-
-
-def _letters(name: str) -> str:
-    return "".join(c for c in name.lower() if c.isalnum())

@@ -81,6 +81,31 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
     return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
 
 
+def outline(page: Path, trust: bool = False) -> Simulator:
+    """Return the ports that a page says; without trust nothing runs."""
+    from ..errors import ParameterError
+    from ..simulators import read_simulator
+    from ..simulators.page import read_outline
+
+    code, _, name = str(page).rpartition(":")
+    if code.endswith(".py"):
+        raise ParameterError(
+            f"--sim names the function {name} of {code}; which signals it has, in which units, only a page can say.",
+            "a page beside it",
+            'Write sim.toml with kind = "ode" (rates of states) or "function", '
+            f'[ode] function = "{Path(code).name}:{name}", [ports] such as u = {{ kind = "input", unit = "V" }} and '
+            'x = { kind = "state", unit = "m" }, states in the order of their rates, and [parameters]; then: '
+            "pamid init LOG --sim sim.toml.",
+        )
+    if page.suffix.lower() != ".toml":
+        raise ParameterError(
+            f"--sim names {page}.",
+            f"a model or a page: {', '.join(MODELS)} or .toml",
+            "Name the model itself, or write a page for it: docs/simulators.md.",
+        )
+    return read_simulator(page, trust=True) if trust else read_outline(page)
+
+
 def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> list[str]:
     """Write a corrected simulator into a stage that becomes a folder; what does not load and run there is left out.
 

@@ -64,6 +64,14 @@ class Simulator:
         for port in self.ports:
             self._check_links(port)
 
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Return the range of the ports that have one, in their units."""
+        return {}
+
+    def driven(self) -> dict[str, str]:
+        """Return the joint that an input drives, by input, where the simulator knows it."""
+        return {}
+
     def _check_links(self, port: Port) -> None:
         for what in ("position", "velocity", "level"):
             named = getattr(port, what)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import math
 import os
 import re
 import select
@@ -100,7 +101,7 @@ class FmuSimulator(Simulator):
         self._names = _distinct([v["name"] for v in self.described["variables"]])
         plain = {name: own for own, name in self._names.items()}
         own = [
-            Port(plain[v["name"]], v["causality"], v["unit"])
+            Port(plain[v["name"]], v["causality"], v["unit"], start=_start(v) if v["causality"] == "input" else 0.0)
             for v in self.described["variables"]
             if v["causality"] in ("input", "output") and v["type"] in _NUMERIC
         ]
@@ -275,6 +276,15 @@ def _end(process: subprocess.Popen[bytes], remove: Callable[[], object]) -> None
             with contextlib.suppress(OSError):
                 stream.close()
     remove()
+
+
+def _start(variable: Mapping[str, Any]) -> float:
+    """Return the value at which a variable stands where nobody says another; 0 where the FMU says none."""
+    try:
+        value = float(variable["start"])
+    except ValueError:
+        return 0.0
+    return value if math.isfinite(value) else 0.0
 
 
 def _plain(name: str) -> str:

@@ -115,6 +115,26 @@ class MujocoSimulator(Simulator):
         """Return for each joint its armature, and its inertia where the model begins."""
         return {j: (f"dof_armature.{j}", float(M)) for j, M in zip(self._joints, self._own_inertias, strict=True)}
 
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Return the ranges of joints that have stops, and of commands that are limited."""
+        m, found = self._m, {}
+        for k, name in enumerate(self._joints):
+            if m.jnt_limited[k]:
+                found[f"{name}_q"] = (float(m.jnt_range[k, 0]), float(m.jnt_range[k, 1]))
+        for k, name in enumerate(self._actuators):
+            if m.actuator_ctrllimited[k]:
+                found[name] = (float(m.actuator_ctrlrange[k, 0]), float(m.actuator_ctrlrange[k, 1]))
+        return found
+
+    def driven(self) -> dict[str, str]:
+        """Return the joint of each actuator that acts on one."""
+        m, at = self._m, int(_mujoco().mjtTrn.mjTRN_JOINT)
+        return {
+            name: self._joints[int(m.actuator_trnid[k, 0])]
+            for k, name in enumerate(self._actuators)
+            if int(m.actuator_trntype[k]) == at
+        }
+
     def _slot(self, name: str) -> tuple[Any, Any]:
         """Return the array of the model that holds a parameter, and where."""
         kind, _, thing = name.partition(".")

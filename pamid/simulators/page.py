@@ -132,6 +132,57 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
 
+def read_outline(path: str | Path) -> Simulator:
+    """Read what a page says of ports; nothing that it names is run, so the simulator itself cannot be asked.
+
+    Parameters
+    ----------
+    path : path-like
+        The page.
+
+    Returns
+    -------
+    Simulator
+        The simulator itself where its kind runs no code, otherwise its ports alone.
+
+    Raises
+    ------
+    UntrustedCodeError
+        The page names code and says no signals: only the code knows them.
+    SimulatorFileError, ParameterError
+        The page is missing, no TOML, or says something that cannot be.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from pamid.simulators.page import read_outline
+    >>> page = '''
+    ... kind = "ode"
+    ... [ode]
+    ... function = "motor.py:rates"
+    ... [ports]
+    ... voltage = { kind = "input", unit = "V" }
+    ... speed = { kind = "state", unit = "rad/s" }
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = (pathlib.Path(folder) / "sim.toml").write_text(page)
+    ...     read_outline(pathlib.Path(folder) / "sim.toml").states
+    ('speed',)
+    """
+    raw = read_toml(path, "a simulator file", _ERRORS)
+    known = simulator_kinds().get(raw.get("kind", ""))
+    if known is None or not known.executes:
+        return read_simulator(path)
+    try:
+        ports = [_port(name, given) for name, given in _table(raw, "ports").items()]
+        outline = Simulator(ports)
+    except (SimulatorFileError, ParameterError) as error:
+        raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
+    if not outline.inputs and not outline.states and not outline.outputs:
+        return read_simulator(path)
+    return outline
+
+
 def _table(raw: Mapping[str, Any], name: str) -> dict[str, Any]:
     table = raw.get(name, {})
     if not isinstance(table, dict):

@@ -153,7 +153,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     if lacking:
         raise MissingColumnError(
             f"The log lacks {', '.join(lacking)}; it has {has}.",
-            f"a column for each input: {', '.join(p.source for p in signals if p.kind == 'input') or 'none'}",
+            f"time, and a column for each input: {', '.join(p.source for p in wanted if p.name not in mute) or 'none'}",
             "Name the columns in [ports], or map them ('pamid init' writes both).",
         )
     if not any(p.kind in ("output", "state") for p in there):

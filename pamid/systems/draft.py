@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MappingError, UnknownOptionError
+from ..errors import MappingError, UnitError, UnknownOptionError
 from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
 from ..signals.headers import read_header
@@ -64,6 +64,10 @@ class Draft:
         Their page.
     runs_code : bool
         Whether what the page names runs code of its own, as an FMU does.
+    supposed : dict of str to str
+        What nobody has said of a signal's column or unit, and why it is taken so.
+    own_page : Path or None
+        The page, where the user has one: none is written.
     """
 
     paths: list[Path]
@@ -77,6 +81,8 @@ class Draft:
     ports: tuple[Input, ...] = ()
     page: str = ""
     runs_code: bool = False
+    supposed: dict[str, str] = field(default_factory=dict)
+    own_page: Path | None = None
 
     @property
     def table(self) -> RawTable:
@@ -91,6 +97,16 @@ class Draft:
         if isinstance(name, int):
             return pd.concat([f.iloc[:, name] for f in frames if f.shape[1] > name], ignore_index=True)
         return pd.concat([f[name] for f in frames if name in f.columns], ignore_index=True)
+
+    def unit_of(self, signal: str) -> str:
+        """Return the unit of a signal as `pamid.signals.UNITS` names it; empty where it has none that is known."""
+        found = next((i.unit for i in self.inputs() if i.name == signal), "")
+        return (unit_name(found) or "") if found else ""
+
+    def suppose(self, signal: str, why: str) -> None:
+        """Mark what is taken for a signal as nobody's word; an empty reason unmarks it."""
+        self.supposed = {k: v for k, v in self.supposed.items() if k != signal} | ({signal: why} if why else {})
+        self.guesses = [replace(g, why="found", sure=True) if g.signal == signal else g for g in self.guesses]
 
     @property
     def title(self) -> str:
@@ -156,6 +172,7 @@ class Draft:
         MappingError, UnitError
             There is no such column, or the unit is unknown or of another dimension.
         """
+        self._check_dimension(signal, column, unit, scale)
         source = "value"
         if signal in ("length", "shortening"):
             signal, source = "eps", signal
@@ -183,6 +200,19 @@ class Draft:
             guess = replace(guess, unit=None, scale=scale)
         self._clear(signal)
         self.guesses[position] = replace(guess, sure=guess.sure or bool(stated) or scale != 1.0)
+
+    def _check_dimension(self, signal: str, column: str, unit: str, scale: float) -> None:
+        """Refuse a column in a unit of something else than the port of a simulator that it is said to be."""
+        port = next((i for i in self.ports if i.name == signal), None)
+        said = unit or (read_header(column).unit if scale == 1.0 and read_header(column).bracketed else "")
+        found, wanted = unit_name(said) if said else None, unit_name(port.unit) if port and port.unit else None
+        if found in (None, "-", "1") or wanted is None or UNITS[found].dimension == UNITS[wanted].dimension:
+            return
+        raise UnitError(
+            f"The column {column!r} is in {found}, a {UNITS[found].dimension}; {signal} is in {wanted}.",
+            f"a {UNITS[wanted].dimension}",
+            f"If it is, say how many {wanted} one {found} is: --signal '{signal}={column}*FACTOR'.",
+        )
 
     def _own_unit(self, name: str | int, signal: str, source: str) -> str:
         """Return the unit in the header of a column, where it suits the signal that the column is said to be."""
@@ -222,12 +252,28 @@ class Draft:
         self.guesses = [
             replace(g, signal="", question="") if g.signal and g.signal not in wanted else g for g in self.guesses
         ]
+        self.guesses = [self._length_or_shortening(g) for g in self.guesses]
         needs_rest = any(g.signal == "eps" and g.source != "value" for g in self.guesses)
         if needs_rest or "length" in set(self.constants).union(*self.file_constants.values()):
             rest = self.numbers.get("rest_length", _TYPICAL["rest_length"])
             self.constants.setdefault("rest_length", f"{rest} m")
         if (clock := self.of("time")) is not None:
             self._look_at_clock(clock.column)
+
+    def _length_or_shortening(self, guess: Guess) -> Guess:
+        """Return a guess of how far a muscle is contracted: what is near its length is one."""
+        rest = self.numbers.get("rest_length")
+        if guess.source != "shortening" or guess.why == "given" or rest is None or guess.high != guess.high:
+            return guess
+        if set(read_header(str(guess.column)).words) & {"shortening", "contraction", "verkürzung", "kontraktion"}:
+            return guess
+        factor = UNITS[guess.unit].factor if guess.unit in UNITS else 1.0
+        half = 0.5 * parse_quantity(rest, "rest_length")
+        low, high = sorted((factor * guess.low * guess.scale, factor * guess.high * guess.scale))
+        if low <= half or high >= 3.0 * half:
+            return guess
+        self.supposed[guess.signal] = "ASSUMED: a length rather than a shortening, as it is near the muscle's own"
+        return replace(guess, source="length")
 
     def _look_at_clock(self, column: str | int) -> None:
         """Note what the clock says of the runs."""
@@ -299,7 +345,11 @@ class Draft:
     def columns_text(self) -> str:
         """Return the mapping file."""
         meaning = {i.name: i.meaning for i in self.inputs()}
-        comments = {g.signal: _comment(g, meaning.get(g.signal, "")) for g in self.guesses if g.signal}
+        comments = {
+            g.signal: _comment(g, meaning.get(g.signal, ""), self.supposed.get(g.signal, ""))
+            for g in self.guesses
+            if g.signal
+        }
         unused = [f"{g.column}: {g.low:.4g} to {g.high:.4g}" for g in self.guesses if not g.signal]
         unused += [f"beside the samples: {k} = {v}" for k, v in list(self.table.head.items())[:20]]
         whole = self.mapping()
@@ -396,8 +446,10 @@ def _told_kind(guesses: Sequence[Guess]) -> str:
     return kind if words & _STROKE else ""
 
 
-def _comment(guess: Guess, meaning: str) -> str:
+def _comment(guess: Guess, meaning: str, supposed: str = "") -> str:
     said = [meaning or guess.signal]
+    if supposed:
+        said.append(supposed)
     if not guess.sure:
         said.append("unit ASSUMED: check it")
     if guess.is_pressure and guess.why not in ("its name", "given"):

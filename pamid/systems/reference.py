@@ -137,7 +137,10 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
         return ""
     size = next((q.name for q in system.numbers if q.default is None and q.unit == "m"), "size")
     if ratio < 0:
-        return "The force has the opposite sign of what the pressure makes: turn it with a factor of -1"
+        return (
+            "The force has the opposite sign of what pressure and size make it: its sign, or the column or kind of the "
+            "position (length or shortening), is wrong"
+        )
     times = f"{ratio:.2g} times larger" if ratio > 1 else f"{1 / ratio:.2g} times smaller"
     return f"The force is {times} than pressure and size make it: a unit of F or P, or the {size}, is wrong"
 

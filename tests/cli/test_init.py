@@ -454,3 +454,19 @@ def test_an_input_that_ends_takes_the_defaults(muscle, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal(""))
     assert main(["init", str(muscle), "--kind", "muscle", "--out", str(tmp_path / "a"), "--quiet"]) == 0
     assert "ASSUMED" in (tmp_path / "a" / "sim.toml").read_text()
+
+
+@pytest.mark.parametrize("name", ["Longueur (mm)", "laser [mm]", "dist_mm", "x [mm]"])
+def test_a_position_near_a_muscles_own_length_is_a_length(name, tmp_path, capsys):
+    t = np.arange(0, 10, 0.01)
+    length = 180 - 20 * np.sin(t)
+    for values, source in ((length, "length"), (200 - length, "shortening")):
+        table = {"t [s]": t, "p [bar]": 3 + np.sin(1.7 * t), name: values, "F [N]": 200 + 50 * np.sin(1.7 * t)}
+        pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+        numbers = ["--set", "rest_length=200 mm", "--set", "rest_diameter=20 mm", "--assume", "gauge", "--yes"]
+        argv = ["init", str(tmp_path / "log.csv"), "--kind", "muscle", *numbers, "--out", str(tmp_path / source)]
+        assert main([*argv, "--json"]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert said["signals"]["eps"]["source"] == source
+        assert ("eps" in said["assumed"].get("signals", {})) == (source == "length")
+        assert all("turn" not in doubt for doubt in said["doubts"])

@@ -33,6 +33,7 @@ from .._drafting import (
     trusted,
     write,
 )
+from .._simulators import add_trust_option
 from ..common import add_command, print_json, table
 
 if TYPE_CHECKING:
@@ -77,8 +78,10 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--sim",
         metavar="MODEL",
-        help="a MuJoCo model (.xml) or an FMU: write the page of its ports, with the columns that they probably are",
+        help="a MuJoCo model (.xml), an FMU, or the page of a simulator (.toml): find the columns of its ports, and "
+        "write a page where there is none",
     )
+    add_trust_option(parser)
     parser.add_argument(
         "--equation",
         metavar="LEFT=RIGHT",
@@ -129,32 +132,37 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_model(args: argparse.Namespace) -> int:
-    """Write the page of a model, and the mapping of its log where names, units or the clock need one."""
+    """Write the mapping of a log where names, units or the clock need one, and the page of a model that has none."""
     from ...systems.draft import draft_for
-    from .._models import columns_of, declare_model, is_plain, model_page
-    from .._simulators import MODELS, bare_model
+    from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take
+    from .._simulators import MODELS, bare_model, outline
 
     model = Path(args.sim)
-    if model.suffix.lower() not in MODELS:
-        raise ParameterError(f"--sim names {model}.", f"a model: {' or '.join(MODELS)}", "Name the model itself.")
-    draft, simulator = draft_for(args.log), bare_model(model)
+    given_page = model.suffix.lower() not in MODELS
+    draft = draft_for(args.log)
+    simulator = outline(model, args.trust) if given_page else bare_model(model)
+    draft.own_page = model if given_page else None
     draft.clear()
     declare_model(draft, simulator)
     for pair in args.signal:
         assign(draft, pair)
-    columns = columns_of(draft, simulator)
-    if is_plain(draft):
+    found, doubts = columns_of(draft, simulator)
+    columns = {m.port: m.column for m in found}
+    if not given_page:
+        join(draft, simulator, found)
+    if not given_page and is_plain(draft, found) and not doubts and not lacking(simulator, columns, doubts):
         return _page_alone(args, draft, columns, simulator)
-    folder = checked_folder(args)
-    for port, column in columns.items():
-        if draft.of(port) is None:
-            draft.assign(port, column)
+    folder = checked_folder(args, FILES[:1] if given_page else FILES)
+    take(draft, simulator, found, doubts)
     draft.settle()
     log = tried(draft, draft.read)
-    draft.page = model_page(simulator, columns, folder, mapped=True)
+    known = {p.name: p.source for p in simulator.ports if draft.of(p.source) is not None}
+    missing = lacking(simulator, known, doubts)
+    if not given_page:
+        draft.page = model_page(simulator, known, folder, mapped=True)
     if not args.json:
         show(draft)
-    tell(args, draft, log, write(draft, folder), "")
+    tell(args, draft, log, write(draft, folder), "", missing)
     return 0
 
 

@@ -1,0 +1,294 @@
+"""How far a column of a log may be a port of a simulator: by name, role, unit and range, each a sign of its own."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..signals.headers import read_header
+from ..signals.unit_names import unit_name
+from ..signals.units import UNITS
+from .ports import Port
+
+EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
+"""What signs count for: a name that is a port's own counts for more than all others together."""
+_COMMANDED = frozenset(
+    ("cmd", "command", "commanded", "commands", "des", "desired", "ref", "reference", "target", "ctrl", "control",
+     "setpoint", "goal", "action", "actions", "soll", "sollwert", "wanted", "sp", "d")
+)  # fmt: skip
+_MEASURED = frozenset(
+    ("actual", "measured", "meas", "feedback", "fb", "observation", "obs", "present", "ist", "istwert", "encoder",
+     "estimated", "est")
+)  # fmt: skip
+_QUANTITIES = {
+    "velocity": {"dq", "qd", "qdot", "qvel", "dpos", "vel", "velocity", "velocities", "speed", "omega", "rate"},
+    "position": {"q", "qpos", "pos", "position", "positions", "angle", "angles", "theta", "encoder"},
+    "effort": {"tau", "torque", "torques", "effort", "efforts", "trq", "current", "pwm"},
+    "acceleration": {"ddq", "qdd", "qacc", "acc", "accel", "acceleration"},
+    "temperature": {"temp", "temperature", "temperatures"},
+}
+_BY_DIMENSION = {
+    "angle": "position", "length": "position", "angular rate": "velocity", "speed": "velocity", "torque": "effort",
+    "temperature": "temperature", "acceleration": "acceleration", "angular acceleration": "acceleration",
+}  # fmt: skip
+_SYMBOLS = {
+    "voltage": {"u", "v", "volt", "voltage", "spannung"}, "current": {"i", "iq", "current", "strom"},
+    "pressure": {"p", "pressure", "druck"}, "force": {"f", "force", "kraft"},
+    "torque": {"tau", "torque", "moment", "drehmoment"}, "length": {"x", "y", "z", "position", "pos", "weg", "hub"},
+    "angle": {"phi", "theta", "q", "angle", "winkel", "encoder"},
+    "angular rate": {"w", "omega", "n", "speed", "drehzahl"}, "speed": {"v", "velocity", "speed"},
+    "mass flow": {"mdot", "flow"}, "temperature": {"temp", "temperature", "temperatur"},
+}  # fmt: skip
+"""What quantities without a unit are called."""
+_FILLING = frozenset(("state", "states", "joint", "joints", "motor", "motors", "dof"))
+_TOGETHER = {("q", "dot"): "dq", ("d", "q"): "dq", ("dd", "q"): "ddq"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """What the header of a column says.
+
+    Parameters
+    ----------
+    name : str
+        The header.
+    words : tuple of str
+        What it names, without role, quantity and unit.
+    commanded, measured : bool
+        Whether it says that it is a command, or a reading.
+    quantity : str
+        ``"position"``, ``"velocity"``, ``"effort"``, or another; empty where it says none.
+    unit : str
+        Its unit as `pamid.signals.UNITS` names it; empty where it states none.
+    certain : bool
+        Whether what was read as a unit can be nothing else.
+    series, number : str, int
+        Its name with a mark for the last number in it, and that number; -1 where it has none.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    commanded: bool
+    measured: bool
+    quantity: str
+    unit: str
+    certain: bool
+    series: str
+    number: int
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of its unit; empty where it states none."""
+        return UNITS[self.unit].dimension if self.unit else ""
+
+    def may_be(self, kind: str) -> bool:
+        """Tell whether its unit is of a dimension, or without one whether its words speak of it."""
+        said = {*tokens(self.name)}
+        return self.dimension == kind or (not self.certain and bool(said & _SYMBOLS.get(kind, set())))
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a port is to a log.
+
+    Parameters
+    ----------
+    port : Port
+        The port.
+    words : tuple of str
+        What it names, without role and quantity.
+    quantity : str
+        As for a column.
+    """
+
+    port: Port
+    words: tuple[str, ...]
+    quantity: str
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it goes in."""
+        return self.port.kind == "input"
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of its unit; empty where it is a plain number or not known."""
+        return dimension(self.port.unit)
+
+
+def dimension(unit: str) -> str:
+    """Return the dimension of a unit; empty where it is a plain number or not known."""
+    found = unit_name(unit) if unit not in ("", "-") else None
+    return UNITS[found].dimension if found else ""
+
+
+def tokens(name: str) -> list[str]:
+    """Return the words and numbers of a name in small letters."""
+    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name)
+    found: list[str] = []
+    for word in (w for w in re.split(r"[\W_]+", spaced.casefold()) if w):
+        pair = (found[-1], word) if found else ()
+        if pair in _TOGETHER:
+            found[-1] = _TOGETHER[pair]
+        elif word == "q" and found and found[-1] in ("i", "u", "v"):  # the axis of a field, not an angle
+            found[-1] += word
+        else:
+            found.append(word)
+    return found
+
+
+def column_of(name: str) -> Column:
+    """Return what a header says.
+
+    Parameters
+    ----------
+    name : str
+        The header.
+
+    Returns
+    -------
+    Column
+        What it says.
+
+    Examples
+    --------
+    >>> from pamid.simulators.likeness import column_of
+    >>> found = column_of("target_qd_3")
+    >>> found.commanded, found.quantity, found.number
+    (True, 'velocity', 3)
+    """
+    header = read_header(name)
+    unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
+    letters = unit.isalpha() and len(unit) == 1
+    certain = bool(unit) and (header.bracketed or not letters)
+    words = tokens(" ".join(header.words) if certain else name)
+    numbers = [k for k, w in enumerate(words) if w.isdigit()]
+    series = " ".join("#" if numbers and k == numbers[-1] else w for k, w in enumerate(words))
+    said = set(words)
+    quantity = next((q for q, known in _QUANTITIES.items() if said & known), "")
+    if not quantity and certain:
+        quantity = _BY_DIMENSION.get(UNITS[unit].dimension, "")
+    return Column(
+        name,
+        tuple(w for w in words if not _speaks_of_role(w)),
+        bool(said & _COMMANDED),
+        bool(said & _MEASURED),
+        quantity,
+        unit,
+        certain,
+        series if numbers else "",
+        int(words[numbers[-1]]) if numbers and len(words[numbers[-1]]) < 7 else -1,
+    )
+
+
+def place_of(port: Port) -> Place:
+    """Return what a port is to a log."""
+    words = tokens(port.name)
+    quantity = _BY_DIMENSION.get(dimension(port.unit), "")
+    if not quantity and port.unit in ("", "-"):
+        quantity = next((q for q, known in _QUANTITIES.items() if set(words) & known), "")
+    named = tuple(w for w in words if not _speaks_of_role(w))
+    return Place(port, named or tuple(words), quantity)
+
+
+def _speaks_of_role(word: str) -> bool:
+    return word in _COMMANDED or word in _MEASURED or any(word in known for known in _QUANTITIES.values())
+
+
+def is_named(place: Place, column: Column) -> bool:
+    """Tell whether a column is called as a port, with or without a unit."""
+    wanted = letters(place.port.name)
+    return letters(column.name) == wanted or letters(read_header(column.name).bare) == wanted
+
+
+def letters(name: str) -> str:
+    """Return the letters and digits of a name."""
+    return "".join(c for c in name.casefold() if c.isalnum())
+
+
+def role_score(place: Place, column: Column) -> float:
+    """Return how well role, quantity and unit agree; minus infinity where one forbids it."""
+    never = -math.inf
+    if column.certain and place.dimension and column.dimension != place.dimension:
+        return never
+    if (place.commanded and column.measured and not column.commanded) or (not place.commanded and column.commanded):
+        return never
+    score = 0.0
+    if column.quantity and place.quantity:
+        if column.quantity != place.quantity:
+            return never
+        score += QUANTITY
+    elif place.quantity == "position" and not column.quantity:
+        score += 0.2 * QUANTITY  # what says nothing is rather a position than its derivative
+    if place.commanded and column.commanded:
+        score += ROLE
+    elif place.commanded and column.quantity in ("position", "velocity") and place.quantity:
+        score -= 0.5 * ROLE  # rather the reading than the command
+    elif not place.commanded and column.measured:
+        score += 0.5 * ROLE
+    if column.unit and column.dimension == place.dimension != "":
+        score += UNIT
+    return score
+
+
+class Names:
+    """How alike names are, a word for the less the more ports or columns share it.
+
+    Parameters
+    ----------
+    places : sequence of Place
+        All ports that a log may have.
+    columns : sequence of Column
+        All columns that may be one.
+    """
+
+    def __init__(self, places: Sequence[Place], columns: Sequence[Column]) -> None:
+        things = {p.words for p in places}
+        self._n, self._of_ports = len(things), Counter(w for words in things for w in set(words))
+        named = {c.words for c in columns}
+        self._m, self._of_columns = len(named), Counter(w for words in named for w in set(words))
+        bare = {tuple(w for w in words if not w.isdigit()) for words in things}
+        self.numbered = len(bare) == 1 < len(things)
+        """Whether ports differ in numbers alone."""
+
+    def _weight(self, word: str, counts: Mapping[str, int], n: int) -> float:
+        share = math.log((n + 1) / counts.get(word, 1)) if n else 0.0
+        return 0.25 * share if word in _FILLING else share
+
+    def score(self, place: Place, column: Column) -> float:
+        """Return the likeness of what two names speak of, 0 to 1."""
+        if not place.words or not column.words:
+            return 0.0
+        if "".join(place.words) == "".join(column.words):
+            return 1.0
+        mine, theirs, common, spoken = 0.0, 0.0, 0.0, self.numbered
+        for word in set(place.words):
+            weight = self._weight(word, self._of_ports, self._n)
+            best = max((_alike(word, other) for other in column.words), default=0.0)
+            mine += weight
+            if not word.isdigit():
+                common += weight * best
+                spoken |= best > 0.0 and weight > 0.0 and word not in _FILLING
+        for word in set(column.words):
+            theirs += self._weight(word, self._of_columns, self._m) if self._m > 1 else 0.5
+        if spoken:  # numbers alone say nothing where ports have names
+            common += sum(
+                self._weight(w, self._of_ports, self._n) for w in set(place.words) if w.isdigit() and w in column.words
+            )
+        return min(common / math.sqrt(mine * max(theirs, 0.5 * mine)), 1.0) if mine > 0.0 else 0.0
+
+
+def _alike(a: str, b: str) -> float:
+    """Return how alike two words are: the same, the beginning of the other, or a letter or two apart."""
+    if a == b:
+        return 1.0
+    if a.isdigit() or b.isdigit() or min(len(a), len(b)) < 2:
+        return 0.0
+    if min(len(a), len(b)) > 2 and (a.startswith(b) or b.startswith(a)):
+        return 0.8
+    near = difflib.SequenceMatcher(None, a, b).ratio()
+    return 0.7 if near > 0.8 and min(len(a), len(b)) > 3 else 0.0

@@ -1,0 +1,352 @@
+"""Which columns of a log are the ports of a simulator: one assignment for all of them, checked against the samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..signals.headers import read_header
+from ..signals.units import UNITS
+from .base import Simulator
+from .likeness import (
+    EXACT,
+    NAME,
+    ORDER,
+    Column,
+    Names,
+    Place,
+    column_of,
+    dimension,
+    is_named,
+    letters,
+    place_of,
+    role_score,
+)
+from .motion import follows, rate_between
+from .ports import Port
+
+_LEAST = 1.2
+"""Score that a pair needs: more than a role or a unit alone."""
+_LEAD = 0.3
+"""Lead over a column that is left over without which nothing is chosen."""
+_SLACK = 0.05
+"""Share of its range by which a joint may be driven against its stop, or read beyond it."""
+
+_FAR = math.log(1.5)
+"""Logarithm of the factor up to which a rate is in the nearest unit: the nearest two, deg/s and rpm, are 6 apart."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """A column that is taken for a port.
+
+    Parameters
+    ----------
+    port, column : str
+        Their names.
+    unit : str
+        Unit of the column as `pamid.signals.UNITS` names it; empty where the values count as they are.
+    named : bool
+        Whether the column is called as the port: nothing of it is guessed.
+    why : str
+        What speaks for a column or unit that is guessed.
+    """
+
+    port: str
+    column: str
+    unit: str = ""
+    named: bool = False
+    why: str = ""
+
+
+def matches(
+    simulator: Simulator, ports: Sequence[Port], frame: Mapping[str, np.ndarray], t: np.ndarray,
+    given: Mapping[str, tuple[str, str]] | None = None,
+) -> tuple[list[Match], dict[str, str]]:  # fmt: skip
+    """Return the columns that ports probably are.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator; nothing of it runs.
+    ports : sequence of Port
+        Those that a log may have columns of.
+    frame : mapping of str to array, shape (n,)
+        Columns of one run.
+    t : array, shape (n,)
+        Its times, s.
+    given : mapping of str to (str, str), optional
+        Column and unit by port, as somebody said.
+
+    Returns
+    -------
+    found : list of Match
+        One a port, at most; none of those that were given.
+    doubts : dict of str to str
+        Why no column is taken, or what contradicts one, by port.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> from pamid.simulators.matching import matches
+    >>> ports = [Port("volt", "input", "V"), Port("angle", "state", "rad"), Port("speed", "state", "rad/s")]
+    >>> simulator = FunctionSimulator(lambda t, x, u, p: [x.speed, u.volt], ports)
+    >>> t = np.linspace(0.0, 5.0, 500)  # s
+    >>> frame = {"motor_voltage": np.cos(t), "shaft_angle": np.sin(t), "shaft_speed": 9.549 * np.cos(t)}
+    >>> found, _ = matches(simulator, ports, frame, t)
+    >>> [(m.port, m.column, m.unit) for m in found]
+    [('volt', 'motor_voltage', ''), ('angle', 'shaft_angle', ''), ('speed', 'shaft_speed', 'rpm')]
+    """
+    search = _Matcher(simulator, ports, frame, t, given or {})
+    pairs = search.assigned(search.assigned({}))
+    pairs |= search.in_order(pairs)
+    return search.told(pairs)
+
+
+class _Matcher:
+    """Ports, columns, and what is known of both."""
+
+    def __init__(
+        self, simulator: Simulator, ports: Sequence[Port], frame: Mapping[str, np.ndarray], t: np.ndarray,
+        given: Mapping[str, tuple[str, str]],
+    ) -> None:  # fmt: skip
+        self.given = given
+        self.places = [place_of(p) for p in ports]
+        self.columns = [column_of(name) for name in frame]
+        self.frame, self.t = frame, t
+        self.names = Names(self.places, self.columns)
+        self.ranges, self.driven = simulator.ranges(), simulator.driven()
+        joints = [p for p in simulator.ports if p.kind == "joint"]
+        self.place_under = {p.velocity: p.position for p in joints if p.velocity}
+        self.supposed_under = {} if joints else _only_pair(self.places)
+        self.joint_of = {p.position: p.name for p in joints if p.position}
+        ranks = [self._ranks(column) for column in self.columns]
+        self.base = np.array(
+            [[self._score(p, c, r) for c, r in zip(self.columns, ranks, strict=True)] for p in self.places]
+        ).reshape(len(self.places), len(self.columns))
+
+    # --- scores ---------------------------------------------------------------------------------------------
+    def _ranks(self, column: Column) -> dict[str, bool]:
+        """Return for each port of a numbered series' role whether it stands where the column does; empty for others."""
+        if not column.series:
+            return {}
+        series = sorted({c.number for c in self.columns if c.series == column.series})
+        if len(series) < 2:
+            return {}
+        nearest = max((role_score(p, column) for p in self.places), default=-math.inf)
+        alike = [p.port.name for p in self.places if role_score(p, column) == nearest > -math.inf]
+        if len(alike) != len(series):
+            return {}
+        return {name: k == series.index(column.number) for k, name in enumerate(alike)}
+
+    def _score(self, place: Place, column: Column, ranks: Mapping[str, bool]) -> float:
+        taken = {name for name, _ in self.given.values()}
+        if place.port.name in self.given or column.name in taken:
+            return 2.0 * EXACT if self.given.get(place.port.name, ("",))[0] == column.name else -math.inf
+        if is_named(place, column):
+            if self._clashes(place, column):
+                return -math.inf
+            return EXACT + (0.5 if column.name == place.port.name else 0.0)
+        score = role_score(place, column)
+        if score == -math.inf:
+            return score
+        if place.port.name in ranks:
+            return score + (ORDER if ranks[place.port.name] else -ORDER)
+        likeness = self.names.score(place, column)
+        return score + NAME * likeness if likeness > 0.2 else min(score, _LEAST - 0.01)
+
+    def _clashes(self, place: Place, column: Column) -> bool:
+        """Tell whether a column that is called as a port is in a unit of something else, which its name leaves out."""
+        other = column.certain and place.dimension and column.dimension != place.dimension
+        apart = read_header(column.name).bracketed or letters(column.name) != letters(place.port.name)
+        return bool(other) and apart and is_named(place, column)
+
+    def _moved(self, pairs: Mapping[str, str]) -> np.ndarray:
+        """Return what the samples say of each pair, with what is already known of other ports."""
+        out = np.zeros_like(self.base)
+        over = {position: velocity for velocity, position in self.place_under.items()}
+        position_of = {joint: position for position, joint in self.joint_of.items()}
+        for k, place in enumerate(self.places):
+            name = place.port.name
+            position, velocity = pairs.get(self.place_under.get(name, "")), pairs.get(over.get(name, ""))
+            actual = pairs.get(position_of.get(self.driven.get(name, ""), ""))
+            for j, column in enumerate(self.columns):
+                if position and position != column.name:
+                    out[k, j] += _sign(self._rate(position, column.name)[0])
+                if velocity and velocity != column.name:
+                    out[k, j] += _sign(self._rate(column.name, velocity)[0])
+                if actual and actual != column.name and place.quantity == "position":
+                    r = follows(self.frame[column.name], self.frame[actual])
+                    out[k, j] += 0.0 if math.isnan(r) else r if r > 0.0 else 2.0 * r
+        return out
+
+    def _rate(self, position: str, velocity: str) -> tuple[float, float]:
+        return rate_between(self.t, self.frame[position], self.frame[velocity])
+
+    # --- assignment -----------------------------------------------------------------------------------------
+    def assigned(self, known: Mapping[str, str]) -> dict[str, str]:
+        """Return the pairs that score most together, given what is known of others."""
+        from scipy.optimize import linear_sum_assignment
+
+        if not self.base.size:
+            return {}
+        score = self.base + self._moved(known) if known else self.base
+        usable = np.where(np.isfinite(score) & (score >= _LEAST), score, 0.0)
+        rows, cols = linear_sum_assignment(-usable)
+        pairs = {int(r): int(c) for r, c in zip(rows, cols, strict=True) if usable[r, c] > 0.0}
+        left = sorted(set(range(len(self.columns))) - set(pairs.values()))
+        self.rivals: dict[str, str] = {}
+        for r, c in list(pairs.items()):
+            near = [j for j in left if usable[r, j] > usable[r, c] - _LEAD and usable[r, c] < EXACT]
+            if near:
+                self.rivals[self.places[r].port.name] = f"{self.columns[c].name} or {self.columns[near[0]].name}"
+                del pairs[r]
+        return {self.places[r].port.name: self.columns[c].name for r, c in pairs.items()}
+
+    def in_order(self, pairs: Mapping[str, str]) -> dict[str, str]:
+        """Return what is left over of a kind on both sides, in equal number: in the order of both."""
+        found: dict[str, str] = {}
+        free = [c for c in self.columns if c.name not in pairs.values()]
+        left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimension]
+        for kind in dict.fromkeys((p.commanded, p.dimension) for p in left):
+            ports = [p for p in left if (p.commanded, p.dimension) == kind]
+            columns = [
+                c for c in free
+                if c.may_be(kind[1]) and c.commanded <= kind[0] and not (c.measured and kind[0])
+            ]  # fmt: skip
+            unsaid = not kind[0] and any((True, kind[1]) == (p.commanded, p.dimension) for p in left)
+            if len(ports) == len(columns) and not unsaid:
+                found |= {p.port.name: c.name for p, c in zip(ports, columns, strict=True)}
+        open_ = [p for p in self.places if p.commanded and p.port.name not in {**pairs, **found, **self.rivals}]
+        rest = [c for c in free if c.name not in found.values()]
+        if len(open_) == 1 == len(rest) and role_score(open_[0], rest[0]) > -math.inf:
+            found[open_[0].port.name] = rest[0].name
+        self.left_over = set(found)
+        return found
+
+    # --- units ----------------------------------------------------------------------------------------------
+    def told(self, pairs: Mapping[str, str]) -> tuple[list[Match], dict[str, str]]:
+        """Return the pairs with units, and what is doubtful."""
+        by_port = {p.port.name: p for p in self.places}
+        by_column = {c.name: c for c in self.columns}
+        doubts = {port: f"it may be {both}" for port, both in self.rivals.items()}
+        for place in self.places:
+            if clash := [c for c in self.columns if place.port.name not in pairs and self._clashes(place, c)]:
+                doubts[place.port.name] = f"{clash[0].name} is in {clash[0].unit}, the port in {place.port.unit}"
+        degrees = self._in_degrees(pairs, by_port, by_column)
+        found: list[Match] = []
+        for port, name in sorted(
+            pairs.items(), key=lambda pair: pair[0] in {**self.place_under, **self.supposed_under}
+        ):  # positions first
+            place, column = by_port[port], by_column[name]
+            match = Match(port, name, named=is_named(place, column))
+            if port in self.given:
+                found.append(replace(match, unit=self.given[port][1] or _own(place)))
+                continue
+            found.append(self._with_unit(match, place, column, degrees, {m.port: m for m in found}, doubts))
+        order = list(by_port)
+        new = [m for m in found if m.port not in self.given]
+        return sorted(new, key=lambda m: order.index(m.port)), doubts
+
+    def _with_unit(
+        self, match: Match, place: Place, column: Column, degrees: str, known: Mapping[str, Match],
+        doubts: dict[str, str],
+    ) -> Match:  # fmt: skip
+        stated = column.unit if column.dimension == place.dimension else ""
+        under = known.get(self.place_under.get(place.port.name, ""))
+        below = known.get(self.supposed_under.get(place.port.name, ""))
+        if below is not None and not stated:  # no joint says that one is the other's derivative: only the samples do
+            unit, why = self._unit_of_rate(below, column, place, "")
+            if unit is not None and self._rate(below.column, column.name)[0] > 0.9:
+                return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
+        if under is not None and place.dimension in ("angular rate", "speed"):
+            unit, why = self._unit_of_rate(under, column, place, stated)
+            if unit is None:
+                doubts[match.port] = why
+                return replace(match, unit=stated or _own(place), named=bool(match.named and stated), why=why)
+            if unit != stated and stated:
+                doubts[match.port] = why
+            return replace(match, unit=stated or unit, why="" if match.named and unit == _own(place) else why)
+        basis = "what is left over, in order" if match.port in self.left_over else "its name"
+        if stated:
+            return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
+        if place.dimension == "angle" and degrees:
+            return replace(match, unit="deg", why=degrees)
+        beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
+        if beyond:
+            doubts[match.port] = f"{beyond}: say its unit"
+            return replace(match, unit=_own(place), why=beyond)
+        what = f", read in {place.port.unit}" if place.dimension else ""
+        return replace(match, unit=_own(place) if column.unit else "", why="" if match.named else f"{basis}{what}")
+
+    def _in_degrees(self, pairs: Mapping[str, str], places: Mapping[str, Place], columns: Mapping[str, Column]) -> str:
+        """Return why the angles without a unit are degrees: a log has one unit for all; empty where they are not."""
+        angles = {
+            p: c
+            for p, c in pairs.items()
+            if places[p].dimension == "angle" and not columns[c].unit and p not in self.given
+        }
+        beyond = [text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))]
+        still = [p for p, c in angles.items() if self._beyond(p, columns[c], UNITS["deg"].factor)]
+        return f"degrees, as {beyond[0]}" if beyond and len(still) < len(beyond) else ""
+
+    def _beyond(self, port: str, column: Column, factor: float) -> str:
+        """Return how a column leaves the range of a port; empty where it does not or nothing is known of it."""
+        if port not in self.ranges:
+            return ""
+        low, high = self.ranges[port]
+        x = self.frame[column.name]
+        x = factor * x[np.isfinite(x)]
+        slack = _SLACK * (high - low)
+        if not len(x) or (x.min() >= low - slack and x.max() <= high + slack):
+            return ""
+        return f"{column.name} goes from {x.min():.4g} to {x.max():.4g} and {port} from {low:.4g} to {high:.4g}"
+
+    def _unit_of_rate(self, under: Match, column: Column, place: Place, stated: str) -> tuple[str | None, str]:
+        """Return the unit under which a rate is the derivative of its position, or None, and what was found."""
+        r, slope = self._rate(under.column, column.name)
+        if math.isnan(r):
+            return stated or _own(place), f"its name, read in {stated or place.port.unit}"
+        position = UNITS[under.unit].factor if under.unit in UNITS else 1.0
+        factor = position * slope
+        if r < 0.7:
+            return None, f"{column.name} is not the derivative of {under.column} (correlation {r:.2g})"
+        units = [u for u, unit in UNITS.items() if unit.dimension == place.dimension and unit.factor > 0.0]
+        near = min(
+            units, key=lambda u: (round(abs(math.log(UNITS[u].factor / factor)), 2), u != stated, u != _own(place))
+        )
+        off = abs(math.log(UNITS[near].factor / factor))
+        if off > _FAR:
+            return None, f"{column.name} is {1.0 / factor:.3g} times the derivative of {under.column}"
+        times = f"{UNITS[near].factor / factor:.3g} times " if off > _SLACK else ""
+        text = f"{times}the derivative of {under.column} in {near}"
+        return near, f"{text}, though its name says {stated}" if stated and UNITS[near].factor != UNITS[
+            stated
+        ].factor else text
+
+
+def _only_pair(places: Sequence[Place]) -> dict[str, str]:
+    """Return the only rate of a simulator with its only position, where there is one of each."""
+    found = {}
+    for position, rate in (("angle", "angular rate"), ("length", "speed")):
+        below = [p.port.name for p in places if p.dimension == position and not p.commanded]
+        above = [p.port.name for p in places if p.dimension == rate and not p.commanded]
+        if len(below) == 1 == len(above):
+            found[above[0]] = below[0]
+    return found
+
+
+def _own(place: Place) -> str:
+    """Return the unit of a port as `pamid.signals.UNITS` names it; empty where it is no known one."""
+    from ..signals.unit_names import unit_name
+
+    return (unit_name(place.port.unit) or "") if dimension(place.port.unit) else ""
+
+
+def _sign(r: float) -> float:
+    """Return what a correlation of a rate with the change of a position is worth."""
+    return 0.0 if math.isnan(r) else 2.0 * r if r > 0.0 else 0.0 if r > -0.5 else r
