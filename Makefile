@@ -10,7 +10,7 @@ THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NU
 # Types and layers are checked as a user has them: on an installed wheel, not on the checkout.
 ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
 
-.PHONY: help install demo test test-all pytest pytest-all lint docs benchmarks clean
+.PHONY: help install demo test test-all pytest pytest-all lint docs dist wheel benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
@@ -18,6 +18,8 @@ help:
 	@echo "make test-all    the same and the slow tests, as .ci/run does"
 	@echo "make lint        ruff; mypy --strict and import-linter on an installed wheel"
 	@echo "make docs        the documentation as a site in build/site"
+	@echo "make dist        wheel and sdist in dist/, built twice to the same bytes"
+	@echo "make wheel       the same, and the wheel tried in an environment of its own"
 	@echo "make benchmarks  print the figures that the README and docs state"
 	@echo "make clean       remove the environment and everything that was built"
 
@@ -58,6 +60,13 @@ test-all: lint pytest-all
 docs: install
 	$(THREADS) $(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/site
 	$(BIN)/python docs/check_site.py build/site
+
+dist: install
+	$(BIN)/python .ci/dist.py
+
+# The wheel is installed into a new environment and used there, away from the checkout.
+wheel: dist
+	$(BIN)/python .ci/wheel.py
 
 benchmarks: install
 	@for file in benchmarks/[!_]*.py; do echo "== $$file"; $(THREADS) $(BIN)/python $$file || exit 1; done

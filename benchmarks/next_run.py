@@ -101,7 +101,7 @@ class Arm:
         if self.name == "designed":
             began = time.process_time()
             self.plan = plan_next(
-                self.found.rivals, self.history.logs, self.history.params, limits, designs=DESIGNS,
+                self.found.rivals, self.history.logs, self.history.simulator, limits, designs=DESIGNS,
                 library=self.history.library, seed=k,
             )  # fmt: skip
             self.planned = time.process_time() - began
@@ -130,7 +130,7 @@ class Arm:
             said["next_seconds"] = self.planned
             said["tells"] = bool(self.plan.tells)
             said["alike"] = [[list(names) for names in pair] for pair in self.plan.alike]
-            said["realised"] = _realised(before, self.plan, self.history.logs, self.history.params, self.case)
+            said["realised"] = _realised(before, self.plan, self.history.logs, self.history.simulator, self.case)
         self.rounds.append(said)
 
     @property
@@ -254,7 +254,7 @@ def _begin(case: Case) -> tuple[dict[str, Any], list[Arm]]:
         "seconds": time.process_time() - began,
     }
     own = [
-        History(history.params, history.library, dict(history.logs), dict(history.held), list(history.rounds))
+        History(history.simulator, history.library, dict(history.logs), dict(history.held), list(history.rounds))
         for _ in ARMS
     ]
     return result, [Arm(name, case, first, h) for name, h in zip(ARMS, own, strict=True)]

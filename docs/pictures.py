@@ -121,9 +121,72 @@ def _closure(ax: mpl.axes.Axes, force: object) -> None:
     before, after, noise = force.rmse_before, force.rmse_after, force.noise_floor  # type: ignore[attr-defined]
     bars = ax.bar(["before", "after", "noise"], [before, after, noise], color=[ORANGE, BLUE, FAINT], width=0.62)
     ax.bar_label(bars, fmt="%.2g", padding=2, fontsize=8)
-    ax.set_ylabel("error on unseen runs / N")
+    ax.set_ylabel(f"error on unseen runs / {force.unit}")  # type: ignore[attr-defined]
     ax.set_ylim(0, 1.15 * before)
     ax.tick_params(axis="x", length=0)
+
+
+# --- a robot ------------------------------------------------------------------------------------------------
+def arm() -> Figure:
+    """An arm in MuJoCo whose log has friction that the model lacks: page ``simulator-mujoco.md``, run as it stands."""
+    import re
+    import tempfile
+    from contextlib import chdir
+
+    from pamid.gap import diagnose_simulator
+    from pamid.simulators import MujocoSimulator
+
+    page = (IMAGES.parent / "simulator-mujoco.md").read_text(encoding="utf-8")
+    model, recorded = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[:2]
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        for block in (model, recorded):
+            exec(block, {"__name__": "page"})
+        columns = {"current": "motor", "angle": "hinge_q", "speed": "hinge_dq"}
+        log = pd.read_csv("arm.csv").rename(columns=columns)
+        library = ["viscous_friction", "coulomb_friction", "quadratic_drag", "actuator_gain", "sensor_gain"]
+        found = diagnose_simulator(log, MujocoSimulator("arm.xml"), library)
+    with style():
+        figure = Figure(figsize=(11, 3.1), layout="constrained")
+        robot, where, which, how = figure.subplots(1, 4, width_ratios=[0.7, 1.15, 0.8, 0.75])
+        _swing(robot, log)
+        _over_speed(where, found)
+        _shares(which, found)
+        _closure(how, next(c for c in found.closure if c.equation == "hinge"))
+        titles = ("1  Arm, as logged", "2  Where they disagree", "3  Which effects", "4  How far it closes")
+        for ax, title in zip((robot, where, which, how), titles, strict=True):
+            ax.set_title(title, fontsize=11, fontweight="bold", pad=8, x=-0.45 if ax is which else 0)
+    return figure
+
+
+def _swing(ax: mpl.axes.Axes, log: pd.DataFrame) -> None:
+    angles = log.loc[log["trajectory"] == "run 0", "hinge_q"].to_numpy()[:160:20]
+    for place, angle in enumerate(angles):
+        x, z = -0.3 * np.sin(angle), -0.3 * np.cos(angle)
+        ax.plot([0, x], [0, z], color=BLUE, linewidth=9, solid_capstyle="round", alpha=0.15 + 0.1 * place)
+    ax.plot(0, 0, "o", color=INK, markersize=8)
+    ax.set_aspect("equal")
+    ax.set_xlim(-0.36, 0.36)
+    ax.set_ylim(-0.36, 0.36)
+    ax.axis("off")
+
+
+def _shares(ax: mpl.axes.Axes, found: Diagnosis) -> None:
+    causes = found.causes[::-1]
+    bars = ax.barh([called(c.effects[0]) for c in causes], [100 * c.share for c in causes], color=BLUE, height=0.5)
+    ax.bar_label(bars, fmt="%.0f", padding=3, fontsize=8)
+    ax.set_xlim(0, 100)
+    ax.set_ylim(-0.8, len(causes) - 0.2)
+    ax.set_xlabel("share of the gap / %")
+    ax.tick_params(axis="y", length=0)
+
+
+def _over_speed(ax: mpl.axes.Axes, found: Diagnosis) -> None:
+    windows = found.windows[found.windows["equation"] == "hinge"]
+    for column, colour, label in (("before", ORANGE, "model as it is"), ("after", BLUE, "corrected")):
+        ax.plot(windows["hinge_dq"], windows[column], ".", color=colour, markersize=3, label=label, rasterized=True)
+    ax.set_xlabel("joint speed / (rad/s)")
+    ax.set_ylabel("measured − modelled torque / N m")
+    ax.legend(loc="lower left", markerscale=3)
 
 
 # --- what to record -----------------------------------------------------------------------------------------
@@ -207,6 +270,7 @@ def kinds() -> Figure:
 
 
 PICTURES: dict[str, Callable[[], Figure]] = {
+    "arm": arm,
     "landing": landing,
     "landing-narrow": landing_narrow,
     "recording": recording,

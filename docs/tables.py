@@ -60,7 +60,8 @@ def simulator_file() -> str:
             if "unit" not in m:
                 body.append([f"`{table}.{f.name}`", "text", "", "what the muscle is called"])
                 continue
-            note = "; ".join(part for part in (m["comment"], m["hint"]) if part)
+            hint = re.sub(r"^[\w ]+ (?:is|are) [\w, ²/]+: ", "", m["hint"])  # the unit has a column of its own
+            note = "; ".join(part for part in (m["comment"], hint) if part)
             body.append([f"`{table}.{f.name}`", m["unit"], f"{m['lower']:g} … {m['upper']:g}", note])
     return rows(["number", "unit", "accepted", "notes"], body)
 
@@ -170,7 +171,82 @@ def benchmarks() -> str:
     return rows(["command", "what it measures"], body)
 
 
+# --- estimators and warnings --------------------------------------------------------------------------------
+PURPOSE = {
+    "force": "force", "flow": "flow", "inverse": "pressure", "dynamic": "free run", "cylinder": "cylinder",
+    "drive": "joint",
+}  # fmt: skip
+"""What an estimator of an equation is for."""
+OTHER_PURPOSE = {
+    "ConformalRegressor": "intervals", "GapDiagnoser": "diagnosis", "LawRegressor": "pipeline",
+    "OnlineAdapter": "stream", "RateTransformer": "rates", "SINDyModel": "free run",
+}  # fmt: skip
+"""The same for those without an equation of their own; adapters have "adaptation"."""
+PARTIAL_FIT = {
+    "GapDiagnoser": "logs", "OnlineAdapter": "recent", "LawRegressor": "none", "LinearTerms": "exact",
+    "PolynomialLibraryMixin": "exact", "AdaptedModel": "source", "SequenceStreaming": "runs", "Streaming": "rows",
+}  # fmt: skip
+"""The guarantee of `partial_fit` by the class, or the first base, that gives it; docs/streaming.md explains each."""
+
+
+def guarantee(cls: type) -> str:
+    """Return what `partial_fit` of an estimator promises, in a word."""
+    bases = {base.__name__ for base in cls.__mro__}
+    return next(word for name, word in PARTIAL_FIT.items() if name in bases)
+
+
+def estimators() -> str:
+    """What each estimator is for, takes and offers, from its signature, bases and methods."""
+    from pamid.estimators import all_estimators
+
+    body = []
+    for name, cls in all_estimators():
+        taken, bases = inspect.signature(cls.fit).parameters, {base.__name__ for base in cls.__mro__}
+        purpose = ", ".join(PURPOSE[e] for e in getattr(cls, "equations", ())) or OTHER_PURPOSE.get(name, "")
+        hybrid = bool(bases & {"HybridModel", "AdaptedModel", "OnlineAdapter"})
+        flags = (
+            "one_trajectory" in inspect.signature(cls).parameters or "SequenceStreaming" in bases,
+            "sample_weight" in taken,
+            "groups" in taken,
+            "TakesFrames" in bases,
+            hasattr(cls, "set_fit_request"),
+        )
+        export = "C, ONNX, FMU" if hybrid else "C, ONNX" if hasattr(cls, "formulas") else ""
+        body.append([f"`{name}`", purpose or "adaptation", *("✓" if f else "" for f in flags), guarantee(cls), export])
+    header = ["", "purpose", "sequence", "`sample_weight`", "`groups`", "pandas, polars", "routing", "`partial_fit`"]
+    return rows([*header, "export"], body)
+
+
+WHAT_TO_DO = {
+    "PamidWarning": "A sparse regression dropped a whole target: lower its threshold, or check that the target varies.",
+    "UnitWarning": "Give the unit of the column in the mapping, and say whether a pressure is gauge or absolute.",
+    "ReadingWarning": "Inspect the rows that it names; repair the sensor, or leave the rows out.",
+    "ExcitationWarning": "Record runs that vary the signal it names, record more runs, or leave the signal out.",
+    "ExtrapolationWarning": "Do not rely on these rows. Record data there and fit again, or stay within the range.",
+    "UnstableRunWarning": "Shorten the free run or fit on more runs; `simulate` tells which rows were held.",
+    "AdaptationWarning": "Check signs, units and diameter; use a source more like the target, or fit without one.",
+    "EffectsWarning": "Use the corrected simulator, which includes the cause, instead of the hybrid model.",
+    "SimulatorWarning": "Fix its seed in each call, and let nothing stay from one call to the next.",
+    "StreamChangeWarning": "Check the sensors; if the muscle has changed, fit again on the rows since.",
+    "VolumeWarning": "Check units, signs and lengths; give runs that change the pressure faster.",
+    "InterruptedFitWarning": "Nothing, if you stopped the fit; otherwise fit again.",
+    "SamplingWarning": 'Resample with `pamid.signals.resample`, or pass `sampling="raise"` to refuse such logs.',
+}
+"""What a user does about each warning of `pamid.errors`; a class without an entry fails the tests of the pages."""
+
+
+def warnings_() -> str:
+    """Every warning of the package, what it means and what to do."""
+    from pamid import errors
+
+    found = [c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, errors.PamidWarning)]
+    body = [[f"`{c.__name__}`", summary(c), WHAT_TO_DO[c.__name__]] for c in found]
+    return rows(["warning", "meaning", "what to do"], body)
+
+
 TABLES: dict[str, Callable[[], str]] = {
+    "estimators": estimators,
+    "warnings": warnings_,
     "simulator_file": simulator_file,
     "data_sets": data_sets,
     "effects": effects,

@@ -2,6 +2,7 @@
 
 from ._registry import all_estimators as all_estimators
 from ._registry import checked_instances as checked_instances
+from .carried_force import CarriedForce as CarriedForce
 from .conformal_regressor import ConformalRegressor as ConformalRegressor
 from .conformal_regressor import PredictionInterval as PredictionInterval
 from .cylinder_force import CylinderForce as CylinderForce
@@ -46,6 +47,7 @@ from .transfer_function import TransferFunction as TransferFunction
 __all__ = [
     "MLP",
     "NNARX",
+    "CarriedForce",
     "ConformalRegressor",
     "CylinderForce",
     "ForwardAnswer",

@@ -33,6 +33,7 @@ from ._hybrid_fit import (
     check_parameters,
     checked_weight,
     early_stopping_rows,
+    in_units,
     span_of,
     spread_of,
     training_problem,
@@ -135,6 +136,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         state = state_of(model, table)
         model.input_range_ = span_of(np.column_stack(state))
         model.target_scale_ = np.array([spread_of(Y[:, k], weight) for k in range(Y.shape[1])])
+        in_units(model, self._trainer_as_given())
         if not going_on:
             self._place(model, table, Y, weight, codes)
         self._train(model, source, table, Y, weight, codes, rng, (X, y), going_on)
@@ -277,7 +279,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         self.n_iter_ = max(len(self.loss_curve_), 1)
         self.status_ = result.status.name.lower()
         if result.status is Status.INTERRUPTED:
-            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=4)
+            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=5)
         if result.status is Status.DIVERGED:
             raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
 
@@ -303,6 +305,8 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         trainer = clone(trainer_named(self.trainer))
         if self.trainer == "adam":
             trainer.set_params(batch_size=PUBLISHED_BATCH)
+        elif isinstance(self.trainer, str):
+            trainer.set_params(**trainer.adapting)
         return trainer
 
     def _trainer(self, weight_decay: float) -> Any:
@@ -318,7 +322,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
                 f"{self.weight_decay_:g} hardly holds them to the source. Expected a prior that fills the gap. Set "
                 "weight_decay='auto', or adapt fewer parameters.",
                 ExcitationWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
 
     def _check_law(self, source: HybridModel, y: Any) -> None:
@@ -485,7 +489,7 @@ def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
                 "Expected both directions. What differs between them, such as friction, stays as in the source; record "
                 "a run that goes back.",
                 ExcitationWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
 

@@ -15,12 +15,13 @@ from pamid.errors import MissingColumnError, ParameterError, ShapeError
 from pamid.signals.state import STATE_SIGNALS, State
 
 from ._checks import check_squares, row_weights
+from ._frames import TakesFrames
 from ._trajectories import TRAJECTORY, encode_text_columns
 
 Signals = Mapping[str, "str | int"]
 
 
-class SignalEstimator(BaseEstimator):
+class SignalEstimator(TakesFrames, BaseEstimator):
     """Base of every estimator that reads named signals from the columns of X.
 
     In a DataFrame a signal is found by its name (``eps``, ``deps``, ``P``, ``dP``, ...). A plain array must hold

@@ -116,7 +116,7 @@ class Blending:
             f"{law.unit}. Expected less with a source. Predictions keep {found.kept:.0%} of it; volumes are those of "
             "the adapted model. Use a source more like the target, or blend=False to keep it whole.",
             AdaptationWarning,
-            stacklevel=6,
+            stacklevel=7,
         )
 
     def _from_source(self, table: np.ndarray) -> np.ndarray:
@@ -178,13 +178,13 @@ def _outcome(rows: SourceRows, y: np.ndarray, weight: np.ndarray, blocks: np.nda
         if errors["fresh"] >= errors["adapted"]:  # the source helps: nothing more is asked
             return _Outcome(0.0, None, 1.0, errors)
     process, held_out = fits[min(fits, key=lambda name: errors[name])]
-    share = _share(held_out - adapted, y - adapted, weight, blocks)
+    share = share_of_fresh(held_out - adapted, y - adapted, weight, blocks)
     whole = process.predict(rows)
     part = float(np.clip((process.from_source(rows) @ whole) / (whole @ whole), 0.0, 1.0)) if whole.any() else 0.0
     return _Outcome(share, process, 1.0 - share * (1.0 - part), errors)
 
 
-def _share(change: np.ndarray, left: np.ndarray, weight: np.ndarray, blocks: np.ndarray) -> float:
+def share_of_fresh(change: np.ndarray, left: np.ndarray, weight: np.ndarray, blocks: np.ndarray) -> float:
     """Return the weight of the fresh fit that least squares ask for, drawn to 0 as far as it is uncertain.
 
     Its variance is that of a sum over blocks: samples of one block err together. Where both predict nearly the same,

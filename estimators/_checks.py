@@ -72,5 +72,5 @@ def warn_of_still_columns(columns: np.ndarray, names: Sequence[str], who: str) -
                 f"The signal {name} does not vary (it stays at {m:.6g}). Expected an experiment that moves it. {who} "
                 f"learns nothing about {name}; leave it out of the inputs, or record a run that excites it.",
                 ExcitationWarning,
-                stacklevel=3,
+                stacklevel=4,
             )

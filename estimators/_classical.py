@@ -143,5 +143,5 @@ def warn_of_still_signals(state: State, names: tuple[str, ...], who: str) -> Non
                 f"Expected an experiment that moves it. {who} fits, but parameters that act through {name} alone are "
                 "not identified; look at the standard errors.",
                 ExcitationWarning,
-                stacklevel=3,
+                stacklevel=4,
             )

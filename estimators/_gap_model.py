@@ -43,13 +43,7 @@ def next_run(
 
 
 def hybrid_with(causes: Sequence[Any], equation: str, plant: Plant | None) -> HybridModel:
-    """Return an unfitted hybrid model of a muscle's force or flow that holds the causes which it can.
-
-    Raises
-    ------
-    IncompatibleError
-        The diagnosis is not of a muscle's force or flow.
-    """
+    """Return an unfitted hybrid model of a muscle's force or flow that holds the causes which it can."""
     from .static_pihm import StaticPIHM
     from .thermodynamic_pihm import ThermodynamicPIHM
 
@@ -82,5 +76,5 @@ def warn_left_out(left: Sequence[str]) -> None:
         f"{', '.join(left)}: a hybrid model cannot hold it as an effect. Expected terms of the force or flow, or "
         "faults of the pressure's sensor. Its network takes what depends on the state; the rest stays.",
         EffectsWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

@@ -18,13 +18,7 @@ EQUATIONS = ("force", "torque", "flow")
 
 
 def read_by(nominal: Any, X: Any) -> Any:
-    """Return the columns of a table that a nominal model was fitted on.
-
-    Raises
-    ------
-    MissingColumnError, ShapeError
-        If X does not have them, or nothing tells which they are.
-    """
+    """Return the columns of a table that a nominal model was fitted on."""
     own = getattr(nominal, "feature_names_in_", None)
     if own is None:
         count = getattr(nominal, "n_features_in_", X.shape[1])

@@ -139,7 +139,7 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
                 f"{1e3 * stated:.3g} mm. Expected the two within a factor of {IMPLAUSIBLE:g}. Check the units of force "
                 "and pressure, state the muscle's diameter as rest_diameter, or hold it by leaving it out of free.",
                 VolumeWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
     def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:

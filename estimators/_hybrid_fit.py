@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def warn_before(model: HybridModel, state: State, Y: np.ndarray) -> None:
                 f"The target of the {law.equation} equation is constant ({Y[0, k]:g} {law.unit}). Expected one "
                 "that varies. Check the channel, or record a run that moves the muscle.",
                 ExcitationWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
 
@@ -142,6 +143,25 @@ def volume_scale(model: HybridModel, state: State, inputs: np.ndarray, weight: n
         rms = np.sqrt(np.average(size, weights=weight))
         logs.append(np.log(model.target_scale_[k] / rms) if rms > 0 else 0.0)
     return float(np.exp(np.mean(logs)))
+
+
+def in_units(model: HybridModel, trainer: Any) -> None:
+    """Put a fitted scale into the units that a trainer asks for, where it has one for all laws."""
+    laws = model.laws()
+    if trainer.units is None or not all(law.equation in trainer.units.targets for law in laws):
+        return
+    model.target_scale_ = np.array([trainer.units.targets[law.equation] for law in laws])
+
+
+def network_in_units(model: HybridModel, trainer: Any) -> None:
+    """Let a published network read and give the units of its trainer; a correction to a geometry keeps its own."""
+    in_units(model, trainer)
+    units, scale = trainer.units, model.input_scale_
+    if units is None or model.anchor_ is not None or len(scale.mean) != len(units.inputs):
+        return
+    if all(law.equation in units.targets for law in model.laws()):
+        model.input_scale_ = replace(scale, mean=np.zeros(len(units.inputs)), spread=np.array(units.inputs))
+        model.volume_scale_ = units.volume
 
 
 def checked_weight(sample_weight: Any, X: np.ndarray) -> np.ndarray:

@@ -193,7 +193,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
                 f"{type(self).__name__} left the outputs of the fit at {int(run.held.sum())} of {len(run.y)} rows. "
                 "Expected a free run within them. It was held at their edge; simulate() tells where.",
                 UnstableRunWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         return run.y
 

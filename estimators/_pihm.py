@@ -34,6 +34,7 @@ from ._hybrid_fit import (
     check_parameters,
     checked_weight,
     early_stopping_rows,
+    network_in_units,
     span_of,
     spread_of,
     training_problem,
@@ -127,6 +128,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
                 random_state=rng,
             )
         self.volume_scale_ = volume_scale(self, state, inputs, train)
+        network_in_units(self, self._trainer())
         problem = training_problem(self, state, Y, weight, inputs)
         widths = (inputs.shape[1], *self.hidden_layer_sizes, 1)
         start = initial_parameters(widths, rng, getattr(torch, self.dtype), self.device)
@@ -164,7 +166,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.validation_curve_ = result.validation_curve
         self.status_ = result.status.name.lower()
         if result.status is Status.INTERRUPTED:
-            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=4)
+            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=5)
         if result.status is Status.DIVERGED:
             raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
 

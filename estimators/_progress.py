@@ -122,7 +122,7 @@ def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int) -> Iterator
                 f"The fit of {type(estimator).__name__} was interrupted after {progress.n_epochs} of at most "
                 f"{max_epochs} epochs. The best model so far is kept.",
                 InterruptedFitWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
         if context is not None:
             context.call_on_fit_task_end(estimator=estimator, X=X, y=y)

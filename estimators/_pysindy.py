@@ -39,31 +39,7 @@ def term_names(powers: np.ndarray, names: Sequence[str]) -> list[str]:
 def sparse_regression(
     terms: np.ndarray, targets: np.ndarray, optimizer: Any, *, threshold: float, alpha: float, max_iter: int
 ) -> tuple[np.ndarray, int]:
-    """Regress targets on few of the terms.
-
-    Parameters
-    ----------
-    terms : ndarray, shape (n_samples, n_terms)
-        Library of terms, scaled.
-    targets : ndarray, shape (n_samples, n_targets)
-        What they shall give, scaled.
-    optimizer : str or PySINDy optimizer
-        One of `OPTIMIZERS`, or an instance, which is cloned.
-    threshold, alpha, max_iter : float, float, int
-        Settings of a named optimizer.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (n_targets, n_terms)
-        Coefficients, most of them zero.
-    n_iter : int
-        Iterations of the optimizer.
-
-    Raises
-    ------
-    FitError
-        If PySINDy refuses the problem.
-    """
+    """Regress targets on few of the terms."""
     with sklearn.config_context(enable_metadata_routing=False), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")  # told in our own words below
         regression = _make(optimizer, threshold, alpha, max_iter)
@@ -82,7 +58,7 @@ def sparse_regression(
             f"targets, which are predicted as zero. Lower the threshold ({threshold:g} of the target's root mean "
             "square), or check that the target varies.",
             PamidWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
     return coefficients, max(1, len(getattr(regression, "history_", ())) - 1)
 
@@ -114,22 +90,7 @@ def _make(optimizer: Any, threshold: float, alpha: float, max_iter: int) -> Any:
 
 
 def differentiate(x: np.ndarray, t: np.ndarray, window: int) -> np.ndarray:
-    """Differentiate the columns of one trajectory: smoothed finite differences, plain ones for `window` below 5.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_samples, n_signals)
-        Signals of one trajectory, in time order.
-    t : ndarray, shape (n_samples,)
-        Their time (s), increasing.
-    window : int
-        Rows of the smoothing window (Savitzky-Golay, third order), odd.
-
-    Returns
-    -------
-    ndarray, shape (n_samples, n_signals)
-        Rates, in the signals' units a second.
-    """
+    """Differentiate the columns of one trajectory: smoothed finite differences, plain ones for `window` below 5."""
     from pysindy import FiniteDifference, SmoothedFiniteDifference
 
     with sklearn.config_context(enable_metadata_routing=False):

@@ -28,13 +28,7 @@ def public_modules() -> list[str]:
 
 @cache
 def class_locations() -> dict[str, str]:
-    """Return the public classes of the package: name of the class to name of its module.
-
-    Raises
-    ------
-    IncompatibleError
-        If two modules define public classes of one name.
-    """
+    """Return the public classes of the package: name of the class to name of its module."""
     found: dict[str, str] = {}
     for module in public_modules():
         for name in _class_names(module):
@@ -54,20 +48,7 @@ def load_class(name: str) -> Any:
 
 
 def all_estimators() -> list[tuple[str, type]]:
-    """List every public estimator and transformer of the package.
-
-    Returns
-    -------
-    list of (str, type)
-        Name and class, sorted by name; abstract classes and helpers that are no estimators are left out.
-
-    Examples
-    --------
-    >>> from pamid.estimators import all_estimators
-    >>> names = [name for name, _ in all_estimators()]
-    >>> "SINDyModel" in names
-    True
-    """
+    """List every public estimator and transformer of the package."""
     from sklearn.base import BaseEstimator
 
     classes = ((name, load_class(name)) for name in class_locations())
@@ -75,25 +56,7 @@ def all_estimators() -> list[tuple[str, type]]:
 
 
 def checked_instances() -> list[Any]:
-    """Build small, quick instances of every public estimator, on which the common checks run.
-
-    Returns
-    -------
-    list of estimators
-        At least one unfitted instance of each class of `all_estimators`, in the same order; what a class offers is
-        its own ``_checked_instances()``.
-
-    Raises
-    ------
-    IncompatibleError
-        If a class offers no instance of itself.
-
-    Examples
-    --------
-    >>> from pamid.estimators import all_estimators, checked_instances
-    >>> {type(e).__name__ for e in checked_instances()} == {name for name, _ in all_estimators()}
-    True
-    """
+    """Build small, quick instances of every public estimator, on which the common checks run."""
     instances: list[Any] = []
     for name, estimator_class in all_estimators():
         own = list(getattr(estimator_class, "_checked_instances", list)())

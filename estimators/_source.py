@@ -14,20 +14,7 @@ from ._pihm import HybridModel
 
 
 def hybrid_of(source: Any, who: str) -> HybridModel:
-    """Return the fitted hybrid model behind a source; the source is never altered.
-
-    Parameters
-    ----------
-    source : estimator
-        A fitted hybrid model, an adapted one, a pipeline that ends in one, or any of these in a `FrozenEstimator`.
-    who : str
-        Who asks, for messages.
-
-    Raises
-    ------
-    IncompatibleError
-        If there is no hybrid model, or it is not fitted.
-    """
+    """Return the fitted hybrid model behind a source; the source is never altered."""
     found = source
     while True:
         if isinstance(found, FrozenEstimator):

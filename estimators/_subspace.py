@@ -40,21 +40,7 @@ class Realisation(NamedTuple):
 
 
 def realisations(u: np.ndarray, z: np.ndarray, slices: list[slice], rows: int, most: int) -> list[Realisation]:
-    """Return the models of order 1 to `most`.
-
-    Parameters
-    ----------
-    u : array, shape (n_samples, n_inputs)
-        Standardised inputs.
-    z : array, shape (n_samples,)
-        Standardised output.
-    slices : list of slice
-        The runs.
-    rows : int
-        Rows of past and of future that the projection looks at.
-    most : int
-        Highest order.
-    """
+    """Return the models of order 1 to `most`."""
     U, s, count = projection(u, z, slices, rows)
     edge = chance_edge(rows, rows * (u.shape[1] + 1), count)
     return [_realised(U[:, :n], s, edge, u, z, slices) for n in range(1, min(most, len(s)) + 1)]

@@ -25,11 +25,6 @@ def encode_text_columns(X: Any, read: Collection[str] = ()) -> Any:
     """Replace names in columns that are no signals, such as ``trajectory`` and ``run``, by numbers.
 
     Rows keep their order; numbers written as text, and inputs other than tables, come back untouched.
-
-    Raises
-    ------
-    ColumnTypeError
-        If a column that is read as a signal holds text.
     """
     if not isinstance(X, pd.DataFrame):
         return X
@@ -62,33 +57,7 @@ def _first_text(column: pd.Series[Any]) -> Any:
 def trajectory_codes(
     X: Any, groups: Any, *, one_trajectory: bool = False, needed_by: str | None = None
 ) -> np.ndarray | None:
-    """Number the trajectories of the rows of X from 0, in order of appearance.
-
-    Parameters
-    ----------
-    X : DataFrame or array, shape (n_samples, n_columns)
-        The table; a ``trajectory`` column is used where there is one.
-    groups : array_like, shape (n_samples,), or None
-        Group of each row. Where X has a ``trajectory`` column as well, a trajectory is a pair of both: a group may
-        hold several trajectories (two muscles in one run), and history never crosses from one to the other.
-    one_trajectory : bool, default=False
-        Whether the caller states that all rows are one trajectory.
-    needed_by : str, optional
-        Name of what needs time order. If given, and there is nothing to tell trajectories, an error is raised, and
-        the rows of each trajectory must be contiguous.
-
-    Returns
-    -------
-    ndarray of int, shape (n_samples,), or None
-        Trajectory number of each row; None if nothing tells.
-
-    Raises
-    ------
-    MissingTrajectoryError
-        If `needed_by` is given and there is neither `groups` nor a column.
-    InterleavedTrajectoryError
-        If `needed_by` is given and a trajectory's rows are not contiguous.
-    """
+    """Number the trajectories of the rows of X from 0, in order of appearance."""
     n = _num_samples(X)
     keys = []
     if groups is not None:

@@ -20,6 +20,7 @@ from sklearn.utils.validation import (
 from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterError
 
 from ._base import SignalEstimator, plain_table
+from ._frames import TakesFrames
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import encode_text_columns, trajectory_codes
 
@@ -45,8 +46,8 @@ class PredictionInterval(NamedTuple):
     upper: np.ndarray
 
 
-class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
-    r"""Wrap a regressor so that it says how far off it may be on a trajectory that it has not seen.
+class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    r"""Wrap a regressor to predict with intervals that are valid on unseen trajectories.
 
     Every trajectory is predicted by a fit on others. A trajectory of :math:`n_k` samples weighs each of its errors with
     :math:`1/((K+1)\,n_k)`, the new one weighs :math:`1/(K+1)` at infinity, and half the width of the interval is the
@@ -161,7 +162,7 @@ class ConformalRegressor(SequenceStreaming, MetaEstimatorMixin, RegressorMixin, 
                 f"infinite. Expected at least {int(np.ceil(self.confidence / (1 - self.confidence) - 1e-9))}. Record "
                 "more runs, or lower confidence.",
                 ExcitationWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         self._remember(X, y, groups=groups)
         return self

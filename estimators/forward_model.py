@@ -194,7 +194,7 @@ class ForwardModel(OneLayerRegressor):
                 f"ForwardModel: {int(outside.sum())} of {len(bare)} rows lie away from the data of the fit. Expected "
                 "pressures and loads that it had. The answer is bounded; assess() tells each row.",
                 ExtrapolationWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
         return self._shaped(np.clip(bare, *self._limits()))
 

@@ -51,31 +51,7 @@ class PressureAnswer(NamedTuple):
 def answer_within(
     pressure: np.ndarray, saturated: np.ndarray, extrapolated: np.ndarray, policy: str, who: str
 ) -> np.ndarray:
-    """Return the pressures, and warn or raise where the wanted pairs are out of reach.
-
-    Parameters
-    ----------
-    pressure : ndarray, shape (n_samples,)
-        Answer within its limits, Pa.
-    saturated : ndarray of bool, shape (n_samples,)
-        Rows at a limit.
-    extrapolated : ndarray of bool, shape (n_samples,)
-        Rows away from the data of the fit.
-    policy : {"warn", "clip", "raise"}
-        What to do about such rows.
-    who : str
-        Who asks, for the message.
-
-    Returns
-    -------
-    ndarray, shape (n_samples,)
-        The pressures.
-
-    Raises
-    ------
-    UnreachableError
-        If a row is flagged and the policy is ``"raise"``.
-    """
+    """Return the pressures, and warn or raise where the wanted pairs are out of reach."""
     flagged = saturated | extrapolated
     if policy == "clip" or not flagged.any():
         return pressure
@@ -89,7 +65,7 @@ def answer_within(
     warnings.warn(
         f"{text} Expected {expected}. The answer is bounded; assess() tells each row.",
         ExtrapolationWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
     return pressure
 
@@ -293,18 +269,7 @@ class InverseModel(OneLayerRegressor):
 
 
 def checked_limits(limits: Any) -> tuple[float, float] | None:
-    """Return limits of the pressure, Pa absolute, the lower one first, or None.
-
-    Parameters
-    ----------
-    limits : (float, float) or None
-        As given by the user.
-
-    Returns
-    -------
-    tuple of two floats, or None
-        The limits.
-    """
+    """Return limits of the pressure, Pa absolute, the lower one first, or None."""
     if limits is None:
         return None
     low, high = (float(v) for v in limits)

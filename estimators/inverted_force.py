@@ -30,24 +30,7 @@ def narrowed(
     values: tuple[np.ndarray, np.ndarray],
     rounding: float,
 ) -> np.ndarray:
-    """Return roots between brackets, all at once: false position (Illinois), and a halving every third step.
-
-    Parameters
-    ----------
-    off : callable
-        The function, of an array of one point a bracket.
-    ends : (ndarray, ndarray), shape (n_brackets,) each
-        Ends of the brackets.
-    values : (ndarray, ndarray), shape (n_brackets,) each
-        The function there, of two signs; brackets without a root are left to themselves.
-    rounding : float
-        What counts as nought, in the function's unit.
-
-    Returns
-    -------
-    ndarray, shape (n_brackets,)
-        Points at which the function is nought, or between neighbours of two signs to twelve digits.
-    """
+    """Return roots between brackets, all at once: false position (Illinois), and a halving every third step."""
     (a, b), (at_a, at_b) = ends, values
     rooted = (at_a <= 0.0) != (at_b <= 0.0)
     below, x, was = at_a <= 0.0, a, None

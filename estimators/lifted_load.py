@@ -206,7 +206,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
                 f"All rows have a load of {M[0]:g} kg. Expected several loads: under one the force hardly varies, "
                 "and any model that says its weight everywhere fits. Record runs under other loads.",
                 ExcitationWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         deps, dP = _rates(t, eps, slices), _rates(t, P, slices)
         force = M * (GRAVITY + self.rest_length * _rates(t, deps, slices))
@@ -246,7 +246,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
                 f"LiftedLoad left the contractions of the fit at {int(run.held.sum())} of {len(run.y)} rows. Expected "
                 "a free run within them. It was held at their edge; simulate() tells where.",
                 UnstableRunWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         return run.y
 

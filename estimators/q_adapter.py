@@ -248,7 +248,7 @@ class QAdapter(AdaptedModel):
                 f"The factor on the volume that fits the data best is {fitted:.3g}; Q₀ = {self.q0_:.3g} is kept. "
                 "Expected a factor above 0. Check signs, units and columns, and that source and target are of one law.",
                 AdaptationWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
             return
         apart = abs(fitted - self.q0_)
@@ -258,7 +258,7 @@ class QAdapter(AdaptedModel):
                 f"{self.q0_uncertainty_:.2g}. Expected them to agree. Check the sizes of both muscles (m) and the "
                 "units of the target's data; size_uncertainty says how well the sizes are known.",
                 AdaptationWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
         left, whole = float((weight * (y - fitted * f) ** 2).sum()), float((weight * y**2).sum())
         if left > 0.75 * whole:
@@ -266,7 +266,7 @@ class QAdapter(AdaptedModel):
                 f"The source explains {1 - left / whole:.0%} of the target whatever the factor on its volume. Expected "
                 "most of it. Check that source and target are of one law, and that the columns are the same signals.",
                 AdaptationWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
 
     def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:

@@ -22,11 +22,12 @@ from pamid.errors import (
 from pamid.signals.driven import differentiate_driven, fit_gains
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
+from ._frames import TakesFrames
 from ._streaming import SequenceStreaming
 from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
 
 
-class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
+class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEstimator):
     """Append the rates of columns, taken within each trajectory.
 
     For each column ``x`` a column ``dx`` with its rate is appended; rows keep their number and order. Smoothing is as
@@ -414,7 +415,7 @@ class RateTransformer(SequenceStreaming, TransformerMixin, BaseEstimator):
             warnings.warn(
                 f"{len(said)} of {len(times)} trajectories are not sampled evenly. {said[0]}",
                 SamplingWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
     def _find_time(self, names: list[str], n_columns: int) -> int | None:

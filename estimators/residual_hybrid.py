@@ -27,7 +27,7 @@ _CANDIDATE_STEPS = 15
 
 
 class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
-    r"""Hybrid of a force model and a network: the model is identified first, the network learns what it leaves.
+    r"""Hybrid of a force model and a network: the model is identified first, the network learns its residual.
 
     .. math:: F = F_\mathrm{model}(\varepsilon, P; \theta) + \frac{p}{\bar p}\, N(s)
 
@@ -262,7 +262,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         check_is_fitted(self, "weights_")
         table, _ = self._read(X, reset=False)
         inputs = self._signals(table, self.inputs)
-        warn_outside(inputs, getattr(self, "input_range_", None), self.inputs, stacklevel=3)
+        warn_outside(inputs, getattr(self, "input_range_", None), self.inputs, stacklevel=4)
         x = (inputs - self.input_mean_) / self.input_scale_
         share = self.residual_scale_ * forward(self.weights_, x)[:, 0]
         if self.vanishing:

@@ -6,26 +6,34 @@ loads none of numpy, pandas, scikit-learn or torch. Estimators are in `pamid.est
 
 from __future__ import annotations
 
+from ._checkout import find_estimators
 from ._lazy import attach
+
+find_estimators()
 
 __version__ = "0.1.0"
 
 _HOME = {
     "BenchParameters": "bench",
     "dataset": "bench",
+    "diagnose": "any_simulator",
+    "evaluate": "any_simulator",
     "evaluate_log": "equations",
     "inspect": "persistence",
     "load": "persistence",
+    "next_run": "gap",
     "read_log": "signals",
+    "read_simulator": "any_simulator",
     "save": "persistence",
+    "second_opinion": "opinion",
     "simulate": "bench",
     "write_log": "signals",
 }
 """In which room each public name lives."""
 
 _ROOMS = (
-    "bench", "compare", "effects", "equations", "errors", "estimators", "gap", "laws", "persistence", "plots",
-    "report", "signals", "training", "volume",
+    "bench", "compare", "effects", "equations", "errors", "estimators", "gap", "laws", "opinion", "persistence",
+    "plots", "report", "signals", "training", "volume",
 )  # fmt: skip
 """Rooms that ``import pamid`` alone makes reachable, such as ``pamid.estimators``."""
 

@@ -14,21 +14,7 @@ Kind = TypeVar("Kind")
 
 
 def module_names(package: str, nested: bool = False) -> list[str]:
-    """Return the full names of the modules of a package in alphabetical order; only the package itself is imported.
-
-    Parameters
-    ----------
-    package : str
-        Full name of the package.
-    nested : bool, default=False
-        Whether those of packages within it count as well.
-
-    Examples
-    --------
-    >>> from pamid._discovery import module_names
-    >>> module_names("pamid.adapters")[:2]
-    ['pamid.adapters.base', 'pamid.adapters.fine_tuning']
-    """
+    """Return the full names of the modules of a package in alphabetical order; only the package itself is imported."""
     return sorted(_names_below(package, importlib.import_module(package).__path__, nested))
 
 
@@ -40,21 +26,7 @@ def _names_below(package: str, path: Iterable[str], nested: bool) -> Iterator[st
 
 
 def modules(package: str, leave_out: Collection[str] = ()) -> list[ModuleType]:
-    """Import the modules of a package in alphabetical order, but for those that begin with an underscore.
-
-    Parameters
-    ----------
-    package : str
-        Full name of the package.
-    leave_out : collection of str, default=()
-        Names of modules that are not imported.
-
-    Examples
-    --------
-    >>> from pamid._discovery import modules
-    >>> [module.__name__ for module in modules("pamid.adapters", leave_out=("base", "registry"))][:2]
-    ['pamid.adapters.fine_tuning', 'pamid.adapters.frozen']
-    """
+    """Import the modules of a package in alphabetical order, but for those that begin with an underscore."""
     last = {full: full.rpartition(".")[2] for full in module_names(package)}
     return [
         importlib.import_module(full)
@@ -64,17 +36,7 @@ def modules(package: str, leave_out: Collection[str] = ()) -> list[ModuleType]:
 
 
 def subclasses(package: str, base: type[Kind], leave_out: Collection[str] = ()) -> list[type[Kind]]:
-    """Return the classes below `base` that the modules of a package define; abstract ones are left out.
-
-    Parameters
-    ----------
-    package : str
-        Full name of the package.
-    base : type
-        Their common base.
-    leave_out : collection of str, default=()
-        Names of modules that are not imported.
-    """
+    """Return the classes below `base` that the modules of a package define; abstract ones are left out."""
     return [
         thing
         for module in modules(package, leave_out)

@@ -13,27 +13,7 @@ from typing import Any
 
 
 def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Make ``__getattr__``, ``__dir__`` and ``__all__`` of a package (PEP 562).
-
-    Parameters
-    ----------
-    package : str
-        ``__name__`` of the package.
-    home : mapping of str to str
-        Module or subpackage in which each public name is defined; a name that is its own home is that module.
-
-    Returns
-    -------
-    tuple of (callable, callable, list of str)
-        To be assigned to ``__getattr__, __dir__, __all__``.
-
-    Examples
-    --------
-    >>> from pamid._lazy import attach
-    >>> lookup, names, public = attach("pamid", {"PamidError": "errors", "errors": "errors"})
-    >>> lookup("PamidError").__name__, public
-    ('PamidError', ['PamidError', 'errors'])
-    """
+    """Make ``__getattr__``, ``__dir__`` and ``__all__`` of a package (PEP 562)."""
 
     def lookup(name: str) -> Any:
         if name not in home:
@@ -47,32 +27,7 @@ def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any],
 def renamed(
     package: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
 ) -> Callable[[str], Any]:
-    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning.
-
-    Parameters
-    ----------
-    package : str
-        ``__name__`` of the package.
-    names : mapping of str to str
-        New name by old name.
-    otherwise : callable, optional
-        The package's own ``__getattr__``, for all other names.
-
-    Returns
-    -------
-    callable
-        To be assigned to ``__getattr__``.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> from pamid._lazy import renamed
-    >>> with warnings.catch_warnings(record=True) as told:
-    ...     warnings.simplefilter("always")
-    ...     found = renamed("pamid.errors", {"OldError": "PamidError"})("OldError")
-    >>> found.__name__, told[0].category.__name__
-    ('PamidError', 'FutureWarning')
-    """
+    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning."""
 
     def lookup(name: str) -> Any:
         if name in names:

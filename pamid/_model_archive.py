@@ -44,29 +44,7 @@ def json_cost(data: bytes) -> int:
 
 
 def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
-    """Read all entries of a model file into memory, each checked against what it declares.
-
-    Parameters
-    ----------
-    path : Path
-        The model file.
-    max_bytes : int, default=2**29
-        Most memory that loading the file may take; its entries may unpack to a quarter of it, together.
-
-    Returns
-    -------
-    dict of str to bytes
-        The entries by name.
-
-    Raises
-    ------
-    ModelNotFoundError
-        There is no such file.
-    TruncatedModelError
-        The file is no zip archive, is cut off, or an entry fails its checksum.
-    HostileModelError
-        Entries are too many or too large, duplicated, encrypted, nested, or named like paths.
-    """
+    """Read all entries of a model file into memory, each checked against what it declares."""
     if path.is_dir():
         raise ModelNotFoundError(f"{path} is a folder.", "a model file", "Name the file inside it.")
     try:

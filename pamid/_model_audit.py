@@ -24,29 +24,6 @@ def audit_schema(
 
     Every JSON object that names a class, a module or a loader counts as a node, wherever it stands: the walk is
     stricter than the loader, never the other way round.
-
-    Parameters
-    ----------
-    schema : dict
-        The parsed ``schema.json``.
-    files : mapping of str to bytes
-        The entries of the archive.
-    name : str
-        Name of the file, for messages.
-    trusted : iterable of str
-        Full names of further types that the caller trusts.
-    max_bytes : int, default=2**29
-        Most memory that the objects may take, see `pamid._model_archive`.
-
-    Returns
-    -------
-    set of str
-        Full names of all types of the schema; each is allowed.
-
-    Raises
-    ------
-    HostileModelError
-        Something is not on the allow-list, or an entry that a node reads is missing.
     """
     audit = _Audit(files, name, frozenset(trusted), max_bytes)
     limit = sys.getrecursionlimit()

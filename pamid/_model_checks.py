@@ -31,22 +31,7 @@ _EVERYWHERE = {"n_features_in_", "feature_names_in_", "_sklearn_version", "_skle
 
 
 def check_model(model: Any, name: str, trusted: frozenset[str] = frozenset()) -> None:
-    """Refuse a model that holds what no model of pamid needs, or whose parts do not fit together.
-
-    Parameters
-    ----------
-    model : estimator
-        What was built, or is to be saved.
-    name : str
-        Name of the file, for messages.
-    trusted : frozenset of str
-        Full names of types that the caller trusts; what they are called and how they fit together is not judged.
-
-    Raises
-    ------
-    HostileModelError
-        Something is not on the allow-list.
-    """
+    """Refuse a model that holds what no model of pamid needs, or whose parts do not fit together."""
     _Walk(name, trusted).visit(model, type(model).__name__)
 
 

@@ -47,15 +47,7 @@ class Checkpoint:
             self.results = self._read()
 
     def step(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Return the result of a step: from the file if it is there, else computed and kept.
-
-        Parameters
-        ----------
-        name : str
-            Name of the step, unique in the file.
-        compute : callable
-            Returns the result, as JSON data; deterministic, seeds included, if resuming is to give the same.
-        """
+        """Return the result of a step: from the file if it is there, else computed and kept."""
         if name not in self.results:
             result = json.loads(json.dumps(compute()))
             self.results[name] = result

@@ -27,34 +27,6 @@ def on_dask(cluster: Any = None, *, n_workers: int = 2) -> Iterator[Any]:
     Searches of scikit-learn, `pamid.compare.compare` and everything else that uses joblib is spread over the workers,
     one task a core. A task whose worker dies runs again on another one, up to dask's ``allowed-failures`` times (3).
     What runs in parallel inside a task runs in that task alone.
-
-    Parameters
-    ----------
-    cluster : Client, cluster, str or None, default=None
-        A `distributed.Client`, a cluster, or the address of a scheduler such as ``"tcp://10.0.0.1:8786"``; by default
-        a cluster on this machine for the time being.
-    n_workers : int, default=2
-        Worker processes of the cluster on this machine, of one thread each.
-
-    Yields
-    ------
-    Client
-        The client, for instance to look at its workers.
-
-    Raises
-    ------
-    MissingDependencyError
-        dask is not installed.
-    ParameterError
-        There is no cluster at the address, or no worker was asked for.
-
-    Examples
-    --------
-    >>> from pamid.distributed import on_dask
-    >>> from sklearn.model_selection import GridSearchCV
-    >>> def search_on(address, search, X, y, groups):
-    ...     with on_dask(address):
-    ...         return search.fit(X, y, groups=groups)
     """
     try:
         import distributed

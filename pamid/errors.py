@@ -65,7 +65,7 @@ class LogNotFoundError(LogError, FileNotFoundError):
 
 
 class LogFormatError(LogError):
-    """The file is of a kind that pamid does not read, or not what its name says."""
+    """A file of a kind that is not read, or whose content does not match its name."""
 
 
 class TruncatedLogError(LogError):
@@ -73,11 +73,11 @@ class TruncatedLogError(LogError):
 
 
 class HostileLogError(LogFormatError):
-    """A log carries objects, or declares sizes that reading must never unfold."""
+    """A log contains objects, or declares sizes that are not safe to read."""
 
 
 class StreamError(LogError):
-    """A stream is not one of samples."""
+    """A stream does not contain samples."""
 
     page = "docs/streaming.md"
 
@@ -94,7 +94,7 @@ class ColumnError(LogError):
 
 
 class MissingColumnError(ColumnError):
-    """A column that is needed is not there."""
+    """A required column is missing."""
 
 
 class DuplicateColumnError(ColumnError):
@@ -106,7 +106,7 @@ class ColumnTypeError(ColumnError, TypeError):
 
 
 class MappingError(ColumnError):
-    """A mapping of names and units is malformed or names something that is not there."""
+    """A mapping of names and units is malformed or refers to something missing."""
 
     page = "docs/logs.md#mappings"
 
@@ -125,17 +125,17 @@ class NonFiniteError(SignalError):
 class ReadingError(SignalError):
     """A reading that its quantity cannot take, such as an absolute pressure of 0."""
 
-    page = "docs/logs.md#readings-that-cannot-be"
+    page = "docs/logs.md#impossible-readings"
 
 
 class ExcitationError(SignalError):
-    """A log moves too little for what is asked of it."""
+    """A log excites the system too little for the task."""
 
     page = "docs/first_hour.md#look-at-it"
 
 
 class UnitError(SignalError):
-    """Values that are plainly in another unit than the one expected, or an unknown unit."""
+    """Values that are clearly in another unit than expected, or an unknown unit."""
 
     page = "docs/logs.md#units"
 
@@ -156,7 +156,7 @@ class TimeOrderError(TimeError):
 
 
 class SamplingError(TimeError):
-    """The sampling is too irregular, too slow or mixed for what is asked."""
+    """The sampling is too irregular, too slow or too mixed for the task."""
 
 
 class TrajectoryError(LogError):
@@ -166,7 +166,7 @@ class TrajectoryError(LogError):
 
 
 class MissingTrajectoryError(TrajectoryError):
-    """What needs time order got neither ``groups`` nor a ``trajectory`` column."""
+    """A method that needs time order got neither ``groups`` nor a ``trajectory`` column."""
 
     page = "docs/pipelines.md"
 
@@ -191,7 +191,7 @@ class ParameterError(PamidError, ValueError):
 
 
 class UnknownOptionError(ParameterError):
-    """A name that is not among the ones offered."""
+    """A name that is not one of the choices."""
 
 
 class ShapeError(PamidError, ValueError):
@@ -201,7 +201,7 @@ class ShapeError(PamidError, ValueError):
 
 
 class IncompatibleError(PamidError, ValueError):
-    """A volume model, a law and a trainer or adapter that do not fit together."""
+    """A volume model, a law and a trainer or adapter that do not work together."""
 
     page = "docs/models.md"
 
@@ -213,11 +213,11 @@ class FitError(PamidError, RuntimeError):
 
 
 class DivergedError(FitError):
-    """A fit or a simulation left the finite numbers."""
+    """A fit or a simulation has diverged."""
 
 
 class UnreachableError(PamidError, ValueError):
-    """A wanted pair of force and contraction that no pressure within the limits brings about."""
+    """A desired pair of force and contraction that no pressure within the limits produces."""
 
     page = "docs/inverse.md"
 
@@ -236,7 +236,7 @@ class UntrustedCodeError(SimulatorFileError):
 
 
 class ForeignSimulatorError(PamidError, RuntimeError):
-    """A simulator of somebody else's has crashed, hung or failed."""
+    """A third-party simulator has crashed, hung or failed."""
 
     page = "docs/simulator-fmu.md"
 
@@ -250,7 +250,7 @@ class OversizedSimulatorError(SimulatorFileError):
 
 
 class SimulatorRunError(SimulatorFileError):
-    """A simulator of a user's own raises an error, or gives no finite numbers."""
+    """A user's simulator raises an error, or returns values that are not finite."""
 
     page = "docs/simulators.md"
 
@@ -268,7 +268,7 @@ class MissingParameterError(SimulatorFileError):
 
 
 class UnknownParameterError(SimulatorFileError):
-    """A simulator file has a table or parameter that means nothing to the bench."""
+    """A simulator file has a table or parameter that the bench does not know."""
 
 
 class ImplausibleParameterError(SimulatorFileError):
@@ -307,13 +307,13 @@ class CheckpointError(PamidError, ValueError):
 
 
 class ExportError(PamidError, ValueError):
-    """A model, or a part of it, has no form outside Python."""
+    """A model, or a part of it, cannot be exported."""
 
     page = "docs/export.md"
 
 
 class MissingDependencyError(PamidError, ImportError):
-    """A library that only some of the package needs is not installed."""
+    """An optional dependency is not installed."""
 
 
 # --- warnings -----------------------------------------------------------------------------------------------
@@ -322,35 +322,39 @@ class PamidWarning(UserWarning):
 
 
 class UnitWarning(PamidWarning):
-    """Values that look like another unit than the one expected."""
+    """Values that look like another unit than expected."""
 
 
 class ReadingWarning(PamidWarning):
-    """Readings that cannot be, that jump there and back, or that stand still, and what is done about them."""
+    """Readings that are impossible, jump and return, or are stuck, and how they are treated."""
 
 
 class ExcitationWarning(PamidWarning):
-    """The data hardly excite what is to be identified."""
+    """The data hardly excite the quantity to be identified."""
 
 
 class ExtrapolationWarning(PamidWarning):
-    """A prediction is asked outside the range of the data of the fit."""
+    """A prediction is requested outside the range of the training data."""
 
 
 class UnstableRunWarning(PamidWarning):
-    """A free run left the range of the data of the fit and was held at its edge."""
+    """A free run left the range of the training data and was held at its edge."""
 
 
 class AdaptationWarning(PamidWarning):
-    """Source and target of an adaptation hardly belong together, or the geometry contradicts the data."""
+    """Source and target of an adaptation do not match, or the geometry contradicts the data."""
 
 
 class EffectsWarning(PamidWarning):
-    """A model cannot hold a cause that a diagnosis found."""
+    """A model cannot represent a cause that a diagnosis named."""
+
+
+class SimulatorWarning(PamidWarning):
+    """A simulator of a user's own is random, or keeps something between calls."""
 
 
 class StreamChangeWarning(PamidWarning):
-    """At the same signals the target is another one than earlier in the stream."""
+    """For the same inputs the target differs from earlier in the stream."""
 
 
 class VolumeWarning(PamidWarning):

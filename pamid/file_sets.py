@@ -35,26 +35,6 @@ def replacing_together(folder: str | Path, names: Collection[str], *, parents: b
     files and links to the others, by a single system call where the system has it. Elsewhere, as in the working
     folder, files move one by one while no other pamid writes there and signals wait; if even then the process is
     killed, `UNFINISHED` says so in the folder, and the next writer ends the move.
-
-    Parameters
-    ----------
-    folder : path-like
-        Where the files go; made if it is not there.
-    names : collection of str
-        The names that the set may have; those that the body does not write are removed from the folder, so that no
-        old file stays beside new ones.
-    parents : bool, default=False
-        Whether to make missing folders above, too.
-
-    Yields
-    ------
-    Path
-        The empty folder.
-
-    Raises
-    ------
-    OutputError
-        The files cannot be written; what was there before stays.
     """
     folder = Path(folder)
     stage: Path | None = None
@@ -81,29 +61,7 @@ def replacing_together(folder: str | Path, names: Collection[str], *, parents: b
 
 
 def check_folder(folder: str | Path, names: Collection[str] = (), *, parents: bool = False, size: int = PROBE) -> Path:
-    """Return the path of a folder that can take a set of files, before anything expensive starts.
-
-    Parameters
-    ----------
-    folder : path-like
-        The folder to be.
-    names : collection of str
-        The names of the set.
-    parents : bool, default=False
-        Whether missing folders above are made later.
-    size : int, default=65536
-        Bytes for which there must be room.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    OutputError
-        The folder is missing, full or read-only, or something else stands in its place.
-    """
+    """Return the path of a folder that can take a set of files, before anything expensive starts."""
     target = Path(folder)
     if target.is_dir():
         for name in names:

@@ -23,21 +23,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     A crash at any moment leaves either the old file or the new one, and of two processes that write one file the later
     one wins. If the body raises, the draft is removed and the file stays as it was.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; an existing one is replaced, and its mode is kept. A link stays a link to what is written.
-
-    Yields
-    ------
-    Path
-        An empty file in the same folder.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, for instance because the disk is full.
     """
     path = Path(path)
     draft: Path | None = None
@@ -60,25 +45,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def write_whole(path: str | Path, data: bytes | str) -> Path:
-    """Write a file beside its destination, flush it to disk and move it into place, see `replacing`.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; an existing one is replaced.
-    data : bytes or str
-        Its content; text is written as UTF-8.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, for instance because the disk is full.
-    """
+    """Write a file beside its destination, flush it to disk and move it into place, see `replacing`."""
     path = Path(path)
     with replacing(path) as draft:
         draft.write_bytes(encoded(data))
@@ -91,25 +58,7 @@ def encoded(data: bytes | str) -> bytes:
 
 
 def check_file(path: str | Path, size: int = PROBE) -> Path:
-    """Return the path of a file that can be written, before anything expensive starts.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be.
-    size : int, default=65536
-        Bytes for which there must be room.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    OutputError
-        Its folder is missing, full or read-only, or something else stands in its place.
-    """
+    """Return the path of a file that can be written, before anything expensive starts."""
     target = Path(path)
     folder = target.parent
     if not folder.is_dir():

@@ -9,20 +9,7 @@ from typing import Any
 
 
 def json_ready(value: Any) -> Any:
-    """Return plain data: dataclasses as dicts, tuples and arrays as lists, what is not finite as None.
-
-    Parameters
-    ----------
-    value : object
-        Numbers of Python or numpy, text, None, and mappings, sequences, arrays and dataclasses of them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.json_data import json_ready
-    >>> json_ready({"error": np.float64(0.5), "interval": (np.nan, np.array([1, 2]))})
-    {'error': 0.5, 'interval': [None, [1, 2]]}
-    """
+    """Return plain data: dataclasses as dicts, tuples and arrays as lists, what is not finite as None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: json_ready(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):

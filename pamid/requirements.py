@@ -73,21 +73,7 @@ class WithVolume(Protocol):
 
 
 def formulas_of(model: Any, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-    """Return unit and value of each output as formulas of the signals; empty for a model that has none.
-
-    Parameters
-    ----------
-    model : estimator
-        Any fitted estimator.
-    signals : mapping of str to array or symbol
-        What it reads, SI units.
-
-    Examples
-    --------
-    >>> from pamid.requirements import formulas_of
-    >>> formulas_of(object(), {})
-    {}
-    """
+    """Return unit and value of each output as formulas of the signals; empty for a model that has none."""
     kind: Any = type(model)
     return model.formulas(signals) if _writes_formulas(kind) else {}
 
@@ -98,38 +84,13 @@ def _writes_formulas(kind: Hashable) -> bool:
 
 
 def last_step(model: Any) -> Any:
-    """Return the estimator of a pipeline, or the model itself.
-
-    Examples
-    --------
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.linear_model import Ridge
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> from pamid.requirements import last_step
-    >>> last_step(make_pipeline(StandardScaler(), Ridge()))
-    Ridge()
-    """
+    """Return the estimator of a pipeline, or the model itself."""
     steps = getattr(model, "steps", None)
     return steps[-1][1] if steps else model
 
 
 def reads_of(model: Any, otherwise: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the signals that an estimator reads from X.
-
-    Parameters
-    ----------
-    model : estimator
-        Any estimator, or a class of estimators.
-    otherwise : sequence of str, default=()
-        What to take where it does not say.
-
-    Examples
-    --------
-    >>> from pamid.estimators import GeometricForce
-    >>> from pamid.requirements import reads_of
-    >>> reads_of(GeometricForce())
-    ('eps', 'P')
-    """
+    """Return the signals that an estimator reads from X."""
     return tuple(getattr(model, "reads", otherwise))
 
 
@@ -139,20 +100,7 @@ def is_sequential(model: Any) -> bool:
 
 
 def parameter_count(model: Any) -> int | None:
-    """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell.
-
-    Parameters
-    ----------
-    model : estimator
-        Any fitted estimator.
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import LinearRegression
-    >>> from pamid.requirements import parameter_count
-    >>> parameter_count(LinearRegression().fit([[0.0], [1.0], [2.0]], [0.0, 1.0, 2.0]))
-    1
-    """
+    """Count the numbers that a fit has set: as the estimator says, or by what it holds; None if it does not tell."""
     import numpy as np
 
     if (own := getattr(model, "n_parameters_", None)) is not None:
@@ -177,28 +125,7 @@ def check_reads(
     otherwise: Sequence[str] = (),
     instead: str,
 ) -> tuple[str, ...]:
-    """Return the signals that an estimator reads, once they are known to fit.
-
-    Parameters
-    ----------
-    model : estimator
-        What is asked.
-    allowed : collection of str
-        Signals that can be given.
-    needed : collection of str, default=()
-        Signals that it has to read.
-    sequential : bool, default=True
-        Whether one that reads the sequence of samples will do.
-    otherwise : sequence of str, default=()
-        What to take where it does not say.
-    instead : str
-        What to choose instead, a sentence.
-
-    Raises
-    ------
-    IncompatibleError
-        If it reads other signals, not all that are needed, or sequences where single rows are given.
-    """
+    """Return the signals that an estimator reads, once they are known to fit."""
     reads = reads_of(model, otherwise)
     ordered = not sequential and is_sequential(model)
     if ordered or set(reads) - set(allowed) or set(needed) - set(reads) or not reads:

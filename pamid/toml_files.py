@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import stat
 import tomllib
@@ -32,27 +33,7 @@ class TomlErrors(NamedTuple):
 
 
 def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]:
-    """Read a TOML file of at most a megabyte.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    what : str
-        What it should be, in words, such as "a simulator file".
-    errors : TomlErrors
-        The errors to raise.
-
-    Returns
-    -------
-    dict
-        Its content.
-
-    Raises
-    ------
-    PamidError
-        One of the three.
-    """
+    """Read a TOML file of at most a megabyte."""
     text = read_small_text(Path(path), what, errors)
     if _LONG_KEY.search(text):
         raise errors.broken(f"{path} has a key of more than 17 parts.", f"{what} with short keys", "Correct it.")
@@ -65,27 +46,7 @@ def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]
 
 
 def read_small_text(path: Path, what: str, errors: TomlErrors) -> str:
-    """Read a text in UTF-8 of at most a megabyte.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    what : str
-        What it should be, in words.
-    errors : TomlErrors
-        The errors to raise.
-
-    Returns
-    -------
-    str
-        Its content.
-
-    Raises
-    ------
-    PamidError
-        One of the three.
-    """
+    """Read a text in UTF-8 of at most a megabyte."""
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
@@ -103,3 +64,19 @@ def read_small_text(path: Path, what: str, errors: TomlErrors) -> str:
             raise
         said = getattr(error, "strerror", None) or error
         raise errors.missing(f"{path} cannot be read: {said}.", what, "Check the path and its permissions.") from None
+
+
+def toml_key(name: str) -> str:
+    """Return a name as a key: bare where TOML allows it, else in quotes."""
+    return name if name.isascii() and name.replace("_", "").isalnum() else toml_value(name)
+
+
+def toml_value(value: Any) -> str:
+    r"""Return a truth, number, text or list of these as TOML writes it, whatever characters a text has."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml_value(v) for v in value)}]"
+    return repr(value)

@@ -27,30 +27,7 @@ if TYPE_CHECKING:
 
 
 def balances(params: BenchParameters, runs: Sequence[Trajectory], substeps: int = 1) -> dict[str, float]:
-    """Simulate the nominal bench and return what its balances leave.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        The bench; effects are not looked at.
-    runs : sequence of Trajectory
-        All of one length.
-    substeps : int, default=1
-        Integration steps a control period.
-
-    Returns
-    -------
-    dict of str to float
-        ``"gas"``, ``"gas_energy"`` (only for γ > 1) and ``"joint_energy"``: the largest residual over runs and muscles
-        at the end of the run, relative to what has been exchanged in absolute value on the way.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, sine
-    >>> from pamid.bench.balance import balances
-    >>> all(abs(v) < 1e-3 for v in balances(BenchParameters.for_muscle("B"), [sine(4, 15, 200)]).values())
-    True
-    """
+    """Simulate the nominal bench and return what its balances leave."""
     params = params.replace(effects=())
     n, g = len(runs), params.gas.heat_capacity_ratio
     bench = Antagonist(params, n)

@@ -64,15 +64,7 @@ class Controller:
 
 
 def joint_at_rest(params: BenchParameters, pressure: float) -> tuple[float, float]:
-    """Return the torque per difference of pressure (N m/Pa) and the stiffness (N m/rad) of the joint at its middle.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        The bench.
-    pressure : float
-        Pressure of both muscles, Pa gauge.
-    """
+    """Return the torque per difference of pressure (N m/Pa) and the stiffness (N m/rad) of the joint at its middle."""
     plant, eps0, r, h = params.plant(), params.muscle.initial_contraction, params.joint.pulley_radius, 1e-5
     slope = (plant.volume_slope(eps0 + h) - plant.volume_slope(eps0 - h)) / (2.0 * h * plant.rest_length)
     return 2.0 * r * plant.volume_slope(eps0) / plant.rest_length, -2.0 * r * pressure * slope * r / plant.rest_length

@@ -1,4 +1,4 @@
-"""The data sets of the study, with the published counts, from a seed."""
+"""The data sets of the study from a seed; the row counts of B and C are the published ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TRAINING_FREQUENCIES = (1.0, 2.0, 4.0, 10.0)
 TRIANGLE_FREQUENCIES = (0.5, 1.0, 2.0, 4.0, 10.0)
 """Frequencies of the validation triangles, rad/s."""
 ROWS = {"D_A": 31_464, "D_B": 31_464, "D_C": 30_952}
-"""Published number of training samples of each muscle."""
+"""Number of training samples of each muscle: published for B and C, for A the same as for B."""
 TRIANGLE_SAMPLES = 1_573
 """Samples of one triangle run: as many as of a training run."""
 STEP_SAMPLES = 2_000

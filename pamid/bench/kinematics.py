@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import MissingColumnError, MissingTrajectoryError
+from ..signals.frames import as_pandas
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,6 +81,7 @@ def unfold(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     """
     import pandas as pd
 
+    log = as_pandas(log)
     if "trajectory" not in log:
         raise MissingTrajectoryError(
             "The log has no column 'trajectory'.", "the name of the run in each row", "Add the column."

@@ -120,19 +120,7 @@ class Muscles:
 
     # --- one evaluation -------------------------------------------------------------------------------------
     def evaluate(self, L: np.ndarray, L_rate: np.ndarray, P: np.ndarray, P_rate: np.ndarray, ahead: float) -> None:
-        """Write the pressure rate into ``P_rate``; tension and flow stand in `F` and `mdot` afterwards.
-
-        Parameters
-        ----------
-        L, L_rate : array
-            Length (m) and its rate (m/s).
-        P : array
-            Pressure, Pa, absolute.
-        P_rate : array
-            Where the pressure rate (Pa/s) goes.
-        ahead : float
-            Time since the start of the integration step, s; memory is carried that far.
-        """
+        """Write the pressure rate into ``P_rate``; tension and flow stand in `F` and `mdot` afterwards."""
         if self.has_effects:
             self._evaluate_with_effects(L, L_rate, P, P_rate, ahead)
             return

@@ -478,6 +478,15 @@ class BenchParameters:
             )
         return float(getattr(getattr(self, NUMBERS[name]), name))
 
+    def identity(self) -> dict[str, Any]:
+        """Return what makes it the same simulator: name, numbers, tolerances and effects, as plain data."""
+        return {
+            "name": self.muscle.name,
+            "numbers": self.values(),
+            "tolerance": dict(self.tolerance),
+            "effects": [[name, dict(values)] for name, values in self.effects],
+        }
+
     def values(self) -> dict[str, float]:
         """Return all numbers by name, in the order of a simulator file."""
         return {name: self.get(name) for name in NUMBERS}

@@ -18,7 +18,7 @@ LEAD = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """One run: the wanted angle, sample by sample, and what else the controller is told.
+    """One run: the reference angle, sample by sample, and the controller's other inputs.
 
     Parameters
     ----------

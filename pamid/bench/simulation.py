@@ -79,38 +79,7 @@ def run_batch(
     truth: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Record:
-    """Simulate runs of one length, lead-in included.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        The bench; its own effects come before ``effects``.
-    runs : sequence of Trajectory
-        All of one length.
-    effects : sequence of Effect, default=()
-        Effects of the bench.
-    controller : Controller, optional
-        Settings of the controller; it is tuned to the nominal parameters, of which effects are no part.
-    substeps : int, default=1
-        Integration steps a control period.
-    truth : bool, default=False
-        Whether to keep the true state and its rate.
-    progress : callable, optional
-        Called with the number of samples done since the last call.
-
-    Returns
-    -------
-    Record
-        The signals.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, sine
-    >>> from pamid.bench.simulation import run_batch
-    >>> record = run_batch(BenchParameters.for_muscle("B"), [sine(4, 15, 100, lead=0.0)])
-    >>> record.F.shape  # N
-    (100, 2, 1)
-    """
+    """Simulate runs of one length, lead-in included."""
     length, n = len(runs[0].q_ref), len(runs)
     everything = [*params.make_effects(), *effects]
     nominal = params.replace(effects=())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,7 +16,7 @@ from ..errors import (
     UnknownParameterError,
 )
 from ..files import write_whole
-from ..toml_files import TomlErrors, read_toml
+from ..toml_files import TomlErrors, read_toml, toml_value
 
 if TYPE_CHECKING:
     from .parameters import BenchParameters
@@ -66,10 +65,6 @@ def read_simulator_file(cls: type[T], path: Path) -> T:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
 
-def _quote(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
-
-
 def _number(value: float) -> str:
     return repr(float(value))
 
@@ -79,15 +74,7 @@ def _line(name: str, value: str, comment: str) -> str:
 
 
 def simulator_text(params: BenchParameters) -> str:
-    """Return the simulator file of ``params`` as text.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters
-    >>> from pamid.bench.simulator_file import simulator_text
-    >>> simulator_text(BenchParameters.for_muscle("B")).count("[muscle]")
-    1
-    """
+    """Return the simulator file of ``params`` as text."""
     from .parameters import TABLES
 
     lines = ["# Simulator of the bench: SI units, absolute pressures.", 'kind = "bench"', ""]
@@ -99,7 +86,7 @@ def simulator_text(params: BenchParameters) -> str:
                 comment = ", ".join(part for part in (f.metadata["unit"], f.metadata["comment"]) if part)
                 lines.append(_line(f.name, _number(value), comment))
             else:
-                lines.append(_line(f.name, _quote(value), ""))
+                lines.append(_line(f.name, toml_value(value), ""))
         lines.append("")
     if params.tolerance:
         lines.append("[tolerance]  # relative: how well each is known; a value within it is no gap")

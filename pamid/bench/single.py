@@ -66,12 +66,6 @@ def festo_like() -> BenchParameters:
     """Return a muscle of 20 mm like those on the market: about 1.5 kN at 6 bar, shortening by 25 % at most.
 
     The conical ends (effect ``end_cap``) limit the contraction, hysteresis of the braid parts up from down.
-
-    Examples
-    --------
-    >>> from pamid.bench.single import festo_like
-    >>> festo_like().muscle.rest_length  # m
-    0.2
     """
     return BenchParameters(
         MuscleParameters("20mm", 0.2, 0.02, math.radians(25.0), 0.0),
@@ -171,20 +165,7 @@ class LiftBench:
     def step(
         self, wanted: Any, mass: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Control and integrate one period of 1 ms.
-
-        Parameters
-        ----------
-        wanted : float or ndarray, shape (n_lifts,)
-            Set value of the pressure, Pa, absolute.
-        mass : ndarray, shape (n_lifts,), optional
-            Loads from now on, kg.
-
-        Returns
-        -------
-        tuple of four ndarrays, shape (n_lifts,)
-            Pressure (Pa, absolute), length (m), tension (N) and valve command at the beginning of the period.
-        """
+        """Control and integrate one period of 1 ms."""
         settings, y = self.settings, self._y
         if mass is not None:
             self._load(mass)
@@ -210,13 +191,7 @@ class LiftBench:
         return reading
 
     def check(self) -> None:
-        """Raise unless the state is finite.
-
-        Raises
-        ------
-        DivergedError
-            If it is not.
-        """
+        """Raise unless the state is finite."""
         if not np.all(np.isfinite(self._y)):
             raise DivergedError(
                 "The simulation of the lift left the finite numbers.", "a bench within its range", "Raise substeps."

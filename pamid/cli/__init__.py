@@ -24,8 +24,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Examples
     --------
     >>> from pamid.cli import main
-    >>> main(["--version"])
+    >>> main(["--version"])  # doctest: +ELLIPSIS
     pamid 0.1.0
+      python 3...
     0
     """
     from .app import run

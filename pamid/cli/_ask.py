@@ -9,29 +9,13 @@ from ..errors import PamidError
 
 
 class Asker:
-    """Asks a person, or takes the defaults.
-
-    Parameters
-    ----------
-    interactive : bool
-        Whether somebody is there to answer.
-    """
+    """Asks a person, or takes the defaults."""
 
     def __init__(self, interactive: bool) -> None:
         self.interactive = interactive
 
     def text(self, question: str, default: str, check: Callable[[str], object] | None = None) -> str:
-        """Ask for a text until it passes a check; return the default where nobody answers.
-
-        Parameters
-        ----------
-        question : str
-            The question, without the default.
-        default : str
-            What an empty answer means.
-        check : callable, optional
-            Raises a `PamidError` on an answer that cannot be used.
-        """
+        """Ask for a text until it passes a check; return the default where nobody answers."""
         while self.interactive:
             sys.stderr.write(f"{question}{f' [{default}]' if default else ''}: ")
             sys.stderr.flush()

@@ -33,13 +33,7 @@ def split_equations(texts: list[str]) -> dict[str, str]:
 
 
 def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
-    """Give a draft the signals of equations: states, outputs, and what right sides name beside numbers.
-
-    Raises
-    ------
-    ParameterError
-        A number stands in no equation.
-    """
+    """Give a draft the signals of equations: states, outputs, and what right sides name beside numbers."""
     from ..simulators.equation_model import names_in, sides
     from ..systems.base import Input
 
@@ -59,13 +53,7 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
 
 
 def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
-    """Give a draft the columns of its signals and the page of equations.
-
-    Raises
-    ------
-    MissingColumnError
-        A name is neither a number nor a column.
-    """
+    """Give a draft the columns of its signals and the page of equations."""
     from ..simulators.equation_model import sides
 
     rates, outputs = sides(equations)

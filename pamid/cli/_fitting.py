@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..errors import TooFewTrajectoriesError
+from ._progress import progress
 from ._tables import RATES, Target, needed_signals, predict_table
-from .common import note, progress
+from .common import note
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,26 +38,7 @@ def held_out(
     runs: pd.Series,
     every: int = 1,
 ) -> np.ndarray:
-    """Predict each run by a model of the others.
-
-    Parameters
-    ----------
-    args : Namespace
-        The command's options, with ``folds`` and ``seed``.
-    fitted : callable
-        Fits a new model to rows of X and y.
-    X, y : DataFrame, Series
-        Inputs and target.
-    runs : Series
-        The run of each row.
-    every : int, default=1
-        Distance of the rows that are fitted.
-
-    Raises
-    ------
-    TooFewTrajectoriesError
-        There is one run only.
-    """
+    """Predict each run by a model of the others."""
     import numpy as np
     from sklearn.model_selection import GroupKFold
 

@@ -129,19 +129,7 @@ def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
 
 
 def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, mapped: bool) -> str:
-    """Return the first draft of the page of a model: its ports and numbers.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The model; nothing of it runs.
-    columns : mapping of str to str
-        Column by port, as guessed or given.
-    folder : Path
-        Where the page will lie.
-    mapped : bool
-        Whether a mapping beside it says the columns.
-    """
+    """Return the first draft of the page of a model: its ports and numbers."""
     from dataclasses import replace
 
     from ..simulators import page_text

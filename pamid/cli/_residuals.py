@@ -22,15 +22,7 @@ _PLAIN = {"eps": "position", "deps": "speed"}
 
 
 class Left(NamedTuple):
-    """What is left of one equation.
-
-    Parameters
-    ----------
-    table : DataFrame
-        ``trajectory``, ``time`` (s), ``residual``, and the signals that may explain it; evenly sampled in each run.
-    unit : str
-        Unit of the residual.
-    """
+    """What is left of one equation."""
 
     table: pd.DataFrame
     unit: str
@@ -44,7 +36,7 @@ def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
         return _of_model(args)
     ported = port_simulator_of(args)
     if ported is not None:
-        return _of_ports(load_log(args, ported=ported), ported)
+        return _of_ports(load_log(args, simulator=ported), ported)
     page = page_of(args)
     if page is None:
         raise UnknownOptionError(

@@ -6,18 +6,18 @@ import argparse
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import ParameterError
-from .common import load_log
-from .rows import readings_where
+from .common import load_log, mapping_of
+from .rows import readings_where, rows_where
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
     from ..gap.diagnosis.result import Diagnosis
     from ..gap.several.history import History
+    from ..opinion import Opinion
 
 HISTORY = ("state.json", "logs.parquet")
 """What `pamid.gap.several.history` writes."""
@@ -27,18 +27,18 @@ _JUDGED = ("F", "F1", "F2", "mdot", "mdot1", "mdot2")
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that are about several logs."""
-    group = parser.add_argument_group("several logs of one bench")
+    group = parser.add_argument_group("several logs")
     group.add_argument(
         "--conditions",
         metavar="TABLE.csv",
-        help="what held for each log: columns log, day and numbers of the simulator, SI units; each LOG is then a log "
-        "of its own",
+        help="conditions of each log: columns log, day and parameters of the simulator in its units; each LOG is then "
+        "a separate log",
     )
     group.add_argument(
         "--since",
         metavar="DIR",
-        help="go on from the diagnosis in DIR: its posterior is the prior of this one, and "
-        "its simulator that of this one where none is named",
+        help="continue the diagnosis in DIR: its posterior is the prior of this one, and "
+        "its simulator the default of --sim",
     )
 
 
@@ -47,16 +47,17 @@ def wanted(args: argparse.Namespace) -> bool:
     return bool(args.conditions or args.since)
 
 
-def logs_of(args: argparse.Namespace) -> dict[str, pd.DataFrame] | None:
+def logs_of(args: argparse.Namespace, simulator: Any) -> dict[str, pd.DataFrame] | None:
     """Return each file that the arguments name as a log of its own; None where they are the runs of one log.
 
     Files of one run each are the runs of one log, unless a table of conditions or an earlier diagnosis says otherwise.
     """
-    from ..signals import read_log
-    from ..signals.log import find_logs
+    from ..signals.joining import is_joined
+    from ..signals.log import MAX_BYTES, find_logs
 
     files = find_logs(args.log)
-    if len(files) == 1 and not wanted(args):
+    parts_of_runs = is_joined(files, mapping_of(args, simulator), MAX_BYTES)
+    if (len(files) == 1 or parts_of_runs) and not wanted(args):
         return None
     found: dict[str, pd.DataFrame] = {}
     for file in files:
@@ -66,79 +67,107 @@ def logs_of(args: argparse.Namespace) -> dict[str, pd.DataFrame] | None:
         with warnings.catch_warnings():
             if not wanted(args):
                 warnings.simplefilter("ignore")  # they come again where all files are one log
-            found[name] = read_log([file], args.columns, nan=args.nan)
+            found[name] = load_log(args, simulator=simulator, paths=[file])
     if not wanted(args) and all(log["trajectory"].nunique() == 1 for log in found.values()):
         return None
     return found
 
 
-def simulator_before(args: argparse.Namespace) -> BenchParameters | None:
+def simulator_before(args: argparse.Namespace) -> Any:
     """Return the simulator of the diagnosis that the arguments go on from; None where they begin anew."""
+    return _history(args, None).simulator if args.since else None
+
+
+def _history(args: argparse.Namespace, simulator: Any) -> History:
+    from ..any_simulator import read_simulator
     from ..gap.several.history import read_history
 
-    return read_history(args.since).params if args.since else None
+    trust = bool(getattr(args, "trust", False))
+    return read_history(args.since, simulator, read=lambda page: read_simulator(page, trust=trust))
 
 
 def diagnosed(
-    args: argparse.Namespace,
-    params: BenchParameters,
-    effects: str | list[str],
-    logs: dict[str, pd.DataFrame] | None,
-    step: Callable[[str], None],
-) -> tuple[Diagnosis, History, pd.DataFrame]:
-    """Diagnose one log or several of a bench; return the answer, what a later one goes on from, and the rows used.
-
-    Parameters
-    ----------
-    args : Namespace
-        The options.
-    params : BenchParameters
-        The simulator.
-    effects : "all" or list of str
-        Effects that may be causes.
-    logs : dict of str to DataFrame, optional
-        Several logs; one is read from the arguments where they are None.
-    step : callable
-        Called with a text at each step.
-    """
+    args: argparse.Namespace, simulator: Any, effects: str | list[str], step: Callable[[str], None]
+) -> tuple[Diagnosis, pd.DataFrame]:
+    """Diagnose one log or several with a simulator of any kind; return the answer and the rows used."""
     import pandas as pd
 
-    from ..effects.registry import chosen_effects
-    from ..gap import diagnose
+    from ..any_simulator import diagnose
     from ..gap.engine import rows_used
-    from ..gap.several import Conditions, read_conditions
-    from ..gap.several.go_on import go_on
-    from ..gap.several.history import History, read_history
+    from ..gap.several import read_conditions
+    from ..simulators import Simulator
+    from ..systems import System
 
-    if logs is None:
-        step("read the log")
-        log, rows = _used(args)
-        history = History(params, chosen_effects(effects, "bench"))
-        found = diagnose(log, params, effects=effects, seed=args.seed, progress=step)
-        if len(log) < rows:
-            found.notes.insert(0, rows_used(len(log), rows))
-        name = Path(args.log[0]).stem
-        history.add(found, {name: log}, [Conditions({}, name)])
-        return found, history, log
-    logs = {name: readings_where(log, args.where, _JUDGED) for name, log in logs.items()}
-    table = read_conditions(args.conditions) if args.conditions else None
-    history = read_history(args.since, params) if args.since else History(params, chosen_effects(effects, "bench"))
     if args.since and effects != "all":
         raise ParameterError(
             "--effects or --without is given with --since.",
             "the library of the earlier diagnosis, whose posterior is the prior",
             "Leave the option out, or diagnose all logs anew.",
         )
-    found = go_on(history, logs, conditions=table, seed=args.seed, progress=step)
-    return found, history, pd.concat(history.logs.values(), ignore_index=True)
+    rows, notes = None, []
+    logs = logs_of(args, simulator)
+    step("read the log")
+    if logs is None:
+        log, total = _used(args, simulator)
+        if len(log) < total:
+            notes = [rows_used(len(log), total)]
+        if isinstance(simulator, System):
+            rows = rows_where(log, args.where)
+        found_in: Any = {Path(args.log[0]).stem: log}
+    else:
+        found_in = {name: _counted(args, simulator, log) for name, log in logs.items()}
+    ported = simulator if isinstance(simulator, Simulator) else None
+    table = read_conditions(args.conditions, ported) if args.conditions else None
+    since = _history(args, simulator) if args.since else None
+    found = diagnose(
+        found_in, simulator, effects, conditions=table, since=since, rows=rows, alone=logs is None, seed=args.seed,
+        progress=step,
+    )  # fmt: skip
+    found.notes[:0] = notes
+    assert found.history is not None
+    if args.sim and isinstance(simulator, Simulator | System):
+        found.history.page = str(Path(args.sim).resolve())
+    return found, pd.concat(found.history.logs.values(), ignore_index=True)
 
 
-def _used(args: argparse.Namespace) -> tuple[pd.DataFrame, int]:
+def judged_after(
+    args: argparse.Namespace, simulator: Any, effects: str | list[str], step: Callable[[str], None]
+) -> tuple[Opinion, pd.DataFrame]:
+    """Return the second opinion on the parameters of another tool that ``--after`` names, and the rows used."""
+    from ..opinion import second_opinion
+    from ..simulators import Simulator
+
+    if not isinstance(simulator, Simulator):
+        raise ParameterError(
+            "--after is given, and --sim names no simulator with ports.",
+            "a MuJoCo model, an FMU, or a page of one's own",
+            "Leave the option out, or write such a page (docs/simulators.md).",
+        )
+    if wanted(args):
+        raise ParameterError(
+            "--after is given with --conditions or --since.", "one log", "Leave one out: an opinion is about one log."
+        )
+    log = _counted(args, simulator, load_log(args, simulator=simulator))
+    return second_opinion(log, simulator, args.after, effects, seed=args.seed, progress=step), log
+
+
+def _counted(args: argparse.Namespace, simulator: Any, log: pd.DataFrame) -> pd.DataFrame:
+    """Return a log without the readings that do not count."""
+    from ..simulators import Simulator
+
+    if isinstance(simulator, Simulator):
+        return readings_where(log, args.where, [p.source for p in simulator.ports if p.kind != "input"])
+    return readings_where(log, args.where, _JUDGED)
+
+
+def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
     """Return as much of the log as a diagnosis uses, whole trajectories, and how many rows there are."""
+    from ..bench.parameters import BenchParameters
     from ..gap.settings import MAX_ROWS
     from ..signals import read_log_part
+    from ..systems import System
 
-    if args.where:  # what is left of a condition is not known before all is read
-        log = readings_where(load_log(args), args.where, _JUDGED)
-        return log, len(log)
-    return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)
+    if isinstance(simulator, BenchParameters) and not args.where:
+        return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)
+    log = load_log(args, simulator=simulator)  # what is left of a condition is not known before all is read
+    return (log if isinstance(simulator, System) else _counted(args, simulator, log)), len(log)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..files import write_whole
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from ..simulators import FmuSimulator, MujocoSimulator, Simulator
 
-MODELS = (".xml", ".fmu")
-"""Endings of models that --sim may name itself, with a page of the same name beside them or without."""
 CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "corrected.fmu", "start_values.json")
 """What a corrected simulator may consist of."""
 _STEPS = 10
@@ -53,18 +52,18 @@ def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
     if not args.sim:
         return None
     from ..simulators import read_simulator, simulator_kinds
+    from ..simulators.page import MODELS
     from ..systems import kind_of_file
 
     path, trust = Path(args.sim), bool(getattr(args, "trust", False))
-    if path.suffix.lower() in MODELS:
-        page = path.with_suffix(".toml")
-        return read_simulator(page, trust=trust) if page.is_file() else bare_model(path, trust)
-    return read_simulator(path, trust=trust) if kind_of_file(path) in simulator_kinds() else None
+    ported = path.suffix.lower() in MODELS or kind_of_file(path) in simulator_kinds()
+    return read_simulator(path, trust=trust) if ported else None
 
 
 def runs_code(sim: str) -> bool:
     """Tell whether diagnosing with a simulator runs code of its own, which the user must allow."""
     from ..simulators import simulator_kinds
+    from ..simulators.page import MODELS
     from ..systems import kind_of_file
 
     path = Path(sim)
@@ -74,18 +73,11 @@ def runs_code(sim: str) -> bool:
     return kind is not None and kind.executes
 
 
-def bare_model(path: Path, trust: bool = False) -> Simulator:
-    """Return a model without a page: its ports stand in columns of their own names."""
-    from ..simulators import FmuSimulator, MujocoSimulator
-
-    return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
-
-
 def outline(page: Path, trust: bool = False) -> Simulator:
     """Return the ports that a page says; without trust nothing runs."""
     from ..errors import ParameterError
     from ..simulators import read_simulator
-    from ..simulators.page import read_outline
+    from ..simulators.page import MODELS, read_outline
 
     code, _, name = str(page).rpartition(":")
     if code.endswith(".py"):
@@ -107,27 +99,7 @@ def outline(page: Path, trust: bool = False) -> Simulator:
 
 
 def write_corrected(simulator: Simulator, stage: Path, folder: Path) -> list[str]:
-    """Write a corrected simulator into a stage that becomes a folder; what does not load and run there is left out.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator with the causes.
-    stage : Path
-        Where files are written.
-    folder : Path
-        Where they will lie: what the page refers to is named from there.
-
-    Returns
-    -------
-    list of str
-        What was left out, and why: a sentence each.
-
-    Raises
-    ------
-    OutputError
-        They cannot be written.
-    """
+    """Write a corrected simulator into a stage that becomes a folder; what does not load and run there is left out."""
     from ..simulators import FmuSimulator, MujocoSimulator
 
     if isinstance(simulator, MujocoSimulator):
@@ -167,8 +139,7 @@ def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path) -> None
     text, rest = simulator.corrected_xml()
     write_whole(stage / "corrected.xml", text)
     page = page_text(simulator.with_({}, rest), folder)
-    home = page.split('model = "', 1)[1].split('"', 1)[0]
-    write_whole(stage / "corrected.toml", page.replace(f'model = "{home}"', 'model = "corrected.xml"', 1))
+    write_whole(stage / "corrected.toml", re.sub(r"(?m)^model = .*$", 'model = "corrected.xml"', page, count=1))
     if rest:
         write_whole(stage / "corrected.py", _CALLBACK)
     model, acting = corrected(stage / "corrected.toml")
@@ -225,22 +196,3 @@ def _few(simulator: Simulator) -> np.ndarray | None:
         return ask(t, x, u, p)
     except PamidError:
         return None
-
-
-def evaluation(log: Any, simulator: Simulator) -> list[dict[str, Any]]:
-    """Return how far a simulator is off, one entry an equation."""
-    import numpy as np
-
-    from ..gap.simulated import evidence_of
-
-    evidence = evidence_of(log, simulator)
-    found = []
-    for equation, part in zip(evidence.equations, evidence.parts, strict=True):
-        rmse = float(np.sqrt(np.mean(np.square(evidence.value[part]))))
-        noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
-        spread = float(np.std(evidence.measured[part])) or np.nan
-        found.append(
-            {"equation": equation, "rmse": rmse, "nrmse": rmse / spread, "noise_floor": noise,
-             "unit": evidence.units[equation]}
-        )  # fmt: skip
-    return found

@@ -48,15 +48,7 @@ TARGETS = {
 
 
 def equation_of(estimator: Any, wanted: str | None) -> Target:
-    """Return what an estimator predicts: as it says itself, or as the caller says.
-
-    Raises
-    ------
-    IncompatibleError
-        The estimator predicts something else than wanted.
-    ParameterError
-        Neither says it.
-    """
+    """Return what an estimator predicts: as it says itself, or as the caller says."""
     last = last_step(estimator)
     own = _own_equations(last)
     if len(own) > 1:

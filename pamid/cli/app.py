@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
-from .. import __version__
 from .._discovery import modules
 from ..errors import PamidError, PamidWarning
 from ._style import marked, plain
+from ._versions import ShowVersions
 from .common import DONE, INTERRUPTED, OWN_ERROR, TERMINATED, WRONG_USE
 
 _OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EBADF)
@@ -26,23 +26,25 @@ _SAME_WARNINGS = 3
 """Warnings of one kind that are shown; the others are counted."""
 
 _DESCRIPTION = """\
-Identify models of pneumatic artificial muscles from logs, and hold a simulator against a bench.
+Find out why a simulator and a measured log disagree, and identify models of pneumatic artificial muscles.
 
-A log is a table of samples (CSV, parquet, MATLAB, HDF5), a simulator a small file sim.toml with the parameters of
-the bench. All units are SI, pressures absolute; --columns maps a log with other names and units.
+A log is a table of samples (CSV, parquet, MATLAB, HDF5). A simulator is a MuJoCo model, an FMU, a function, equations,
+or a file sim.toml with the parameters of a pneumatic bench. Units are SI, pressures absolute; --columns maps a log with
+other names and units.
 """
 
 _EPILOG = """\
 examples:
-  pamid init run1.csv                                           sim.toml and a mapping for a log of your own
-  pamid check run1.csv --columns columns.toml --sim sim.toml    what is in it, and what it can tell
+  pamid init run1.csv                                           sim.toml and a mapping for your own log
+  pamid check run1.csv --columns columns.toml --sim sim.toml    what it contains, and what it can tell
   pamid simulate --muscle B --dataset D_B --out log.parquet     a simulated data set, with its sim.toml
   pamid evaluate log.parquet --sim log.sim.toml                 where simulator and log differ, and the noise floor
+  pamid diagnose run1.csv --columns columns.toml --sim sim.toml --out diagnosis
   pamid fit log.parquet --estimator StaticPIHM --sim log.sim.toml --out model.pamid
   pamid evaluate log.parquet --sim log.sim.toml --model model.pamid
 
-exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 3 nothing could be tested,
-130 interrupted, 143 ended
+exit codes: 0 done, 1 a bug in pamid, 2 wrong usage or input, 3 nothing could be tested,
+130 interrupted, 143 terminated
 
 'pamid COMMAND --help' explains one command.
 """
@@ -61,7 +63,9 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"pamid {__version__}")
+    parser.add_argument(
+        "--version", action=ShowVersions, nargs=0, help="show the versions of pamid, Python and the dependencies"
+    )
     subparsers = parser.add_subparsers(title="commands", dest="command", metavar="COMMAND")
     for module in commands():
         before = set(subparsers.choices)
@@ -89,7 +93,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse has said what it had to
         return stop.code if isinstance(stop.code, int) else DONE if stop.code is None else WRONG_USE
     except KeyboardInterrupt as stop:
-        _say("interrupted; nothing is left half written")
+        _say("interrupted; no file is left incomplete")
         return TERMINATED if isinstance(stop, _Terminated) else INTERRUPTED
     except BrokenPipeError:
         _close_stdout()  # whoever read the output has seen enough
@@ -104,14 +108,12 @@ def run(argv: Sequence[str] | None = None) -> int:
             return _own_error(error, debug)
         _close_stdout()
         _say(
-            f"The output cannot be written: {error.strerror}. Expected room for it. Free some, or write elsewhere.",
+            f"The output cannot be written: {error.strerror}. Expected free space. Free some, or write elsewhere.",
             "error",
         )
         return WRONG_USE
     except MemoryError:
-        _say(
-            "There is not enough memory for this. Expected a smaller table. Thin the log, or cut it in parts.", "error"
-        )
+        _say("There is not enough memory for this. Expected a smaller table. Thin the log, or split it.", "error")
         return WRONG_USE
     except Exception as error:
         return _own_error(error, debug)

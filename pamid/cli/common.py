@@ -6,10 +6,9 @@ import argparse
 import contextlib
 import json
 import math
-import os
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
-    from ..simulators import Simulator
+    from ..signals import LogMapping
     from ..systems import System
 
 
@@ -31,39 +30,20 @@ DONE, OWN_ERROR, WRONG_USE, UNTESTED, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130,
 
 
 def add_command(subparsers: Any, name: str, summary: str, description: str, examples: str) -> argparse.ArgumentParser:
-    """Add a command with the common options.
-
-    Parameters
-    ----------
-    subparsers : object
-        What `add_parser` of a command is given.
-    name : str
-        Name of the command.
-    summary : str
-        One line for the list of commands.
-    description : str
-        What it does, for a newcomer.
-    examples : str
-        Examples, one a line; the exit codes are added.
-
-    Returns
-    -------
-    ArgumentParser
-        The command's parser.
-    """
+    """Add a command with the common options."""
     parser = subparsers.add_parser(
         name,
         help=summary,
         description=description,
         epilog=f"examples:\n{examples.rstrip()}\n\n"
-        "exit codes: 0 done, 1 an error of pamid itself, 2 wrong use or input, 3 nothing could be tested,\n"
-        "130 interrupted, 143 ended",
+        "exit codes: 0 done, 1 a bug in pamid, 2 wrong usage or input, 3 nothing could be tested,\n"
+        "130 interrupted, 143 terminated",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     common = parser.add_argument_group("common options")
     common.add_argument("--json", action="store_true", help="print the result as JSON on standard output, nothing else")
     common.add_argument("--quiet", action="store_true", help="no progress and no warnings")
-    common.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of everything random (default: 0)")
+    common.add_argument("--seed", type=_seed, default=0, metavar="N", help="random seed (default: 0)")
     common.add_argument("--debug", action="store_true", help="show the traceback of an error")
     return parser
 
@@ -83,33 +63,51 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns",
         metavar="MAPPING.toml",
-        help="how the log's own columns and units become pamid's signals; not needed for SI units and pamid's names",
+        help="mapping of the log's columns and units to pamid's signals; not needed for SI units and pamid's names",
     )
+    parser.add_argument("--encoding", metavar="NAME", help="of text files, such as big5 (default: found by itself)")
     parser.add_argument(
         "--nan",
         choices=("raise", "drop", "keep"),
         default="keep",
-        help="what to do about missing values (default: keep, windows around them are left out)",
+        help="treatment of missing values (default: keep; windows around them are left out)",
     )
 
 
-def load_log(args: argparse.Namespace, nan: str | None = None, ported: Simulator | None = None) -> pd.DataFrame:
+def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
+    """Read the mapping that the arguments name; ports of a simulator say themselves what their columns mean."""
+    from ..signals import LogMapping
+    from ..simulators import Simulator
+
+    ports = simulator.ports if isinstance(simulator, Simulator) else ()
+    mapping = LogMapping.load(args.columns, own=[port.source for port in ports])
+    return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
+
+
+def load_log(
+    args: argparse.Namespace, nan: str | None = None, simulator: Any = None, paths: Sequence[Path] | None = None
+) -> pd.DataFrame:
     """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
-    from ..signals import LogMapping, read_log
+    from ..signals import read_log
+    from ..simulators import Simulator
 
-    paths = args.log if isinstance(args.log, list) else [args.log]
-    if ported is None:
-        return read_log(paths, args.columns, nan=nan or args.nan)
-    mapping = LogMapping.load(args.columns, own=[port.source for port in ported.ports])
-    return read_log(paths, mapping, nan=nan or args.nan, check_units=False)
+    files = paths or (args.log if isinstance(args.log, list) else [args.log])
+    if not isinstance(simulator, Simulator):
+        return read_log(files, args.columns, nan=nan or args.nan, encoding=args.encoding)
+    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=False)
 
 
-def load_pieces(args: argparse.Namespace, rows: int, nan: str | None = None) -> Iterator[pd.DataFrame]:
+def load_pieces(
+    args: argparse.Namespace, rows: int, nan: str | None = None, simulator: Any = None
+) -> Iterator[pd.DataFrame]:
     """Read the log that the arguments name piece by piece, each of whole trajectories."""
     from ..signals import read_log_pieces
+    from ..simulators import Simulator
 
     paths = args.log if isinstance(args.log, list) else [args.log]
-    return read_log_pieces(paths, args.columns, rows=rows, nan=nan or args.nan)
+    if not isinstance(simulator, Simulator):
+        return read_log_pieces(paths, mapping_of(args), rows=rows, nan=nan or args.nan)
+    return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=False)
 
 
 def load_simulator(path: str) -> BenchParameters:
@@ -119,9 +117,9 @@ def load_simulator(path: str) -> BenchParameters:
 
     if (kind := kind_of_file(path)) != "bench":
         raise UnknownOptionError(
-            f"{path} is the page of a {kind}.",
-            "a simulator of the bench, since this command simulates its joint and valves",
-            "'check', 'evaluate', 'compare' and 'diagnose' take the pages of all kinds, 'fit' and 'adapt' those of "
+            f"{path} is the simulator file of a {kind}.",
+            "a simulator file of the bench, since this command simulates its joint and valves",
+            "'check', 'evaluate', 'compare' and 'diagnose' take files of all kinds, 'fit' and 'adapt' those of "
             "muscles; 'pamid init --kind bench' writes one of the bench.",
         )
     return BenchParameters.from_toml(path)
@@ -133,12 +131,13 @@ def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
     return load_simulator(path) if path else None
 
 
-def system_of(args: argparse.Namespace) -> System | None:
-    """Read the page of a system, if --sim names one that is no bench; None otherwise."""
-    from ..systems import kind_of_file, read_system
+def any_simulator_of(args: argparse.Namespace) -> Any:
+    """Read the simulator of any kind that the arguments name, or the one that lies beside the log; None without one."""
+    from ..any_simulator import read_simulator
 
     _note_assumed(args)
-    return read_system(args.sim) if args.sim and kind_of_file(args.sim) != "bench" else None
+    path = _page_path(args)
+    return read_simulator(path, trust=bool(getattr(args, "trust", False))) if path else None
 
 
 def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
@@ -153,7 +152,7 @@ def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
     if (kind := kind_of_file(path)) in simulator_kinds():
         raise UnknownOptionError(
             f"{path} is a simulator with ports, of the kind {kind}.",
-            "the page of a bench, a muscle, a cylinder or a joint",
+            "the simulator file of a bench, a muscle, a cylinder or a joint",
             "'pamid diagnose' and 'pamid evaluate' take simulators with ports, and so do 'check' and 'resid'.",
         )
     return load_simulator(path) if kind == "bench" else read_system(path)
@@ -169,7 +168,7 @@ def _page_path(args: argparse.Namespace) -> str | None:
     folder = logs[0] if logs[0].is_dir() else logs[0].parent
     for path in (logs[0].with_suffix(".sim.toml"), folder / "sim.toml"):
         if path.is_file():
-            note(args, f"takes the simulator {path} that lies beside the log; --sim names another")
+            note(args, f"using the simulator {path}, found beside the log; --sim selects another")
             return str(path)
     return None
 
@@ -177,13 +176,7 @@ def _page_path(args: argparse.Namespace) -> str | None:
 def page_numbers(
     page: BenchParameters | System | None, columns: str | None = None, kinds: Sequence[str] = ("muscle", "bench")
 ) -> dict[str, Any]:
-    """Return what a page says of a muscle, cylinder or joint, for estimators; without one, the mapping's rest length.
-
-    Raises
-    ------
-    UnknownOptionError
-        The page is that of another system than the estimator is for.
-    """
+    """Return what a page says of a muscle, cylinder or joint, for estimators; else the mapping's rest length."""
     from ..signals.mapping import LogMapping
     from ..signals.units import parse_quantity
     from ..systems import System
@@ -196,8 +189,8 @@ def page_numbers(
         what = "contraction and pressure of a muscle" if "muscle" in kinds else f"the signals of a {kinds[0]}"
         own = page.estimator if isinstance(page, System) else "GeometricForce"
         raise UnknownOptionError(
-            f"The page is that of a {kind}.",
-            f"the page of a {' or a '.join(kinds)}, since this model reads {what}",
+            f"The simulator file is that of a {kind}.",
+            f"the simulator file of a {' or a '.join(kinds)}, since this model reads {what}",
             f"For a {kind} fit {own} ('pamid fit LOG --sim SIM.toml --out MODEL.pamid').",
         )
     if not isinstance(page, System):
@@ -285,68 +278,6 @@ def note(args: argparse.Namespace, text: str) -> None:
     if not args.quiet:
         with contextlib.suppress(OSError):  # a note that nobody can read is no reason to fail
             print(f"pamid: {text}", file=sys.stderr, flush=True)
-
-
-def _no_step(text: str = "") -> None:
-    """Show nothing."""
-
-
-_EVERY = 5.0  # s between two lines of progress
-
-
-class _Lines:
-    """Progress where no bar can be drawn: a line now and then, with the time left where the number of steps is known.
-
-    Parameters
-    ----------
-    args : Namespace
-        The command's options.
-    what : str
-        What is done.
-    total : int or None
-        Number of steps.
-    """
-
-    def __init__(self, args: argparse.Namespace, what: str, total: int | None) -> None:
-        self.args, self.what, self.total, self.done = args, what, total, 0
-        self.began = self.told = time.monotonic()
-
-    def __call__(self, text: str = "") -> None:
-        self.done += 1
-        now = time.monotonic()
-        if now - self.told < _EVERY:
-            return
-        self.told, spent = now, now - self.began
-        left = f", about {spent / self.done * (self.total - self.done):.0f} s left" if self.total else ""
-        note(self.args, f"{self.what} {text}".rstrip() + f" ({spent:.0f} s{left})")
-
-
-@contextlib.contextmanager
-def progress(args: argparse.Namespace, what: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
-    """Show on standard error how far the body is: a bar on a terminal, elsewhere a line every few seconds.
-
-    Yields
-    ------
-    callable
-        Call it with a short text after each step.
-    """
-    if args.quiet:
-        yield _no_step
-        return
-    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
-        yield _Lines(args, what, total)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-
-        def step(text: str = "") -> None:
-            bar.update(task, advance=1, description=f"{what} {text}".rstrip())
-
-        yield step
 
 
 def checked_output(path: str, inputs: Iterable[str | None] = (), size: int = PROBE) -> Path:

@@ -30,15 +30,7 @@ def add_where(parser: argparse.ArgumentParser) -> None:
 
 
 def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | None:
-    """Return which rows of a table meet all conditions; None without conditions.
-
-    Raises
-    ------
-    ParameterError, MissingColumnError, ColumnTypeError
-        A condition cannot be read, or names a column that is not there or holds text.
-    EmptyLogError
-        No row meets them all.
-    """
+    """Return which rows of a table meet all conditions; None without conditions."""
     import numpy as np
 
     rows: np.ndarray | None = None
@@ -74,13 +66,7 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
 
 
 def readings_where(log: pd.DataFrame, conditions: Sequence[str], readings: Sequence[str]) -> pd.DataFrame:
-    """Return a log without the readings of the rows that miss a condition; without conditions the log itself.
-
-    Raises
-    ------
-    PamidError
-        As for `rows_where`; or the log has none of the readings.
-    """
+    """Return a log without the readings of the rows that miss a condition; without conditions the log itself."""
     rows = rows_where(log, conditions)
     if rows is None:
         return log

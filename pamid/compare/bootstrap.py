@@ -66,18 +66,7 @@ class ClusterBootstrap:
         return np.sqrt(self._times @ sums / self._rows)
 
     def rmse(self, squared_error: np.ndarray) -> Interval:
-        """Return the root mean square error with its interval.
-
-        Parameters
-        ----------
-        squared_error : ndarray, shape (n_samples,)
-            Squared error of each row.
-
-        Returns
-        -------
-        Interval
-            Error and interval, in the unit of the error.
-        """
+        """Return the root mean square error with its interval."""
         low, high = np.quantile(self.draws(squared_error), self.quantiles)
         return Interval(float(np.sqrt(np.mean(squared_error))), float(low), float(high))
 
@@ -85,16 +74,6 @@ class ClusterBootstrap:
         """Return the difference of two root mean square errors on the same rows, with its interval.
 
         Both errors are taken on the same draws: what makes a trajectory hard for all models cancels.
-
-        Parameters
-        ----------
-        squared_error, other : ndarray, shape (n_samples,)
-            Squared errors of two models on the same rows.
-
-        Returns
-        -------
-        Interval
-            First minus second.
         """
         low, high = np.quantile(self.draws(squared_error) - self.draws(other), self.quantiles)
         value = np.sqrt(np.mean(squared_error)) - np.sqrt(np.mean(other))

@@ -22,24 +22,6 @@ def noise_floor(
 
     with the noise of each channel told from the log itself, its gain g through the filter that took the rates
     (1 for a signal used as it is), and the sensitivities of a model that stands for the perfect one.
-
-    Parameters
-    ----------
-    prepared : Prepared
-        The table, with rates taken by `prepare`.
-    predict : callable
-        Takes columns eps, deps, P, dP, shape (n, 4), and predicts the target.
-    rows : ndarray of int
-        Rows at which to take sensitivities.
-    target : ndarray, shape (n_rows,)
-        The measured side before smoothing.
-    method : str, default="savgol"
-        Method of the rates.
-
-    Returns
-    -------
-    float
-        In the unit of the target; NaN if the filter is not known.
     """
     from ..signals.state import STATE_SIGNALS
 

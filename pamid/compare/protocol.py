@@ -326,31 +326,7 @@ class Fold:
 def folds(
     prepared: Prepared, cv: Any = 5, *, split: str = "run", fit_rows: int = 5000, random_state: int = 0
 ) -> Iterator[Fold]:
-    """Go through the folds of whole runs.
-
-    Parameters
-    ----------
-    prepared : Prepared
-        The table.
-    cv : int or splitter, default=5
-        Number of folds, or a splitter of scikit-learn that respects ``groups``.
-    split : {"run", "kind"}, default="run"
-        Whether a fold holds out runs, or a whole kind of runs (the first part of their names), one after the other.
-    fit_rows : int, default=5000
-        Most rows of a fit.
-    random_state : int, default=0
-        Seed of the folds.
-
-    Yields
-    ------
-    Fold
-        Its rows.
-
-    Raises
-    ------
-    TooFewTrajectoriesError
-        If there are fewer than two runs.
-    """
+    """Go through the folds of whole runs."""
     from ..signals import LeaveOneKindOut, TrajectoryKFold, thinned_rows
 
     runs, table = prepared.runs, prepared.table

@@ -170,31 +170,7 @@ def score_candidates(
     progress: Callable[[str], None] | None = None,
     n_jobs: int | None = None,
 ) -> Comparison:
-    """Fit candidates in every fold, predict the runs left out, and rank them.
-
-    Parameters
-    ----------
-    entries : sequence of CandidateModel
-        What takes part.
-    ready : Prepared
-        The table; its index numbers the rows.
-    splits : list of Fold
-        Folds of whole runs.
-    unit : str
-        Unit of the target.
-    n_draws, random_state, progress, n_jobs : optional
-        As for `compare`.
-
-    Returns
-    -------
-    Comparison
-        Without noise floor; its rows keep their numbers in the table.
-
-    Raises
-    ------
-    FitError
-        If every candidate failed.
-    """
+    """Fit candidates in every fold, predict the runs left out, and rank them."""
     scored = np.concatenate([fold.score_rows for fold in splits])
     order = np.argsort(scored, kind="stable")
     scored = scored[order]
@@ -251,6 +227,8 @@ def _run(
     from joblib import Parallel, delayed
 
     done: dict[str, list[_Fitted]] = {entry.label: [] for entry in entries}
+    if (expect := getattr(progress, "expect", None)) is not None:
+        expect(len(entries) * len(splits))
     # Asked for as they are started, so that alone, one after the other, nothing is fitted in vain.
     wanted = (
         (entry, fold) for entry in entries for fold in splits if not (done[entry.label] and done[entry.label][-1].error)

@@ -36,20 +36,6 @@ def held_share(table: pd.DataFrame, flow: np.ndarray, step: np.ndarray) -> float
     .. math:: \dot m = \dot m_V(\varepsilon, \dot\varepsilon, P, \dot P) + \frac{s}{2}\, \Delta\dot m
 
     with the flow of a polynomial volume :math:`V(\varepsilon, P)`.
-
-    Parameters
-    ----------
-    table : DataFrame
-        ``eps``, ``deps`` (1/s), ``P`` (Pa, absolute), ``dP`` (Pa/s).
-    flow : ndarray, shape (n_rows,)
-        Logged flow, kg/s.
-    step : ndarray, shape (n_rows,)
-        Its change since the sample before, averaged like the flow, kg/s.
-
-    Returns
-    -------
-    float
-        From 0 to 1; 0 where there are too few rows to tell.
     """
     if len(flow) < ROWS:
         return 0.0

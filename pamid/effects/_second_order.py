@@ -18,22 +18,6 @@ def transition(
 
     With a damper beside the spring, :math:`\ddot y = \omega^2 (v - y) + 2 \zeta \omega\,(\dot v - \dot y)`, the second
     state is :math:`\dot y - 2 \zeta \omega\,(v - y)`.
-
-    Parameters
-    ----------
-    frequency, damping : float
-        ω (rad/s) and ζ.
-    dt : float
-        The interval, s.
-    ramp : bool
-        Whether the input goes straight from its old value to its new one; it is held at the old one else.
-    damper : bool, default=False
-        Whether the damper is between input and output, as the spring is, and not at the output alone.
-
-    Returns
-    -------
-    (ndarray, ndarray, ndarray)
-        The matrix for (y, ẏ), the gains of the old and of the new input.
     """
     from scipy.linalg import expm
 

@@ -148,25 +148,7 @@ def fit_effects(
     plant: Plant,
     shares: Sequence[tuple[str, Callable[[WholeLog], np.ndarray], np.ndarray, np.ndarray]],
 ) -> list[Effect]:
-    """Fit all parameters of the effects to what a base model leaves.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        The effects; the search for their shapes starts at their values.
-    log : WholeLog
-        What the sensors read.
-    plant : Plant
-        The numbers that effects refer to.
-    shares : sequence of (equation, base, y, root)
-        For each equation the base model's prediction from a log of the muscle, what was measured, and the root of the
-        samples' weights in units of the target's spread.
-
-    Returns
-    -------
-    list of Effect
-        The effects with fitted values, within their bounds.
-    """
+    """Fit all parameters of the effects to what a base model leaves."""
     some, rows = log.thinned(max(1, round(len(np.asarray(log.signals.pressure)) / ROWS)))
     free = [(i, p) for i, e in enumerate(effects) for p in e.parameters if not p.linear]
     scale = [p.upper - p.lower if p.lower <= 0 else np.log(p.upper / p.lower) for _, p in free]

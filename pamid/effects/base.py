@@ -79,6 +79,12 @@ class Parameter:
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
         parameters vanishes; a fit that ends there speaks for that other one.
+    unlike : str, default=""
+        Another parameter that this one differs from: where all such pairs of an effect are alike it has turned into a
+        simpler one.
+    simplest : bool, default=False
+        Whether the effect has turned into a simpler one where this parameter is at its lower bound: what relaxes at
+        once is friction.
     before : bool, default=False
         Whether it says how much of what was before a logged run is unknown: 0 for nothing, 1 for all.
     position : int, default=0
@@ -107,6 +113,8 @@ class Parameter:
     description: str
     linear: bool = False
     essential: bool = False
+    unlike: str = ""
+    simplest: bool = False
     before: bool = False
     position: int = 0
     idle: bool = False
@@ -268,6 +276,8 @@ class Effect(ABC):
 
     kinds: ClassVar[tuple[str, ...]] = KINDS
     """Of `KINDS` those whose gap it may cause where the whole library is asked for; none if it is asked for by name."""
+    fastest: ClassVar[float] = 1.0
+    """Shortest of its memories, as a share of the time of the one that is at its `Parameter.simplest`."""
     domain: ClassVar[str] = "store"
     """Of an effect on a flow, what is kept where it acts: a ``"store"`` of gas or liquid, or a ``"temperature"``."""
     prior: ClassVar[float] = 0.0

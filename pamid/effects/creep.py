@@ -46,7 +46,7 @@ class Creep(Effect):
     n_states = 2
     parameters = (
         Parameter("stiffness", "N", 0.0, 1e5, 120.0, "stiffness of the fast spring", linear=True, position=-1),
-        Parameter("time_constant", "s", 0.02, 10.0, 1.0, "relaxation time of the fast spring"),
+        Parameter("time_constant", "s", 0.02, 10.0, 1.0, "relaxation time of the fast spring", simplest=True),
         Parameter("slow_stiffness", "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True, position=-1),
         Parameter("slow_time_constant", "s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring"),
         Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins"),

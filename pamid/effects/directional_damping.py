@@ -40,7 +40,9 @@ class DirectionalDamping(Effect):
     source = "10.1016/0005-1098(94)90209-7"
     parameters = (
         Parameter("forward", "N s", 0.0, 1e5, 60.0, "force per speed while the position grows", True, position=-1),
-        Parameter("backward", "N s", 0.0, 1e5, 40.0, "force per speed while it falls", True, position=-1),
+        Parameter(
+            "backward", "N s", 0.0, 1e5, 40.0, "force per speed while it falls", True, unlike="forward", position=-1
+        ),
     )
     forward: float
     backward: float

@@ -47,9 +47,18 @@ class DirectionalFriction(Effect):
     path_dependent = True
     parameters = (
         Parameter("forward", "N", 0.0, 1e4, 4.0, "sliding friction while the position grows", linear=True),
-        Parameter("backward", "N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True),
+        Parameter("backward", "N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True, unlike="forward"),
         Parameter("forward_per_pressure", "N/Pa", -1e-2, 1e-2, 0.0, "the first one's change by pressure", linear=True),
-        Parameter("backward_per_pressure", "N/Pa", -1e-2, 1e-2, 0.0, "the other one's change", linear=True),
+        Parameter(
+            "backward_per_pressure",
+            "N/Pa",
+            -1e-2,
+            1e-2,
+            0.0,
+            "the other one's change",
+            linear=True,
+            unlike="forward_per_pressure",
+        ),
         Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),
     )
     forward: float

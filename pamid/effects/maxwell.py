@@ -43,11 +43,12 @@ class Maxwell(Effect):
     prior = -4.0  # two springs, creep, are the simpler model
     source = "10.1007/978-3-642-73602-5"
     n_states = len(_RATIOS)
+    fastest = min(_RATIOS)
     parameters = (
         Parameter("fast", "N", 0.0, 1e5, 50.0, "stiffness of the fast branch", linear=True, position=-1),
         Parameter("middle", "N", 0.0, 1e5, 50.0, "stiffness of the middle branch", linear=True, position=-1),
         Parameter("slow", "N", 0.0, 1e5, 50.0, "stiffness of the slow branch", linear=True, position=-1),
-        Parameter("time_constant", "s", 0.02, 100.0, 0.5, "relaxation time of the middle branch"),
+        Parameter("time_constant", "s", 0.02, 100.0, 0.5, "relaxation time of the middle branch", simplest=True),
     )
     fast: float
     middle: float

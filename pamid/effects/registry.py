@@ -10,6 +10,7 @@ from functools import cache
 from types import MappingProxyType
 
 from .._discovery import modules
+from .._plugins import left_out, plugins
 from ..errors import UnknownOptionError
 from .base import Effect
 
@@ -18,7 +19,7 @@ _BESIDE: ContextVar[Mapping[str, type[Effect]]] = ContextVar("effects beside the
 
 
 def all_effects() -> dict[str, type[Effect]]:
-    """Return every effect of the library and every effect that the caller has defined.
+    """Return every effect of the library, of installed plug-ins and every effect that the caller has defined.
 
     Returns
     -------
@@ -63,8 +64,12 @@ def effects_beside(effects: Mapping[str, type[Effect]]) -> Iterator[None]:
 
 @cache
 def _load_library() -> None:
-    """Import the modules of this package once, so that they enter themselves in the registry."""
+    """Import the modules of this package and of plug-ins once, so that they enter themselves in the registry."""
     modules("pamid.effects", _NOT_EFFECTS)
+    expected = "a class below pamid.effects.Effect with a name of its own"
+    for source, thing in plugins("pamid.effects", expected):
+        if not (isinstance(thing, type) and issubclass(thing, Effect) and thing in Effect.registry.values()):
+            left_out(source, repr(thing), expected)
 
 
 def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:

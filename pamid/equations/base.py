@@ -94,24 +94,7 @@ class Equation(ABC):
 
 
 def spread(*parts: tuple[np.ndarray | float, np.ndarray], n_windows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard deviation of a residual from the noise of its channels, and what neighbours share of it.
-
-    Parameters
-    ----------
-    *parts : (sensitivity, covariances)
-        For each channel: the derivative of the residual with respect to the weighted sum of samples, shape
-        (n_windows, n_sides) or a number; and the covariances of those sums, as `Run.covariances` gives them, one column
-        a side or one for all.
-    n_windows : int
-        Number of windows.
-
-    Returns
-    -------
-    deviation : array, shape (n_windows, n_sides)
-        The standard deviation.
-    shared : array, shape (order - 1, n_windows, n_sides)
-        The covariance with the first, second ... window after each.
-    """
+    """Return the standard deviation of a residual from the noise of its channels, and what neighbours share of it."""
     order = max(len(covariances) for _, covariances in parts)
     total: list[np.ndarray | float] = [0.0] * order
     sides = max(max(np.shape(s)[-1] if np.ndim(s) else 1, c.shape[-1]) for s, c in parts)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingColumnError, ReadingWarning, ShortTrajectoryError, UnitWarning, UnknownOptionError
+from ..signals.frames import as_pandas
 from .base import Equation, Residual, all_equations
 from .log import BenchLog, columns_of
 from .run import Model, Run
@@ -150,7 +151,7 @@ class LogEvaluation(Mapping[str, Evaluation]):
         return {"equations": {name: e.as_dict() for name, e in self.items()}, "skipped": dict(self.skipped)}
 
 
-class _Sums:
+class Sums:
     """Running sums over the windows of one trajectory, so that no window has to be kept."""
 
     def __init__(self) -> None:
@@ -160,6 +161,7 @@ class _Sums:
         self.worst: list[tuple[float, float]] = []
 
     def add(self, r: Residual) -> None:
+        """Take in windows, one a row and a column a side."""
         if not r.value.size:
             return
         largest = np.max(r.value**2, axis=1)
@@ -175,7 +177,8 @@ class _Sums:
         self.measured += float(np.sum(m))
         self.measured_square += float(np.sum(m**2))
 
-    def merge(self, other: _Sums) -> None:
+    def merge(self, other: Sums) -> None:
+        """Take in what another one has."""
         if not other.n or other.origin is None:
             return
         if self.origin is None:
@@ -188,6 +191,7 @@ class _Sums:
         self.noise += other.noise
 
     def result(self) -> dict[str, Any]:
+        """Return the numbers of a `TrajectoryEvaluation`."""
         rmse = float(np.sqrt(self.square / self.n))
         variance = max(self.measured_square / self.n - (self.measured / self.n) ** 2, 0.0)
         return {
@@ -196,6 +200,16 @@ class _Sums:
             "noise_floor": float(np.sqrt(self.noise / self.n)),
             "n_windows": self.n,
         }
+
+
+def summed(runs: Mapping[str, Sums], unit: str) -> Evaluation:
+    """Return the evaluation of an equation from the sums of its runs."""
+    total = Sums()
+    for part in runs.values():
+        total.merge(part)
+    return Evaluation(
+        **total.result(), unit=unit, trajectories={t: TrajectoryEvaluation(**part.result()) for t, part in runs.items()}
+    )
 
 
 def allowed_equations(log: BenchLog, names: Sequence[str] | None = None) -> tuple[dict[str, Equation], dict[str, str]]:
@@ -295,7 +309,7 @@ def window_residual(equation: Equation, run: Run) -> Residual | None:
     return equation.residual(run)
 
 
-def _few_windows(sums: Mapping[str, Mapping[str, _Sums]]) -> Iterator[str]:
+def _few_windows(sums: Mapping[str, Mapping[str, Sums]]) -> Iterator[str]:
     """Say which errors rest on a few windows of one run, as a wrong first or last reading makes them."""
     for equation, by_trajectory in sums.items():
         n = sum(part.n for part in by_trajectory.values())
@@ -383,7 +397,8 @@ def evaluate_log(
     allowed: dict[str, Equation] = {}
     skipped: dict[str, str] = {}
     doubts: list[str] = []
-    sums: dict[str, dict[str, _Sums]] = {}
+    sums: dict[str, dict[str, Sums]] = {}
+    log = as_pandas(log)
     for piece in map(BenchLog.of, [log] if isinstance(log, pd.DataFrame | BenchLog) else log):
         here, lacking = allowed_equations(piece, equations)
         allowed |= here
@@ -394,7 +409,7 @@ def evaluate_log(
         for trajectory, name, residual in residuals(piece, params, list(here)):
             if progress is not None and trajectory != begun:
                 progress(begun := trajectory)
-            sums.setdefault(name, {}).setdefault(trajectory, _Sums()).add(residual)
+            sums.setdefault(name, {}).setdefault(trajectory, Sums()).add(residual)
     for doubt in doubts:
         warnings.warn(doubt, UnitWarning, stacklevel=2)
     for few in _few_windows(sums):
@@ -402,18 +417,10 @@ def evaluate_log(
     skipped = {name: why for name, why in skipped.items() if name not in allowed}
     evaluations: dict[str, Evaluation] = {}
     for name in allowed:
-        by_trajectory = sums.get(name, {})
-        total = _Sums()
-        for part in by_trajectory.values():
-            total.merge(part)
-        if not total.n:
+        if not any(part.n for part in sums.get(name, {}).values()):
             skipped[name] = without_windows(allowed[name])
             continue
-        evaluations[name] = Evaluation(
-            **total.result(),
-            unit=allowed[name].unit,
-            trajectories={t: TrajectoryEvaluation(**part.result()) for t, part in by_trajectory.items()},
-        )
+        evaluations[name] = summed(sums[name], allowed[name].unit)
     if allowed and not evaluations:
         raise ShortTrajectoryError(
             "No trajectory of the log is long enough for a window.",

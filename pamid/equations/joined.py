@@ -71,22 +71,7 @@ class JoinedRun(Run):
 
 
 def joined(runs: Sequence[Run], model: Model) -> Iterator[tuple[Run, range]]:
-    """Join neighbouring stretches that share a clock and channels and lack no sample.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        All stretches of a log, under a settled model.
-    model : Model
-        The same simulator without noise.
-
-    Yields
-    ------
-    run : Run
-        The joined run, or the one stretch.
-    places : range
-        Places of its stretches in ``runs``.
-    """
+    """Join neighbouring stretches that share a clock and channels and lack no sample."""
     first = 0
     for k in range(1, len(runs) + 1):
         rows = sum(len(run.time) for run in runs[first:k])

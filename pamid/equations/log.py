@@ -18,6 +18,7 @@ from ..errors import (
     NonFiniteError,
     TimeOrderError,
 )
+from ..signals.frames import as_pandas
 from ..signals.thinning import whole_trajectories
 from .run import MUSCLES, Model, Run
 from .stretch import stretches
@@ -32,7 +33,7 @@ def columns_of(channel: str) -> list[str]:
 
 
 class BenchLog:
-    """A log of the bench, checked once: its trajectories, their times, and the channels that it holds.
+    """A log of the bench, checked once: its runs, their times and its channels.
 
     Evaluation, refit, diagnosis and survey all read this object; each makes one of a table that it is given.
 
@@ -58,7 +59,7 @@ class BenchLog:
     @classmethod
     def of(cls, log: pd.DataFrame | BenchLog) -> BenchLog:
         """Return a log as one; itself if it is one."""
-        return log if isinstance(log, BenchLog) else cls(log)
+        return log if isinstance(log, BenchLog) else cls(as_pandas(log))
 
     def __len__(self) -> int:
         return len(self.table)

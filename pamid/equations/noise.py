@@ -60,17 +60,6 @@ def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.n
 
     A controller that reads noisy sensors commands a valve to and fro from sample to sample; the flow then follows, and
     is no noise.
-
-    Parameters
-    ----------
-    x : array, shape (n_samples,)
-        The channel.
-    drive : array, shape (n_samples,)
-        What it would be without noise, as a model says.
-    noise : ChannelNoise
-        The channel's noise by itself.
-    at : array, shape (n_samples,), optional
-        Places of the samples, in steps; equal steps by default.
     """
     steps, cause = third_differences(x, at), third_differences(drive, at)
     power = float(cause @ cause)

@@ -113,22 +113,7 @@ class Stretch:
 
 
 def stretches(trajectory: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Stretch]:
-    """Cut a trajectory where nothing is known for too long, and bring each part to equal steps.
-
-    Parameters
-    ----------
-    trajectory : str
-        Its name.
-    time : array, shape (n_samples,)
-        s, increasing.
-    columns : dict of str to array, shape (n_samples, n_columns)
-        Channels by name, NaN where nothing was read; ``q`` is one of them.
-
-    Yields
-    ------
-    Stretch
-        The parts in order.
-    """
+    """Cut a trajectory where nothing is known for too long, and bring each part to equal steps."""
     at = np.flatnonzero(np.isfinite(columns["q"][:, 0]))
     if len(at) < 2:
         return
@@ -162,13 +147,7 @@ def _even(trajectory: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> 
 
 
 def pool_noise(found: Sequence[Stretch]) -> None:
-    """Let short stretches, which tell their noise within a tenth at best, have it from all stretches together.
-
-    Parameters
-    ----------
-    found : sequence of Stretch
-        The stretches of a log, their noises known; those of the short ones are changed.
-    """
+    """Let short stretches, which tell their noise within a tenth at best, have it from all stretches together."""
     for channel in {name for stretch in found for name in stretch.noises}:
         own = [stretch for stretch in found if channel in stretch.noises]
         rows = np.array([len(stretch.time) for stretch in own], dtype=float)

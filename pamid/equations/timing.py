@@ -13,27 +13,7 @@ _UNSURE = 0.3
 
 
 def timed(value: np.ndarray, change: np.ndarray, most: float, parts: Sequence[slice]) -> np.ndarray:
-    """Return residuals with the part of a change within a sample that leaves least of them, chosen for each run.
-
-    Parameters
-    ----------
-    value : array, shape (n_windows, n_sides)
-        Residuals with nothing of the change.
-    change : array, shape (n_windows, n_sides)
-        What all of it adds.
-    most : float
-        The largest part; the least is 0.
-    parts : sequence of slice
-        The windows of each run.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.equations.timing import timed
-    >>> change = np.sin(np.arange(40.0))[:, None]
-    >>> float(np.abs(timed(-0.7 * change, change, 1.0, [slice(0, 40)])).max().round(2))
-    0.08
-    """
+    """Return residuals with the part of a change within a sample that leaves least of them, chosen for each run."""
     return np.concatenate([value[part] + _share(value[part], change[part], most) * change[part] for part in parts])
 
 

@@ -59,6 +59,13 @@ _READINGS = {
         _Reading("percent", 0.01),
     ),
 }
+_WIRINGS: tuple[tuple[dict[str, tuple[str, float]], str], ...] = (
+    *(({f"{c}1": (f"{c}2", 1.0), f"{c}2": (f"{c}1", 1.0)}, "each other's") for c in ("u", "F", "P", "mdot")),
+    *(({f"u{k}": (f"u{k}", -1.0) for k in some}, _TURNED.looks) for some in ((1, 2), (1,), (2,))),
+    ({"u1": ("u2", -1.0), "u2": ("u1", -1.0)}, "each other's with the opposite sign"),
+)
+"""Columns that were mixed up: from which column each is read, and with which sign. What a valve lets through with the
+opposite command is no multiple of what it lets through."""
 """How channels are mistaken for others; of the pressures it is the reference."""
 
 Readings = dict[str, _Reading]
@@ -164,6 +171,11 @@ def _choices(
     references = [_AS_IT_IS]
     if any(name != "joint" for name in names):
         references += [_Reading("gauge pressure", 1.0, ambient), _Reading(twice, 1.0, -ambient)]
+    for wiring, looks in _WIRINGS:
+        if set(wiring) <= set(part.table.columns):
+            left = {key: s.error() for key, s in _sums(_rewired(part, wiring), params, names).items()}
+            reading = _Reading(looks)
+            yield _Choice(_cost(left) + reading.price, dict.fromkeys(wiring, reading), left)
     for angle in (_AS_IT_IS, *_READINGS["q"]):
         sums = {}
         for reference in references:
@@ -180,6 +192,11 @@ def _choices(
 def _read(log: BenchLog, readings: Readings) -> BenchLog:
     table = log.table
     return log.read_as({c: r.factor * table[c] + r.offset for c, r in readings.items() if c in table.columns})
+
+
+def _rewired(log: BenchLog, wiring: Mapping[str, tuple[str, float]]) -> BenchLog:
+    table = log.table
+    return log.read_as({column: sign * table[source] for column, (source, sign) in wiring.items()})
 
 
 def _sums(log: BenchLog, params: BenchParameters, names: list[str]) -> dict[Key, _Products]:

@@ -32,27 +32,13 @@ _KEPT = 24  # weighted sums whose covariances are kept for fits to come
 
 
 def samples_per_window(dt: float, window: float = WINDOW) -> int:
-    """Return the number of samples in a window, at least one.
-
-    Examples
-    --------
-    >>> from pamid.equations.windows import samples_per_window
-    >>> samples_per_window(1e-3)  # windows of 20 ms at 1 kHz
-    20
-    """
+    """Return the number of samples in a window, at least one."""
     return max(1, round(window / dt))
 
 
 @cache
 def kernel(n: int, order: int) -> np.ndarray:
-    """Return the weights of the B-spline of an order on samples; they add to one.
-
-    Examples
-    --------
-    >>> from pamid.equations.windows import kernel
-    >>> kernel(2, 2)
-    array([0.25, 0.5 , 0.25])
-    """
+    """Return the weights of the B-spline of an order on samples; they add to one."""
     box = np.full(n, 1.0 / n)
     weights = box
     for _ in range(order - 1):
@@ -62,67 +48,18 @@ def kernel(n: int, order: int) -> np.ndarray:
 
 
 def span(n: int, order: int) -> int:
-    """Return the number of samples under the B-spline of an order.
-
-    Examples
-    --------
-    >>> from pamid.equations.windows import span
-    >>> span(20, 1), span(20, 2)
-    (20, 39)
-    """
+    """Return the number of samples under the B-spline of an order."""
     return order * (n - 1) + 1
 
 
 def starts(n_rows: int, n: int, order: int, shift: int = 0) -> np.ndarray:
-    """Return the first rows of the test functions of all windows that lie inside a series.
-
-    Parameters
-    ----------
-    n_rows : int
-        Length of the series.
-    n : int
-        Samples per window; window k begins at sample k n.
-    order : int
-        Order of the B-spline, centred on its window.
-    shift : int, default=0
-        Row of the series that sample 0 would have.
-
-    Examples
-    --------
-    >>> from pamid.equations.windows import starts
-    >>> starts(100, 20, 1)
-    array([ 0, 20, 40, 60, 80])
-    """
+    """Return the first rows of the test functions of all windows that lie inside a series."""
     first = np.arange(0, max(n_rows, 0) + n, n) - ((order - 1) * (n - 1)) // 2 + shift
     return first[(first >= 0) & (first + span(n, order) <= n_rows)]
 
 
 def average(x: np.ndarray, n: int, order: int, first: np.ndarray, contiguous: bool | None = None) -> np.ndarray:
-    """Return the weighted means of a series under the test functions that begin at ``first``.
-
-    Parameters
-    ----------
-    x : array, shape (n_rows, ...)
-        The series, time along the first axis.
-    n, order : int
-        Samples per window and order of the B-spline.
-    first : array of int
-        First rows, as `starts` gives them.
-    contiguous : bool, optional
-        Whether they follow one another, if that is known.
-
-    Returns
-    -------
-    array, shape (len(first), ...)
-        The means.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.equations.windows import average
-    >>> average(np.arange(8.0), 4, 1, np.array([0, 4]))
-    array([1.5, 5.5])
-    """
+    """Return the weighted means of a series under the test functions that begin at ``first``."""
     if not len(first):
         return np.zeros((0, *x.shape[1:]))
     # Windows follow one another: cut into blocks of one window, a test function is a few weights on as many blocks.
@@ -156,15 +93,7 @@ def _blocks(n: int, order: int, columns: int) -> np.ndarray:
 
 
 def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
-    """Return the values of a series at the centres of the test functions that begin at ``first``.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.equations.windows import centre
-    >>> centre(np.arange(8.0), 4, 1, np.array([0, 4]))
-    array([1., 5.])
-    """
+    """Return the values of a series at the centres of the test functions that begin at ``first``."""
     return x[first + (span(n, order) - 1) // 2]
 
 
@@ -225,25 +154,7 @@ class Windows:
     def covariances(
         self, channel: str, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
     ) -> np.ndarray:
-        """Return what the noise of a channel leaves in its weighted sums, with the windows that follow.
-
-        Parameters
-        ----------
-        channel : str
-            Its name, under which the result is kept.
-        weights : array
-            What the rows from the first one of a window on contribute to its sum.
-        noise : sequence of ChannelNoise
-            Noise of each of its columns.
-        bridges : sequence of Bridge or None
-            How its columns came to equal steps; None where every row was read.
-
-        Returns
-        -------
-        array, shape (order, n_windows or 1, n_columns)
-            Variances, then covariances with the first, second ... window after each; one window stands for all where
-            they are alike.
-        """
+        """Return what the noise of a channel leaves in its weighted sums, with the windows that follow."""
         if bridges is None and self.given is None and self._contiguous:
             found = [[[one.covariance(weights, lag * self.n) for one in noise]] for lag in range(self.order)]
             return np.array(found)

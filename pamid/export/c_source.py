@@ -27,22 +27,7 @@ _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "gt": ">", "ge": ">=",
 
 
 def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") -> dict[str, str]:
-    """Write a plan as C.
-
-    Parameters
-    ----------
-    plan : ExportPlan
-        The model.
-    reference : Reference
-        Inputs and outputs for the self-test.
-    dtype : {"float64", "float32"}, default="float64"
-        ``double`` or ``float`` in the code.
-
-    Returns
-    -------
-    dict of str to str
-        Texts by file name: header, code, tables, self-test.
-    """
+    """Write a plan as C."""
     write = Writer(dtype)
     tables = write.tables(plan)
     values = {

@@ -54,27 +54,7 @@ _WORDS = {
 
 
 def fmu(plan: ExportPlan, sources: Mapping[str, str], compiler: str | None = None) -> bytes:
-    """Compile the C code of a plan and pack it.
-
-    Parameters
-    ----------
-    plan : ExportPlan
-        The model.
-    sources : mapping of str to str
-        What `c_sources` returned.
-    compiler : str, optional
-        C compiler; by default ``$CC``, cc, gcc or clang, whichever is found first.
-
-    Returns
-    -------
-    bytes
-        The FMU, with a binary for this machine and the sources for others.
-
-    Raises
-    ------
-    ExportError
-        There is no C compiler, or it fails.
-    """
+    """Compile the C code of a plan and pack it."""
     starts = dict(zip(("eps", "deps", "P", "dP"), plan.centre, strict=True))
     token = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
     wrapper = fill(

@@ -103,27 +103,7 @@ class FormulaPlan:
 
 
 def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPlan | None:
-    """Trace a fitted model; None if it has no formula.
-
-    Parameters
-    ----------
-    model : estimator
-        A fitted model of single rows.
-    name : str
-        Prefix of all names in the exported code, a C identifier.
-    notes : tuple of str, default=()
-        What is known of it already.
-
-    Returns
-    -------
-    FormulaPlan or None
-        What the writers write.
-
-    Raises
-    ------
-    ExportError
-        A part of the formula has no form outside Python, or two signals share a column.
-    """
+    """Trace a fitted model; None if it has no formula."""
     if not isinstance(model, WithFormulas):
         return None
     fitted: Any = model
@@ -201,20 +181,7 @@ def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> tuple[
 
 
 def formula_sources(plan: FormulaPlan, dtype: str = "float64") -> dict[str, str]:
-    """Write a formula as C.
-
-    Parameters
-    ----------
-    plan : FormulaPlan
-        The formula.
-    dtype : {"float64", "float32"}, default="float64"
-        ``double`` or ``float`` in the code.
-
-    Returns
-    -------
-    dict of str to str
-        Texts by file name: header, code, self-test.
-    """
+    """Write a formula as C."""
     write = Writer(dtype)
     x, expected = reference_rows(plan)
     largest = np.max(np.abs(expected), axis=0)

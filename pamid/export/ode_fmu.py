@@ -54,43 +54,7 @@ def ode_fmu(
     substeps: int = 10,
     compiler: str | None = None,
 ) -> bytes:
-    """Write the rates of states as C and pack them as an FMU.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model, a C identifier.
-    rates : callable
-        ``f(t, x, u, p)``, the rates of the states in order or by name, written with the operations that
-        `pamid.export` knows.
-    states, inputs, parameters : mapping of str to float
-        Their names with start values, in the units of `units`.
-    outputs : callable, optional
-        ``h(t, x, u, p)``, outputs by name; the states by default, which are then local variables' outputs.
-    units : mapping of str to str, optional
-        Units by name.
-    substeps : int, default=10
-        Runge–Kutta steps in one step of the co-simulation.
-    compiler : str, optional
-        C compiler; by default ``$CC``, cc, gcc or clang, whichever is found first.
-
-    Returns
-    -------
-    bytes
-        The FMU, with a binary for this machine and the source.
-
-    Raises
-    ------
-    ExportError
-        There is no C compiler, it fails, or the function is no formula.
-
-    Examples
-    --------
-    >>> from pamid.export.ode_fmu import ode_fmu
-    >>> tank = ode_fmu("tank", lambda t, x, u, p: [u.q - p.k * x.h], {"h": 1.0}, {"q": 0.0}, {"k": 0.1})
-    >>> tank[:2]
-    b'PK'
-    """
+    """Write the rates of states as C and pack them as an FMU."""
     given = ["time", *states, *inputs, *parameters]
     if len(set(given)) < len(given):
         raise ExportError(f"Two of {', '.join(given)} share a name.", "one name each", "Rename one.")

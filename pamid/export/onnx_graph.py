@@ -44,26 +44,7 @@ _OPERATORS = {
 
 
 def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
-    """Write a plan as an ONNX model.
-
-    Parameters
-    ----------
-    plan : ExportPlan
-        The model.
-    dtype : {"float64", "float32"}, default="float64"
-        Floating type of inputs, weights and outputs.
-
-    Returns
-    -------
-    onnx.ModelProto
-        Input ``X`` of shape (n, 4): eps, deps, P (Pa, absolute), dP. Outputs of shape (n, 1): the predictions by the
-        names of their equations, then ``V``, ``V_eps`` and ``V_P``.
-
-    Raises
-    ------
-    ExportError
-        onnx is not installed.
-    """
+    """Write a plan as an ONNX model."""
     graph = _Graph(_imported(), np.dtype(dtype))
     return _finished(graph, plan.name, UNITS, *_answers(graph, plan, {s: graph.column(k) for k, s in enumerate(UNITS)}))
 
@@ -72,13 +53,6 @@ def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
     """Write a plan with memory as two ONNX models, one for the first readings and one for each next one.
 
     Parameters and errors are those of `onnx_model`.
-
-    Returns
-    -------
-    dict of str to onnx.ModelProto
-        By the ends of their names. ``"_begin"``: input ``X`` as in `onnx_model`, one row a muscle. ``""``: beside it
-        ``memory`` of shape (n, n_memory) and ``dt`` of shape (1,), the time since the reading before (s). Outputs of
-        both: those of `onnx_model` and the ``memory`` after the reading (``memory_next``), which the next call takes.
     """
     assert plan.memory is not None
     found = {}
@@ -117,25 +91,7 @@ def _answers(graph: _Graph, plan: ExportPlan, names: dict[str, str]) -> tuple[di
 
 
 def onnx_formula(plan: FormulaPlan, dtype: str = "float64") -> Any:
-    """Write a formula as an ONNX model.
-
-    Parameters
-    ----------
-    plan : FormulaPlan
-        The formula.
-    dtype : {"float64", "float32"}, default="float64"
-        Floating type of inputs, constants and outputs.
-
-    Returns
-    -------
-    onnx.ModelProto
-        Input ``X`` of shape (n, n_inputs), its columns in the order of the plan. Outputs of shape (n, 1) by name.
-
-    Raises
-    ------
-    ExportError
-        onnx is not installed.
-    """
+    """Write a formula as an ONNX model."""
     graph = _Graph(_imported(), np.dtype(dtype))
     names = {s: graph.column(k) for k, s in enumerate(plan.inputs)}
     rows = graph.scaled(graph.column(0), 0.0)  # gives a constant as many rows as the input has

@@ -102,29 +102,7 @@ class ExportPlan:
 
 
 def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> ExportPlan:
-    """Take a fitted model apart.
-
-    Parameters
-    ----------
-    model : estimator or Pipeline
-        A fitted hybrid model, or a pipeline of rates and one.
-    name : str, default="muscle"
-        Prefix of all names in the exported code, a C identifier.
-    effects : sequence of Effect
-        Effects without memory that are added to the predictions.
-    plant : Plant, optional
-        The bench that effects refer to.
-
-    Returns
-    -------
-    ExportPlan
-        What the writers write.
-
-    Raises
-    ------
-    ExportError
-        Some part of the model has no form outside Python; the message names it.
-    """
+    """Take a fitted model apart."""
     check_name(name)
     last, notes = last_step(model)
     own = list(last.effects_) if getattr(last, "effect_values_", None) else []

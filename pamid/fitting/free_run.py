@@ -68,21 +68,7 @@ def output_lags(z: np.ndarray, slices: list[slice], lags: int) -> np.ndarray:
 
 
 def segments(inputs: np.ndarray, z: np.ndarray, past: np.ndarray, slices: list[slice], length: int) -> Segments:
-    """Cut trajectories into stretches of at most `length` rows.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, n_input_lags)
-        What `input_lags` gives.
-    z : ndarray, shape (n,)
-        Scaled outputs.
-    past : ndarray, shape (n, n_output_lags)
-        What `output_lags` gives.
-    slices : list of slice
-        Rows of each trajectory.
-    length : int
-        Most rows of a stretch.
-    """
+    """Cut trajectories into stretches of at most `length` rows."""
     starts = np.concatenate([np.arange(s.start, s.stop, length) for s in slices])
     stops = np.concatenate([np.full(len(range(s.start, s.stop, length)), s.stop) for s in slices])
     table = starts[:, None] + np.arange(min(length, max(s.stop - s.start for s in slices)))
@@ -139,30 +125,7 @@ def free_run(
     scale: float,
     bounds: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run all trajectories side by side.
-
-    Parameters
-    ----------
-    model : StepModel
-        The function of the lags.
-    theta : ndarray
-        Its parameters.
-    lags : ndarray, shape (n, n_input_lags)
-        Lagged inputs of every row.
-    past : ndarray, shape (n_trajectories, n_output_lags)
-        Scaled outputs before each trajectory.
-    slices : list of slice
-        Rows of each trajectory.
-    scale : float
-        Scale s of the step.
-    bounds : tuple of float
-        Scaled outputs at which a run is held.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,)
-        Scaled outputs, and where they were held.
-    """
+    """Run all trajectories side by side."""
     low, high = bounds
     y, held = np.empty(len(lags)), np.zeros(len(lags), dtype=bool)
     lengths = np.array([s.stop - s.start for s in slices])

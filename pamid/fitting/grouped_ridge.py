@@ -32,28 +32,7 @@ class GroupedRidge(NamedTuple):
 
 
 def grouped_ridge(B: np.ndarray, r: np.ndarray, folds: np.ndarray, ridges: Sequence[float]) -> GroupedRidge:
-    """Fit a ridge regression.
-
-    Parameters
-    ----------
-    B : array, shape (n, n_columns)
-        The columns.
-    r : array, shape (n,)
-        What they are to predict.
-    folds : array of int, shape (n,)
-        Fold of each row; a group must not be in two.
-    ridges : sequence of float
-        Penalties to choose from.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.fitting.grouped_ridge import grouped_ridge
-    >>> x = np.linspace(-1.0, 1.0, 60)
-    >>> fit = grouped_ridge(np.column_stack([np.ones(60), x]), 2.0 * x, np.arange(60) % 3, [1e-6, 1.0])
-    >>> fit.weights.round(3).tolist(), round(fit.share, 3)
-    ([0.0, 2.0], 1.0)
-    """
+    """Fit a ridge regression."""
     names = np.unique(folds)
     H = np.array([B[folds == k].T @ B[folds == k] for k in names])
     g = np.array([B[folds == k].T @ r[folds == k] for k in names])

@@ -48,33 +48,7 @@ def fit_nonlinear(
     clusters: np.ndarray | None = None,
     max_iter: int = 200,
 ) -> Solution:
-    """Minimise Σ w (y − predict(x))² within bounds, with an exact Jacobian whose columns scale the steps.
-
-    Parameters
-    ----------
-    predict : callable
-        From parameters, real or complex, to predictions, shape (n_samples,).
-    y, weight : ndarray, shape (n_samples,)
-        Target and weight of each row.
-    start, lower, upper : ndarray, shape (n_parameters,)
-        Start and bounds.
-    held : ndarray of bool, shape (n_parameters,), optional
-        Parameters that stay at their start.
-    clusters : ndarray of int, shape (n_samples,), optional
-        Cluster of each row, for cluster-robust standard errors.
-    max_iter : int
-        Most iterations.
-
-    Returns
-    -------
-    Solution
-        Parameters and their covariance.
-
-    Raises
-    ------
-    DivergedError
-        If the prediction is not finite at the start.
-    """
+    """Minimise Σ w (y − predict(x))² within bounds, with an exact Jacobian whose columns scale the steps."""
     root = np.sqrt(weight)
     # The size of the target as unit of the residual: the tolerances are then free of physical units.
     size = float(np.sqrt(np.average(y * y, weights=weight))) or 1.0
@@ -161,18 +135,6 @@ def compress(factor: np.ndarray, A: np.ndarray, y: np.ndarray, weight: np.ndarra
 
     The factor holds all that a linear least-squares fit needs to know of the rows; adding rows in batches gives what
     all rows at once give, and memory does not grow with the rows.
-
-    Parameters
-    ----------
-    factor : ndarray, shape (k, n_columns + 1)
-        The factor so far; k = 0 at the start.
-    A, y, weight : ndarray, shapes (n_samples, n_columns), (n_samples,), (n_samples,)
-        New rows.
-
-    Returns
-    -------
-    ndarray, shape (min(k + n_samples, n_columns + 1), n_columns + 1)
-        The factor with the rows.
     """
     root = np.sqrt(weight)[:, None]
     return np.asarray(np.linalg.qr(np.vstack([factor, root * np.column_stack([A, y])]), mode="r"))

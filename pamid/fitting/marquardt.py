@@ -50,22 +50,7 @@ class Damping:
     def descend(
         self, before: float, propose: Callable[[float], Point | None], loss: Callable[[Point], float]
     ) -> tuple[Point, float] | None:
-        """Take the first step that lowers the loss; None if there is none up to the greatest damping.
-
-        Parameters
-        ----------
-        before : float
-            Loss where the step begins.
-        propose : callable
-            Damping to trial point; None where the damped equations cannot be solved.
-        loss : callable
-            Trial point to its loss.
-
-        Returns
-        -------
-        tuple of (point, float) or None
-            The point and its loss.
-        """
+        """Take the first step that lowers the loss; None if there is none up to the greatest damping."""
         while self.value < self.most:
             trial = propose(self.value)
             if trial is not None:

@@ -1,5 +1,6 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
+from .design.next_run import next_run
 from .diagnosis.findings import (
     Band,
     Candidate,
@@ -14,6 +15,7 @@ from .diagnosis.findings import (
 from .diagnosis.localise import state_table
 from .diagnosis.result import Diagnosis
 from .engine import diagnose
+from .evaluation import evaluate_simulator
 from .refit import Refit, refit_within_tolerance
 from .simulated import diagnose_simulator
 
@@ -31,6 +33,8 @@ __all__ = [
     "TrajectoryShare",
     "diagnose",
     "diagnose_simulator",
+    "evaluate_simulator",
+    "next_run",
     "refit_within_tolerance",
     "state_table",
 ]

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
+from ..signals.frames import as_pandas
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
+from .inference.hypotheses import Screen
+from .inference.sensitivity import Template
+from .inference.so_far import alone_so_far, stopped
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
 from .residuals.protocol import ResidualSource
-from .settings import MAX_ROWS, SEARCH_ROWS
+from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +80,7 @@ def diagnose(
     ('leakage',)
     """
     library = chosen_effects(effects, "bench")
+    log = as_pandas(log)
     say = progress or (lambda _: None)
     say("read the log")
     used = BenchLog.of(log).whole(MAX_ROWS)
@@ -92,6 +97,19 @@ def diagnose(
     return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say, searched)
 
 
+def screened(competition: Competition, interrupted: bool, say: Callable[[str], None]) -> Screen:
+    """Return the library to first order; of an interrupted search its effects one by one."""
+    competition.interrupted = interrupted
+    try:
+        found = competition.screen(1 if interrupted else MOST_CAUSES)
+    except KeyboardInterrupt as stop:
+        stopped(stop)
+        competition.interrupted = True
+        found = competition.screen(1)
+    say(alone_so_far(found.singles))
+    return found
+
+
 def rows_used(used: int, rows: int) -> str:
     """Word how much of a log was used."""
     return f"{used:,} of {rows:,} rows were used, whole trajectories evenly spread over the log."
@@ -104,6 +122,8 @@ def explain(
     notes: list[str],
     say: Callable[[str], None] = lambda _: None,
     searched: ResidualSource | None = None,
+    known: Mapping[str, Sequence[Template]] | None = None,
+    interrupted: bool = False,
 ) -> Diagnosis:
     """Decide on evidence and write down what it says.
 
@@ -127,15 +147,18 @@ def explain(
         Called with a short text at each step.
     searched : ResidualSource, optional
         The part of it in which causes are searched; all by default.
+    known : mapping of str to sequence of Template, optional
+        The templates of effects on the evidence in which causes are searched, where they are known.
+    interrupted : bool, default=False
+        Whether the search was interrupted already: the best single effect is refitted then, and no more.
     """
     from threadpoolctl import threadpool_limits
 
     if not evidence.equations:
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
-        competition = Competition(searched or evidence, library, say)
-        contenders = competition.screen()
-        outcome = competition.refit(contenders)
+        competition = Competition(searched or evidence, library, say, known)
+        outcome = competition.refit(screened(competition, interrupted, say))
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

@@ -32,36 +32,7 @@ Model = dict[str, np.ndarray]
 
 
 def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray, dt: float, seed: int) -> Model:
-    """Fit a remainder.
-
-    Parameters
-    ----------
-    signals : dict of str to array, shape (n,)
-        The signals, by role.
-    left : array, shape (n,)
-        What is left.
-    codes : array of int, shape (n,)
-        Trajectory of each row; the rows of one stand together, in order.
-    dt : float
-        Sampling interval, s.
-    seed : int
-        Seed of the frequencies.
-
-    Returns
-    -------
-    dict of str to array
-        The model; ``share`` is the share of the mean square of what is left that it predicts on unseen trajectories.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.learned import learn, predict
-    >>> t, codes = np.tile(np.arange(0, 4, 0.01), 4), np.repeat(np.arange(4), 400)
-    >>> signals = {"position": np.sin(t * (1 + codes))}
-    >>> model = learn(signals, signals["position"] ** 3, codes, dt=0.01, seed=0)
-    >>> bool(model["share"] > 0.95)
-    True
-    """
+    """Fit a remainder."""
     S = _past_and_present(signals, codes, dt)
     middle, size = np.median(S, axis=0), np.maximum(np.quantile(S, 0.95, axis=0) - np.quantile(S, 0.05, axis=0), 1e-12)
     rng = np.random.RandomState(seed)

@@ -62,39 +62,7 @@ def gather(
     without: np.ndarray | None = None,
     seed: int = 0,
 ) -> Gathered:
-    """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained.
-
-    Parameters
-    ----------
-    signals : mapping of str to array, shape (n_samples,)
-        Signals by role, in the user's units.
-    y : array, shape (n_samples,)
-        Measured target.
-    nominal : callable
-        Takes signals by role, returns the modelled target.
-    codes : array of int, shape (n_samples,)
-        Trajectory of each row; contiguous.
-    dt : float
-        Sampling interval, s.
-    library : sequence of str
-        Effects that may be causes.
-    equation : str, default="force"
-        What the target is.
-    plant : Plant, optional
-        Numbers of the bench; signals are then in SI and stay as they are.
-    position_scale : float, default=1.0
-        What counts as a strain of one.
-    sense : "auto", 1 or -1, default="auto"
-        1 where effects take away from the target, -1 where they add to it.
-    labels : mapping of str to str, optional
-        The user's name of each role.
-    names : sequence of str, optional
-        Names of the trajectories, by code.
-    without : array of bool, shape (n_samples,), optional
-        Rows that are left out.
-    seed : int, default=0
-        Seed of the learner.
-    """
+    """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained."""
     residual = y - nominal(signals)
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(codes)]])) * dt
     scaling = Scaling(position=position_scale)
@@ -154,17 +122,7 @@ def evidence_in(
 
 
 def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
-    """Return a diagnosis in the units of the log.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis in typical units.
-    scaling : Scaling
-        What turns those into the log's.
-    units : Units
-        The names of the log's.
-    """
+    """Return a diagnosis in the units of the log."""
     size = abs(scaling.target)
     library = all_effects()
     causes = []

@@ -25,21 +25,7 @@ from .settings import CLOSE
 def settled(
     evidence: PortEvidence, log: PortLog, simulator: Simulator, library: Sequence[str], say: Callable[[str], None]
 ) -> list[str]:
-    """Return the library without the faults of readings that another reading of the same motion contradicts.
-
-    Parameters
-    ----------
-    evidence : PortEvidence
-        The log compared with its simulator; what readings disagree on without a fault becomes noise of its equations.
-    log : PortLog
-        The log at the ports.
-    simulator : Simulator
-        The simulator.
-    library : sequence of str
-        Effects at ports that may be causes.
-    say : callable
-        Called with a short text at each step.
-    """
+    """Return the library without the faults of readings that another reading of the same motion contradicts."""
     if simulator.form != "ode" or not (pairs := both_measured(pairs_of(simulator, log), log)):
         return list(library)
     say("compare readings of the same motion")
@@ -58,6 +44,6 @@ def settled(
         named = ", ".join(f"{x} and {v}" for x, v in pairs.items())
         shown = f" but for {', '.join(sorted(admitted))}" if admitted else ""
         evidence.notes.append(
-            f"The readings {named} agree{shown}: no other fault of these sensors that shows between them is a cause."
+            f"The readings {named} agree{shown}: faults of these sensors that would part them are excluded."
         )
     return [k for k in library if k not in set(refused)]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..equations.log import BenchLog
+from ..simulators.base import Simulator
 from .inference.gauss_newton import Fitter
 from .residuals.bench import Evidence
 from .settings import MAX_ROWS
+from .simulated import evidence_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,7 +24,7 @@ class Refit(NamedTuple):
 
     Parameters
     ----------
-    params : BenchParameters
+    params : BenchParameters or Simulator
         The simulator with the refitted values.
     changes : dict of str to float
         Relative change of each parameter that has a tolerance.
@@ -39,12 +41,12 @@ class Refit(NamedTuple):
     20.06 mm
     """
 
-    params: BenchParameters
+    params: Any
     changes: dict[str, float]
     at_bound: tuple[str, ...]
 
 
-def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters) -> Refit:
+def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters | Simulator) -> Refit:
     """Fit the parameters that have a tolerance to a log, each within its tolerance.
 
     All equations that the log allows are fitted together, each residual over its noise, under the robust likelihood of
@@ -53,8 +55,9 @@ def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters) -> Refit:
     Parameters
     ----------
     log : DataFrame
-        Log of the bench, see `pamid.equations.residuals`; of a long one whole trajectories spread over it.
-    params : BenchParameters
+        Log of the bench, see `pamid.equations.residuals`; of a long one whole trajectories spread over it. Of a
+        simulator with ports the columns that they name.
+    params : BenchParameters or Simulator
         The simulator with its tolerances.
 
     Returns
@@ -75,15 +78,19 @@ def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters) -> Refit:
     """
     if not any(t > 0 and params.get(name) != 0 for name, t in params.tolerance.items()):
         return Refit(params, {}, ())
-    evidence = Evidence(BenchLog.of(log).whole(MAX_ROWS), params)
+    if isinstance(params, Simulator):
+        evidence: Any = evidence_of(log, params, refit=True)
+    else:
+        evidence = Evidence(BenchLog.of(log).whole(MAX_ROWS), params)
     if not evidence.equations:
-        return Refit(params, dict.fromkeys(evidence.free, 0.0), ())
+        return Refit(params, dict.fromkeys(params.tolerance, 0.0), ())
     fitter = Fitter(evidence)
     # What ends at a bound is there, without the slack that a diagnosis leaves it.
-    found = np.clip(fitter.unwhitened(fitter.base()).x, -1.0, 1.0)
-    deviations = dict(zip(evidence.free, map(float, found), strict=True))
+    about = dict(zip(evidence.free, map(float, evidence.about), strict=True))
+    x = dict(zip(evidence.free, map(float, fitter.unwhitened(fitter.base()).x), strict=True))
+    found = {n: float(np.clip(v + about[n], -1.0, 1.0)) for n, v in x.items() if n in params.tolerance}
     return Refit(
-        evidence.deviated(deviations),
-        {name: params.tolerance[name] * v for name, v in deviations.items()},
-        tuple(name for name, v in deviations.items() if abs(v) > 0.999),
+        evidence.deviated({name: v - about[name] for name, v in found.items()}),
+        {name: params.tolerance[name] * v for name, v in found.items()},
+        tuple(name for name, v in found.items() if abs(v) > 0.999),
     )

@@ -5,54 +5,73 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..effects import Effect
 from ..effects.registry import effects_beside
+from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
 from ..simulators.forces import as_force, force_per_input
 from ..simulators.of_parameters import FIXED
 from ..simulators.placement import Placement
 from ..simulators.port_log import port_log
+from ..simulators.port_units import tell_unit_doubts
+from ..simulators.steadiness import tell_if_unsteady
 from ..simulators.structure import some_instants
 from .diagnosis.findings import Candidate, Cause, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .engine import explain
+from .inference.first_order import FirstOrder
 from .inference.floor import explainable
-from .inference.sensitivity import templates
+from .inference.sensitivity import Template, laid
+from .inference.so_far import alone_so_far, stopped, where_so_far
+from .inference.student_t import scale
 from .readings import settled
 from .residuals.direct import DirectEvidence
+from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE
 from .residuals.states import measured_states
+from .settings import EXCESS
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .several.conditions import Conditions
+    from .several.result import Change, LogFinding
+    from .several.stacked import StackedEvidence
+
 
 def diagnose_simulator(
-    log: pd.DataFrame,
+    log: pd.DataFrame | Mapping[str, pd.DataFrame],
     simulator: Simulator,
     effects: str | Sequence[str] = "all",
     *,
+    conditions: Mapping[str, Conditions] | None = None,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say where a simulator and a log disagree, which effect at which port is the cause, and how far the gap closes.
 
-    Parameters with a tolerance are refitted within it together with every candidate.
+    Parameters with a tolerance are refitted within it together with every candidate. Of several logs the causes and the
+    parameters are shared, unless the logs say that a cause came or went between two days.
 
     Parameters
     ----------
-    log : DataFrame
-        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name.
+    log : DataFrame or mapping of str to DataFrame
+        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name; several logs by name, in the order
+        in which they were recorded.
     simulator : Simulator
         The simulator.
     effects : "all" or sequence of str, default="all"
         Effects that may be causes: names as `pamid.simulators.port_effects` gives them, at every port, or such as
         ``"viscous_friction@motor"``.
+    conditions : mapping of str to `pamid.gap.several.Conditions`, optional
+        What held for each of several logs: parameters of the simulator that differ, and its day; a log without them is
+        a day of its own.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
     progress : callable, optional
@@ -61,7 +80,8 @@ def diagnose_simulator(
     Returns
     -------
     Diagnosis
-        The answer; its causes say where they act, and ``corrected`` is the simulator with them.
+        The answer; its causes say where they act, and ``corrected`` is the simulator with them. Of several logs
+        ``logs`` holds the causes' parameters log by log, ``changes`` which of them changed between logs.
 
     Raises
     ------
@@ -69,6 +89,8 @@ def diagnose_simulator(
         The log cannot be used.
     UnknownOptionError
         No effect has a name.
+    IncompatibleError
+        Two logs hold no signal in common, or a run twice.
 
     Examples
     --------
@@ -94,41 +116,41 @@ def diagnose_simulator(
 
     say = progress or (lambda _: None)
     say("read the log")
+    log = logs_as_pandas(log)
+    if isinstance(log, Mapping):
+        from .several.ports import diagnose_port_logs
+
+        return diagnose_port_logs(log, simulator, effects, conditions, seed, say)
     evidence = evidence_of(log, simulator, refit=True)
-    library = [k for k in chosen(evidence.placements, effects) if evidence.touched([k])]
+    asked = chosen(evidence.placements, effects)
     # Thousands of small products: threads would only wait for one another.
     with threadpool_limits(1), effects_beside({k: p.effect for k, p in evidence.placements.items()}):
-        library = settled(evidence, evidence.log, simulator, library, say)
+        searched = to_search(evidence) if isinstance(evidence, DirectEvidence) else evidence
+        asked = settled(evidence, evidence.log, simulator, asked, say)
+        if searched is not evidence:
+            settled(searched, searched.log, simulator, asked, say)
         say("what could be explained at all")
-        _learn(evidence, library)
+        say(where_so_far(searched.equations, np.array([scale(searched.z0[p], 0.0) for p in searched.parts])))
+        known, interrupted = learn(searched, asked, say)
+        library = [name for name in asked if known.get(name)]
         notes = [f"The residuals are {evidence.how}.", *evidence.notes]
-        found = explain(evidence, library, np.random.RandomState(seed), notes, say)
+        if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
+            remember_as(evidence, searched)
+            notes.append(f"Causes were searched in {searched.log.n:,} rows, and fitted to {evidence.log.n:,}.")
+        found = explain(evidence, library, np.random.RandomState(seed), notes, say, searched, known, interrupted)
     return outward(found, evidence)
 
 
-def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) -> PortEvidence:
-    """Return a log held against a simulator: directly where it holds the states, else by simulating short stretches.
-
-    Parameters
-    ----------
-    log : DataFrame
-        The log.
-    simulator : Simulator
-        The simulator.
-    refit : bool, default=False
-        Whether to begin from parameters that fit, where tolerances are wide.
-
-    Returns
-    -------
-    PortEvidence
-        The residuals.
-    """
+def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
+    """Return a log held against a simulator: directly where it holds the states, else by simulating short stretches."""
     from .residuals.choice import motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
+    tell_if_unsteady(simulator, at_ports)
+    tell_unit_doubts(simulator, at_ports)
     derived = measured_states(simulator, at_ports)
-    if derived is None:
+    if derived is None or (simulated and simulator.form != "algebraic"):
         return ShootingEvidence(at_ports, simulator, refit=refit)
     found = DirectEvidence(at_ports, simulator, derived, refit)
     if simulator.form == "ode" and sign_may_be_lost(found):
@@ -139,27 +161,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False) ->
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:
-    """Return what a simulator, its effects among it, makes of a log's inputs, each run from its best initial state.
-
-    Parameters
-    ----------
-    log : DataFrame
-        The log; what it holds of states and outputs serves for the initial states alone.
-    simulator : Simulator
-        Of states, or of whole runs.
-    *more : str
-        States or outputs that are wanted though the log does not hold them.
-
-    Returns
-    -------
-    DataFrame
-        ``trajectory``, ``time`` (s), and each state or output that the log holds or is wanted, as the simulator has it.
-
-    Raises
-    ------
-    ParameterError
-        The simulator is algebraic: it has no runs.
-    """
+    """Return what a simulator, its effects among it, makes of a log's inputs, each run from its best initial state."""
     import pandas as pd
 
     from ..errors import ParameterError
@@ -173,16 +175,69 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
     return pd.DataFrame({"trajectory": names, "time": at_ports.t, **evidence.predicted(more)})
 
 
-def _learn(evidence: PortEvidence, library: Sequence[str]) -> None:
-    """Let the evidence know for how long what no learner predicts in an equation remembers."""
+class Library(NamedTuple):
+    """What was found of a library to first order.
+
+    Parameters
+    ----------
+    templates : dict of str to list of Template
+        The templates of each effect that was looked at.
+    interrupted : bool
+        Whether somebody did not wait for the rest.
+    """
+
+    templates: dict[str, list[Template]]
+    interrupted: bool
+
+
+def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
+    """Let the evidence know for how long what no learner predicts in an equation remembers; return the templates.
+
+    What has one template comes first, and says what the answer is so far while the rest is looked at.
+    """
+    known: dict[str, list[Template]] = {}
+    simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
+    try:
+        for name in [*simple, *(name for name in library if name not in simple)]:
+            say(f"sensitivity to {name}")
+            known[name] = _templates(evidence, name)
+            if simple and name == simple[-1]:
+                say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
+        _remember(evidence, [t for name in library for t in known[name]])
+    except KeyboardInterrupt as stop:
+        stopped(stop)
+        if not any(known.values()):
+            raise
+        return Library(known, True)
+    return Library(known, False)
+
+
+def _is_simple(effect: type[Effect]) -> bool:
+    """Tell whether an effect is linear in what it is said by, or a wrong number."""
+    return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
+
+
+def _remember(evidence: PortEvidence, found: Sequence[Template]) -> None:
     left = []
-    found = [t for name in library for t in templates(evidence, evidence.placements[name].effect)]
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         mine = [replace(t, columns=evidence.raw(t.columns)[part]) for t in found]
         noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
         view = _view(evidence, equation, part)
-        left.append(explainable(view, [t for t in mine if np.any(t.columns)], noise).left)
+        mine = [t for t in mine if np.any(t.columns)]
+        left.append(explainable(view, mine, noise, enough=1.0 + EXCESS).left)
     evidence.remember(left)
+
+
+def _templates(evidence: PortEvidence, name: str) -> list[Template]:
+    """Return the templates of an effect, and let the evidence know which equations it changes."""
+    place = evidence.placements[name]
+    sizes = {p.name: abs(p.nominal or 0.1 * p.upper) for p in place.effect.parameters}
+    try:
+        found = laid(evidence, place.effect)
+    except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
+        found = []
+    evidence.touches(name, [t.columns * [sizes[n] for n in t.linear] if t.linear else t.columns for t in found])
+    return found if evidence.touched([name]) else []
 
 
 def _view(evidence: PortEvidence, equation: str, part: slice) -> Any:
@@ -200,54 +255,49 @@ def _view(evidence: PortEvidence, equation: str, part: slice) -> Any:
 
 
 # --- the answer ---------------------------------------------------------------------------------------------
-def outward(found: Diagnosis, evidence: PortEvidence) -> Diagnosis:
-    """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        What the inference says, in the library's units.
-    evidence : PortEvidence
-        What it was found on.
-
-    Returns
-    -------
-    Diagnosis
-        The same for the reader.
-    """
+def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
+    """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
-    corrected = corrected_simulator(evidence, found) if found.added else None
+    corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
+    corrected = corrected if found.added else None
     forces = _forces(evidence, found, corrected) if corrected is not None else []
+    about = (source or evidence).about
+    free = source.free if source is not None else evidence.free
+    begun = dict(zip(free, map(float, about), strict=True))
     return replace(
         found,
         notes=[*found.notes, *forces],
         causes=[_cause(c, places) for c in found.causes],
         families=[_cause(c, places) for c in found.families],
         candidates=[_candidate(c, places) for c in found.candidates],
-        windows=_windows(found, evidence),
+        windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         nominal=evidence.given,
         corrected=corrected,
-        deviations={n: v + float(a) for (n, v), a in zip(found.deviations.items(), evidence.about, strict=True)},
+        deviations={n: v + begun[n] for n, v in found.deviations.items()},
+        logs=[_log(f, places) for f in found.logs],
+        changes=[_changed(c, places) for c in found.changes],
     )
 
 
 def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
     """Return the simulator with the causes added: its own effects, and the first of each cause."""
-    added = []
-    for cause in found.added:
-        place = evidence.placements[cause.effects[0]]
-        inward = {k: p.value for k, p in cause.parameters.items()}
-        added.append((place, place.outward(inward)))
-    simulator = evidence.simulator
-    numbers = dict(zip(simulator.parameters, evidence.numbers(found.deviations), strict=True))
-    kept = []
-    for place, values in added:
-        made = place.made(values)
-        if isinstance(made, FIXED):
-            numbers[place.at] = made.adjust({"value": numbers[place.at]})["value"]
-        else:
-            kept.append((place.name, place.port, values))
-    return simulator.with_(numbers, [*simulator.effects, *kept])
+    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
+    return evidence.corrected(spec, found.deviations)
+
+
+def _log(found: LogFinding, places: Mapping[str, Placement]) -> LogFinding:
+    """Return what was found of one of several logs, in the units of the ports."""
+    return replace(found, parameters={k: _at(places[k], values) for k, values in found.parameters.items()})
+
+
+def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
+    """Return how a cause changed, in the units of its port."""
+    place = places[change.effect]
+    factor, unit = place.factor(change.parameter), place.units.get(change.parameter, change.unit)
+    return replace(
+        change, effect=place.name, where=place.port, before=change.before * factor, after=change.after * factor,
+        unit=unit,
+    )  # fmt: skip
 
 
 def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> list[str]:
@@ -295,8 +345,12 @@ def _candidate(c: Candidate, places: Mapping[str, Placement]) -> Candidate:
     return c if place is None else replace(c, effect=place.name, where=place.port)
 
 
-def _windows(found: Diagnosis, evidence: PortEvidence) -> pd.DataFrame:
-    signals = {k: v[evidence.centre] for k, v in evidence.signals().items()}
+def _signals(evidence: PortEvidence) -> dict[str, np.ndarray]:
+    """Return all signals at the centre of each window."""
+    return {k: v[evidence.centre] for k, v in evidence.signals().items()}
+
+
+def _windows(found: Diagnosis, signals: Mapping[str, np.ndarray]) -> pd.DataFrame:
     table = found.windows.drop(columns=[c for c in STATE if c in found.windows.columns])
     taken = [c for c in table.columns if c in signals]
     return table.assign(**{k: v for k, v in signals.items() if k not in taken})

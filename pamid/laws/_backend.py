@@ -14,18 +14,7 @@ import numpy as np
 
 
 def namespace(*arrays: Any) -> ModuleType:
-    """Return ``torch`` if any input is a torch tensor, else ``numpy``.
-
-    Parameters
-    ----------
-    *arrays : array_like or torch.Tensor
-        The inputs of a formula.
-
-    Returns
-    -------
-    module
-        The library whose functions suit the inputs.
-    """
+    """Return ``torch`` if any input is a torch tensor, else ``numpy``."""
     torch = sys.modules.get("torch")
     if torch is not None and any(isinstance(a, torch.Tensor) for a in arrays):
         return torch

@@ -314,24 +314,7 @@ def rank_autocorrelation(x: np.ndarray) -> float:
 
 
 def limit(n_healthy: int, n_blocks: int, correlation: float, share: float, seed: int) -> float:
-    """Return what C exceeds in a share of streams without a change, by simulation.
-
-    Parameters
-    ----------
-    n_healthy, n_blocks : int
-        Blocks of the healthy stretch and of a stream.
-    correlation : float
-        Correlation of neighbouring blocks.
-    share : float
-        Share of streams that may exceed it.
-    seed : int
-        Of the simulation.
-
-    Returns
-    -------
-    float
-        The threshold.
-    """
+    """Return what C exceeds in a share of streams without a change, by simulation."""
     rng = np.random.default_rng(seed)
     most = [_highest(n_healthy, n_blocks, correlation, rng) for _ in range(0, STREAMS, AT_ONCE)]
     return float(np.quantile(np.concatenate(most), 1.0 - share))

@@ -48,29 +48,6 @@ def lines(
     A line that is still being written is not read until its end is there. A file that was replaced is told by its
     identity (device and inode), read to its end and followed by the new one; one that became shorter is read anew; for
     one that is gone the reader waits.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    follow : bool, default=False
-        Whether to wait for more at its end.
-    poll : float, default=0.1
-        Seconds between looks.
-    patience : float, optional
-        Seconds without news after which following ends; without end by default.
-
-    Yields
-    ------
-    bytes or None
-        A line without its end; None after each look that brought nothing, so that the reader can tell that time passes.
-
-    Raises
-    ------
-    LogNotFoundError
-        There is no such file at the start.
-    StreamError
-        The file cannot be read.
     """
     path = Path(path)
     if not path.is_file():

@@ -52,15 +52,7 @@ class Sight:
         self._parts: list[Mapping[str, np.ndarray]] = []
 
     def look(self, table: Mapping[str, np.ndarray], stuck: Mapping[str, Any] | None = None) -> str:
-        """Take a block; return why nothing can be seen since then, or nothing.
-
-        Parameters
-        ----------
-        table : mapping of str to array
-            Signals of the block, with ``time`` (s).
-        stuck : mapping, optional
-            Channels whose sensors stand still now.
-        """
+        """Take a block; return why nothing can be seen since then, or nothing."""
         self._parts.append(table)
         n = sum(len(t["time"]) for t in self._parts)
         if n >= max(WINDOW / self.interval, LEAST_SAMPLES):

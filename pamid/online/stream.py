@@ -54,7 +54,8 @@ class Samples:
     Parameters
     ----------
     columns : sequence of str
-        Signals that are read; ``eps`` and ``P`` must be among them. One that a sample lacks is NaN.
+        Signals that are read; one that a sample lacks is NaN. Short holes of ``eps`` and ``P`` are filled, and blocks
+        hold their rates, ``deps`` and ``dP``.
     interval : float, optional
         Sampling interval, s; found from the stream by default.
     block : int, default=100
@@ -84,6 +85,7 @@ class Samples:
         if (interval is not None and not 0 < interval < math.inf) or block < 1:
             raise ParameterError(f"interval={interval!r}, block={block!r}.", "positive numbers", "Correct them.")
         self.columns = tuple(columns)
+        self._rates = {rate: name for rate, name in _RATES.items() if name in self.columns}
         self.interval = interval
         self.block = block
         self.convert = convert
@@ -162,12 +164,12 @@ class Samples:
         data = np.array(self._rows, dtype=float)
         for k in range(1, data.shape[1]):
             self.problems["glitch"] += without_glitches(data[:, k])
-        for name in _RATES.values():
+        for name in self._rates.values():
             _filled(data[:, 1 + self.columns.index(name)])
         table = {"time": data[n:-n, 0]}
         for k, name in enumerate(self.columns, 1):
             table[name] = data[n:-n, k]
-        for rate, name in _RATES.items():
+        for rate, name in self._rates.items():
             column = data[:, 1 + self.columns.index(name)]
             table[rate] = np.convolve(column, slope_weights(self.interval), mode="valid")
         begins, self._begins = self._begins, False
@@ -199,27 +201,7 @@ class Samples:
 
 
 def without_glitches(values: np.ndarray) -> int:
-    """Replace single samples that leave their neighbours and come back by these neighbours' mean; return how many.
-
-    Parameters
-    ----------
-    values : array, shape (n_samples,)
-        One signal at even times, changed in place.
-
-    Returns
-    -------
-    int
-        Number of samples that were replaced.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.online.stream import without_glitches
-    >>> x = np.sin(np.arange(50) / 8)
-    >>> x[20] = 900.0
-    >>> without_glitches(x), round(x[20], 2)
-    (1, np.float64(0.59))
-    """
+    """Replace single samples that leave their neighbours and come back by these neighbours' mean; return how many."""
     between = (values[:-2] + values[2:]) / 2.0
     bend = np.abs(values[1:-1] - between)
     known = bend[np.isfinite(bend)]

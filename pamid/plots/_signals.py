@@ -34,26 +34,14 @@ def target_of(unit: str) -> tuple[float, str, str]:
 
 
 def column(X: Any, name: str) -> np.ndarray:
-    """Return a column of a table by name.
-
-    Raises
-    ------
-    MissingColumnError
-        If there is none.
-    """
+    """Return a column of a table by name."""
     if name not in getattr(X, "columns", ()):
         raise MissingColumnError(f"X has no {name}.", f"a DataFrame with {name}", "Add the column, or name another.")
     return np.asarray(X[name], dtype=float)
 
 
 def runs_of(X: Any, groups: Any) -> np.ndarray:
-    """Return the run of each row, from groups or the column ``trajectory``.
-
-    Raises
-    ------
-    MissingTrajectoryError
-        If neither says it.
-    """
+    """Return the run of each row, from groups or the column ``trajectory``."""
     if groups is None and "trajectory" in getattr(X, "columns", ()):
         groups = X["trajectory"]
     if groups is None:
@@ -73,13 +61,7 @@ def resting(estimator: Any, eps: np.ndarray, P: np.ndarray) -> Any:
 
 
 def same_length(**arrays: np.ndarray) -> None:
-    """Raise where arrays of samples differ in length.
-
-    Raises
-    ------
-    ShapeError
-        If they do.
-    """
+    """Raise where arrays of samples differ in length."""
     lengths = {name: len(a) for name, a in arrays.items()}
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} {n}" for name, n in lengths.items())

@@ -20,7 +20,7 @@ _STILL = 2e-3  # range of contraction below which a trajectory is taken for isom
 def fit_plot(
     comparison: Any, estimator: str | None = None, path: str | Path | None = None, *, title: str = ""
 ) -> Figure:
-    """Draw what an estimator predicts of the best, the median and the worst trajectory that its fit had not seen.
+    """Draw an estimator's predictions of the best, the median and the worst held-out trajectory.
 
     Above over time; below as loops over the contraction, or over the pressure where the contraction is held.
 

@@ -25,26 +25,6 @@ def question(d: Diagnosis) -> str:
     An offset within 10 % of the ambient pressure, or of the force that it makes on a cylinder's area, is what gauge
     pressure read as absolute (or the reverse) looks like; a measured side that is a power of ten times the modelled one
     is what a wrong unit looks like, :math:`|\log_{10} g - k| < \log_{10} 1.1` with an integer :math:`k \ne 0`.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What was found.
-
-    Returns
-    -------
-    str
-        A question with its reason; empty where nothing looks like either.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, simulate, sine
-    >>> from pamid.gap import diagnose
-    >>> from pamid.report.doubts import question
-    >>> bench = BenchParameters.for_muscle("B")
-    >>> log = simulate(bench, [sine(2, 10, 500), sine(6, 10, 500)], effects=["leakage"])
-    >>> question(diagnose(log, bench, ["leakage"]))
-    ''
     """
     return _reference(d) or _unit(d)
 

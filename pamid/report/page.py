@@ -12,6 +12,8 @@ from .quantities import names_of
 from .sections import Section, Source, all_sections
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from jinja2 import Environment
 
     from ..gap.diagnosis.result import Diagnosis
@@ -22,7 +24,9 @@ _UNIT = re.compile(r"(?<=\d) (?=%|(?:N|mg|Hz|bar|Pa|deg|rad|kg|K|m|s)\b)")
 _POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
 
 
-def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
+def report_html(
+    diagnosis: Diagnosis, source: Source | None = None, progress: Callable[[str], None] | None = None
+) -> str:
     """Return a diagnosis as a page.
 
     Parameters
@@ -31,6 +35,8 @@ def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
         What `pamid.gap.diagnose` returned.
     source : Source, optional
         Where it comes from: names of log and simulator, rows, runs.
+    progress : callable, optional
+        Called with the name of each section once it is drawn; its ``expect``, if it has one, gets their number.
 
     Returns
     -------
@@ -52,18 +58,18 @@ def report_html(diagnosis: Diagnosis, source: Source | None = None) -> str:
     source = source or Source()
     environment = _environment()
     sections = [cls(diagnosis, source) for cls in all_sections()]
+    parts: list[dict[str, Any]] = []
     with names_of(diagnosis):
-        shown = [
-            {
-                "name": s.name,
-                "title": s.heading(),
-                "body": Markup(_template(environment, s).render(s.content())),
-            }
-            for s in sections
-            if s.shown()
-        ]
+        shown = [s for s in sections if s.shown()]
+        if (expect := getattr(progress, "expect", None)) is not None:
+            expect(len(shown))
+        for s in shown:
+            body = Markup(_template(environment, s).render(s.content()))
+            parts.append({"name": s.name, "title": s.heading(), "body": body})
+            if progress is not None:
+                progress(s.name)
     style = Markup((_TEMPLATES / "page.css").read_text(encoding="utf-8"))
-    return environment.get_template("page.html").render(sections=shown, source=source, style=style)
+    return environment.get_template("page.html").render(sections=parts, source=source, style=style)
 
 
 def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None = None) -> Path:

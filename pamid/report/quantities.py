@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..plots.style import SHOWN
+from ..simulators.between import ends_of
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause
@@ -148,8 +149,15 @@ def effect(name: str) -> str:
 
 
 def placed(name: str, port: str) -> str:
-    """Return an effect as words, with the port of a simulator at which it acts."""
-    return f"{effect(name)} at {port}" if port else effect(name)
+    """Return an effect as words, with the port of a simulator at which it acts, or the two between which it does."""
+    return said_at(effect(name), port)
+
+
+def said_at(name: str, port: str) -> str:
+    """Return a name with the port at which it is, or the two between which it is; alone where there is none."""
+    if not port:
+        return name
+    return f"{name} {'at' if ends_of(port) is None else 'between'} {port}"
 
 
 def places(cause: Cause) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ _EXPERIMENT_UNITS = {
     "rise": "Pa", "at": "s", "after": "s", "phase": "rad",
 }  # fmt: skip
 _NOTHING = 0.02  # share closed that is not worth a name
-_FEW_RUNS = 3  # runs below which pieces of a log are left out by turns
+_FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
 NOT_EFFECTS = ("none", "unknown")
 
 
@@ -73,7 +73,7 @@ class Answers(NamedTuple):
 
 
 def answers(diagnosis: Diagnosis) -> Answers:
-    """Say a diagnosis in plain words.
+    """Summarise a diagnosis in sentences.
 
     Parameters
     ----------
@@ -112,22 +112,39 @@ def verdict(d: Diagnosis) -> str:
         return f"A gap whose cause is unknown and acts like {kinds}: {listed([_either(c) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
+    return _named(d) + _more(d)
+
+
+def _named(d: Diagnosis) -> str:
+    """Return the named causes."""
     if d.verdict == "several":
-        if all(c.with_reserve for c in d.causes):
-            return f"{_count(len(d.causes))} causes: {listed([_either(c) for c in d.causes])}{_reserve(d)}"
-        told = [_either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in d.causes]
-        return f"{_count(len(d.causes))} causes: {listed(told)}"
+        main = [c for c in d.causes if c.share >= _NOTHING] or d.causes[:1]
+        few = len(d.causes) - len(main)
+        beside = f"; {_count(few).lower() if few > 1 else 'one'} more of under 2 % of the gap" if few else ""
+        head = f"{_count(len(main))} causes" if len(main) > 1 else "One cause"
+        if all(c.with_reserve for c in main):
+            return f"{head}: {listed([_either(c) for c in main])}{_reserve(d, len(main))}{beside}"
+        told = [_either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in main]
+        return f"{head}: {listed(told)}{beside}"
     first = d.causes[0]
     if len(first.effects) > 1:
         return f"One cause, and this log cannot tell which: {_either(first)}{_reserve(d)}"
     return f"One cause: {cause_names(first)[0]}{_reserve(d)}"
 
 
-def _reserve(d: Diagnosis) -> str:
+def _more(d: Diagnosis) -> str:
+    """Return that a gap is left whose cause is none of the named ones."""
+    if not d.unexplained:
+        return ""
+    where_left = listed([equation(name) for name in d.unexplained])
+    return f"; and a gap in the {where_left} equation{'s' * (len(d.unexplained) > 1)} that the library does not explain"
+
+
+def _reserve(d: Diagnosis, named: int = 0) -> str:
     """Return what is added to names of which a cause beyond the library cannot be excluded."""
     if not d.with_reserve:
         return ""
-    return f", or something that looks like {'them' if len(d.causes) > 1 else 'it'} on this log"
+    return f", or something that looks like {'them' if (named or len(d.causes)) > 1 else 'it'} on this log"
 
 
 # --- where --------------------------------------------------------------------------------------------------
@@ -135,7 +152,7 @@ def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
     names = [equation(e.equation) for e in d.equations]
     if not d.tested or (d.verdict == "none" and not names):
-        return f"It is not known: no equation could be compared with the log.{_left_out(d)}"
+        return f"Unknown: no equation could be compared with the log.{_left_out(d)}"
     if d.verdict == "none":
         tested = f"{listed(names)} agree" if len(names) > 1 else f"{names[0]} agrees"
         return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)}).{_left_out(d)}"
@@ -150,10 +167,10 @@ def where(d: Diagnosis) -> str:
             break
     first = told[0].equation
     if len(told) == 1:
-        text = f"{_capital(percent(told[0].share))} of the gap lies in the {equation(first)} equation"
+        text = f"{_capital(percent(told[0].share))} of the gap is in the {equation(first)} equation"
     else:
         places = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
-        text = f"The gap lies in the equations of {listed(places)}"
+        text = f"The gap is in the equations of {listed(places)}"
     part = "that" if len(told) == 1 else f"the {equation(first)} part"
     return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
 
@@ -167,7 +184,7 @@ def _left_out(d: Diagnosis) -> str:
     together = [e for e in tested if set(e.combines) & set(d.not_tested)]
     combined = {name for e in together for name in e.combines}
     text = "".join(
-        f" {_capital(listed(list(e.combines)))} were tested in one, since the log lacks "
+        f" {_capital(listed(list(e.combines)))} were tested together, since the log lacks "
         f"a {signal(e.without).words} of each muscle."
         for e in together
     )
@@ -245,7 +262,7 @@ def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
 def which(d: Diagnosis) -> str:
     """Return which effect causes the gap."""
     if not d.tested:
-        return "No answer: nothing speaks for a gap, and nothing against one."
+        return "No answer: there is no evidence for or against a gap."
     if d.verdict == "none":
         text = f"the parameters within their tolerances and the sensors' noise explain the log{_confidence(d)}"
         if not d.cannot_show:
@@ -254,8 +271,8 @@ def which(d: Diagnosis) -> str:
         return f"None among those that this log can show: {text}. It cannot show {silent}."
     if d.families:
         sizes = [f"{cause_names(c)[0]} {brief}" if (brief := _brief(c)) else cause_names(c)[0] for c in d.families]
-        left = "more than an inexact form of it would" if len(d.families) == 1 else "more than inexact forms would"
-        return f"No effect of the library explains it; what comes closest leaves {left}. Sizes: {'; '.join(sizes)}."
+        it = "its form is" if len(d.families) == 1 else "their forms are"
+        return f"No effect of the library explains it, even if {it} inexact. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -265,7 +282,7 @@ def which(d: Diagnosis) -> str:
             text += f": the best, {effect(best.effect)}, closes {percent(best.closed_share)} of the gap"
         depends = d.leftover.get("depends_on") or d.leftover.get("signals")
         if isinstance(depends, (list, tuple)) and depends:
-            text += f"; what is left depends on {listed([signal(str(s)).words for s in depends])}"
+            text += f"; the remaining error depends on {listed([signal(str(s)).words for s in depends])}"
         return text + "."
     if d.verdict == "several":
         parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
@@ -303,7 +320,7 @@ def _brief(cause: Cause) -> str:
 def _sizes(cause: Cause) -> str:
     told = []
     for name, p in _sized(cause):
-        bound = ", at the end of what is physical" if p.at_bound else ""
+        bound = ", at its physical limit" if p.at_bound else ""
         told.append(
             f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
         )
@@ -335,22 +352,26 @@ def closes(d: Diagnosis, c: Candidate) -> str:
 def how_far(d: Diagnosis) -> str:
     """Return how far the gap shrinks."""
     if not d.tested:
-        return "Nothing was fitted. Mend what kept the equations from being tested, or record such runs, and ask again."
+        return (
+            "Nothing was fitted. Correct what kept the equations from being tested, or record new runs, and try again."
+        )
     if d.verdict == "none":
         return f"There is nothing to close{_errors(d)}."
     causes = d.added
     if not causes:
-        return "Nothing is added to the simulator, since what closes part of a gap for the wrong reason misleads."
+        return (
+            "Nothing is added to the simulator: an effect that closes part of a gap for the wrong reason would mislead."
+        )
     order = {e.equation: e.share for e in d.equations}
     main = causes[0].equation
     closures = sorted(d.closure, key=lambda c: (c.equation != main, -order.get(c.equation, 0.0)))
     if not closures:
-        return f"How much of the gap closes could not be tested on {_unseen(d)} that the fit had not seen."
+        return f"How much of the gap closes could not be tested on unseen {_unseen(d)}."
     c = closures[0]
     it = "them" if len(causes) > 1 else "the likelier one" if len(causes[0].effects) > 1 else "it"
     text = (
         f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the "
-        f"{equation(c.equation)} gap on {_unseen(d)} that the fit had not seen: "
+        f"{equation(c.equation)} gap on unseen {_unseen(d)}: "
         f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     )
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
@@ -359,7 +380,7 @@ def how_far(d: Diagnosis) -> str:
 
 
 def _unseen(d: Diagnosis) -> str:
-    """Return what the fit had not seen: whole runs, or pieces where a simulator's log holds one or two."""
+    """Return what the fit had not seen: whole runs, or pieces if a simulator's log has one or two runs."""
     few = any(c.where for c in d.causes) and d.windows["trajectory"].nunique() < _FEW_RUNS
     return "pieces of the log" if few else "runs"
 

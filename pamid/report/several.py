@@ -12,14 +12,8 @@ if TYPE_CHECKING:
 
 
 def changed(change: Change) -> str:
-    """Return how a cause changed between logs, as a sentence.
-
-    Parameters
-    ----------
-    change : Change
-        What changed.
-    """
-    name = effect(change.effect)
+    """Return how a cause changed between logs, as a sentence."""
+    name = f"{effect(change.effect)} at {change.where}" if change.where else effect(change.effect)
     name = name[:1].upper() + name[1:]
     what = change.parameter.replace("_", " ")
     values = [amount(v, change.unit) for v in (change.before, change.after) if math.isfinite(v)]

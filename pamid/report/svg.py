@@ -19,22 +19,7 @@ _HEAD = re.compile(r"<svg[^>]*?viewBox=\"([^\"]*)\"[^>]*>", re.DOTALL)
 
 
 def inline_svg(figure: Figure, name: str, words: str) -> str:
-    """Return a figure as the text of an ``svg`` element.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    name : str
-        Name of the figure, unique within the page: plain letters, digits and hyphens.
-    words : str
-        What a reader who does not see it must know.
-
-    Returns
-    -------
-    str
-        The element, safe to be put into a page as it is.
-    """
+    """Return a figure as the text of an ``svg`` element."""
     stream = io.StringIO()
     with style():
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=_DPI)

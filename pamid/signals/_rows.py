@@ -24,30 +24,26 @@ from .reading_notes import Readings
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .joining import Joined
+
 _MANY_DUPLICATES = 0.05
 _GAP = 20.0
 
 
 @dataclass
 class Notes:
-    """What was bridged or doubted while reading, to be told.
-
-    Parameters
-    ----------
-    duplicates : dict of str to int
-        Rows merged, by trajectory.
-    gaps : dict of str to float
-        Longest gap, s, by trajectory.
-    periods : dict of str to float
-        Sampling period, s, by trajectory.
-    readings : Readings
-        Readings that cannot be, or hardly.
-    """
+    """What was bridged or doubted while reading, to be told."""
 
     duplicates: dict[str, int] = field(default_factory=dict)
     gaps: dict[str, float] = field(default_factory=dict)
     periods: dict[str, float] = field(default_factory=dict)
     readings: Readings = field(default_factory=Readings)
+    joined: list[Joined] = field(default_factory=list)
+    lost: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def losses(self) -> list[str]:
+        """Word what was lost, one sentence without its full stop a file."""
+        return [f"{name}: {'; '.join(said)}" for name, said in self.lost.items()]
 
     def sentences(self) -> list[str]:
         """Word the notes."""
@@ -74,18 +70,7 @@ class Notes:
 
 
 def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
-    """Go through the blocks of equal names.
-
-    Parameters
-    ----------
-    names : ndarray
-        Trajectory of each row.
-
-    Yields
-    ------
-    tuple of str and slice
-        Name and rows.
-    """
+    """Go through the blocks of equal names."""
     if len(names) == 0:
         return
     edges = np.flatnonzero(names[1:] != names[:-1]) + 1
@@ -95,40 +80,13 @@ def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
 
 
 def free_name(wanted: str, taken: Container[str]) -> str:
-    """Return a name that no run has yet: the one wanted, or that with a number behind it.
-
-    Examples
-    --------
-    >>> from pamid.signals._rows import free_name
-    >>> free_name("a", {"a", "a#2"})
-    'a#3'
-    """
+    """Return a name that no run has yet: the one wanted, or that with a number behind it."""
     numbered = (f"{wanted}#{k}" for k in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
 
 
 def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
-    """Apply the policy for NaN and infinite values to the signals.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Tidy frame.
-    nan : {"raise", "drop", "keep"}
-        What to do with rows that hold NaN; infinite values are never kept.
-    where : str
-        Name of the log.
-
-    Returns
-    -------
-    DataFrame
-        The frame without the rows that were dropped.
-
-    Raises
-    ------
-    NonFiniteError
-        With the count in each column and the place of the first.
-    """
+    """Apply the policy for NaN and infinite values to the signals."""
     signals = [c for c in frame.columns if c != "trajectory"]
     values = {c: frame[c].to_numpy(dtype=float) for c in signals}
     bad = {c: ~np.isfinite(v) for c, v in values.items()}
@@ -160,26 +118,7 @@ def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
 
 
 def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, notes: Notes) -> pd.DataFrame:
-    """Make time increase within contiguous trajectories, as the policies say, or raise.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Tidy frame with ``trajectory`` and ``time``.
-    order : {"raise", "sort", "split"}
-        Where time goes back.
-    duplicates : {"drop", "mean", "raise", "keep"}
-        Rows with the time of the row before.
-    where : str
-        Name of the log.
-    notes : Notes
-        Where to note what was bridged.
-
-    Returns
-    -------
-    DataFrame
-        The frame with time increasing (not decreasing with ``duplicates="keep"``) in every trajectory.
-    """
+    """Make time increase within contiguous trajectories, as the policies say, or raise."""
     names = frame["trajectory"].to_numpy(dtype=object)
     if order == "sort":
         rank = {name: i for i, name in enumerate(dict.fromkeys(names.tolist()))}
@@ -284,15 +223,7 @@ def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
 
 
 def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
-    """Note the sampling period of each trajectory and its gaps.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Tidy frame whose time increases.
-    notes : Notes
-        Where to note it.
-    """
+    """Note the sampling period of each trajectory and its gaps."""
     time = frame["time"].to_numpy(dtype=float)
     for name, rows in blocks(frame["trajectory"].to_numpy(dtype=object)):
         steps = np.diff(time[rows])
@@ -307,18 +238,7 @@ def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
 
 
 def sampling_error(sentences: list[str]) -> SamplingError:
-    """Word an error for sampling that the caller does not accept.
-
-    Parameters
-    ----------
-    sentences : list of str
-        What was found.
-
-    Returns
-    -------
-    SamplingError
-        The error to raise.
-    """
+    """Word an error for sampling that the caller does not accept."""
     return SamplingError(
         "; ".join(sentences) + ".",
         "steady sampling at one rate",

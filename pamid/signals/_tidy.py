@@ -19,6 +19,7 @@ from pamid.errors import (
 
 from .formats import TRAJECTORY, names_column
 from .mapping import LogMapping, SignalMapping
+from .robots import with_own_clock
 from .stamps import seconds_of_stamps
 from .units import UNITS, base_name, dimension_of, is_gauge_name
 
@@ -31,57 +32,30 @@ _CLOCK = 1e8
 _NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 
 
+_RATES = ("fs", "fsample", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency")
+"""What the number of rows in a second is called beside a table, and the time between two."""
+_PERIODS = ("ts", "dt", "tsample", "samplingperiod", "sampleperiod", "samplingtime", "sampletime", "samplinginterval")
+
+
 @dataclass
 class Part:
-    """One table after mapping.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Columns ``trajectory``, ``time`` and signals in SI.
-    unchecked : set of str
-        Signals whose units the mapping takes from the check.
-    variable : str or None
-        Variable of the file that held it.
-    fixed : set of str
-        Signals that are constants of the mapping.
-    unread : dict of str to str
-        Columns that look like a signal and are not read as one, with the reason.
-    """
+    """One table after mapping."""
 
     frame: pd.DataFrame
     unchecked: set[str]
     variable: str | None
     fixed: set[str]
     unread: dict[str, str]
+    left_out: tuple[str, ...] = ()
 
 
 def tidy(
     table: RawTable, zero_run: pd.DataFrame | None, mapping: LogMapping, path: Path, *, several: bool = False
 ) -> Part:
-    """Apply a mapping to one table.
-
-    Parameters
-    ----------
-    table : RawTable
-        The table as it stands in the file.
-    zero_run : DataFrame or None
-        The zero run of the file.
-    mapping : LogMapping
-        Names, units, constants, filters.
-    path : Path
-        The file, for names and messages.
-    several : bool, default=False
-        Whether the file holds several tables, so that names need the variable.
-
-    Returns
-    -------
-    Part
-        The tidy frame.
-    """
+    """Apply a mapping to one table."""
     import pandas as pd
 
-    raw = _with_head(table, mapping)
+    raw = with_own_clock(_with_head(table, mapping), mapping)
     if len(raw) == 0:
         raise EmptyLogError(f"{path.name} holds no rows.", "a table of samples", "Record the log again.")
     double = raw.columns[raw.columns.duplicated()]
@@ -90,6 +64,7 @@ def tidy(
             f"{path.name} has several columns named '{double[0]}'.", "each name once", "Rename one of them."
         )
     own = {str(c): i for i, c in enumerate(raw.columns)}
+    words = () if mapping.signals else _words(raw, mapping)
     used_trajectory = _trajectory_column(raw, mapping, path)
     signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, mapping, path)
     if mapping.keep_others and mapping.signals:
@@ -116,7 +91,9 @@ def tidy(
     read = set(columns)
     _add_constants(columns, constants, len(raw))
     if "time" not in columns:
-        columns["time"] = _time_from_rows(len(raw), mapping, path, own)
+        period, said = _period(table, mapping)
+        words += said
+        columns["time"] = _time_from_rows(len(raw), period, path, own)
     frame = pd.DataFrame(columns)
     names = _names(table, raw, used_trajectory, mapping, path, several)
     frame.insert(0, TRAJECTORY, names)
@@ -125,7 +102,9 @@ def tidy(
         keep &= frame.groupby(TRAJECTORY, sort=False).cumcount().to_numpy() >= mapping.skip_rows
     if not keep.all():
         frame = frame.loc[keep].reset_index(drop=True)
-    return Part(_clock_to_run_time(frame), unchecked, table.variable, set(columns) - read, _unread(mapping, signals))
+    return Part(
+        _clock_to_run_time(frame), unchecked, table.variable, set(columns) - read, _unread(mapping, signals), words
+    )
 
 
 def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
@@ -144,6 +123,18 @@ def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> in
         own = {str(c): i for i, c in enumerate(raw.columns)}
         return _position(raw, mapping.trajectory, TRAJECTORY, path, own)
     return names_column(raw.columns, mapping)
+
+
+def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
+    """Say which columns hold words, such as remarks: they are left out."""
+    import pandas as pd
+
+    at = names_column(raw.columns, mapping)
+    found = [
+        str(c) for k, c in enumerate(raw.columns)
+        if k != at and pd.api.types.is_string_dtype(raw.iloc[:, k]) and dimension_of(str(c)) is None
+    ]  # fmt: skip
+    return (f"{', '.join(repr(c) for c in found[:4])} left out (words, no numbers)",) if found else ()
 
 
 def _by_own_names(
@@ -214,6 +205,8 @@ def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own
 def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
     import pandas as pd
 
+    if signal == "time" and pd.api.types.is_timedelta64_dtype(column):
+        return column.dt.total_seconds().to_numpy()
     if signal == "time" and not pd.api.types.is_numeric_dtype(column):
         seconds = seconds_of_stamps(column)
         if seconds is not None:
@@ -300,14 +293,28 @@ def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], 
         columns[name] = np.full(n, value)
 
 
-def _time_from_rows(n: int, mapping: LogMapping, path: Path, own: dict[str, int]) -> np.ndarray:
-    if mapping.sampling_period is None:
+def _period(table: RawTable, mapping: LogMapping) -> tuple[float | None, tuple[str, ...]]:
+    """Return the sampling period that the mapping gives, or a number beside the table; and that it was taken."""
+    if mapping.sampling_period is not None:
+        return mapping.sampling_period, ()
+    for name, value in table.head.items():
+        called = str(name).lower().replace("_", "")
+        number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
+        if not (np.isfinite(number) and number > 0.0) or called not in (*_RATES, *_PERIODS):
+            continue
+        period = 1.0 / number if called in _RATES else number
+        return period, (f"no column of time, so it is counted from {name} = {number:g}, {period:g} s a row",)
+    return None, ()
+
+
+def _time_from_rows(n: int, period: float | None, path: Path, own: dict[str, int]) -> np.ndarray:
+    if period is None:
         raise MissingColumnError(
             f"{path.name} has no time; it has {', '.join(list(own)[:20])}.",
             "a column named time, in s",
             "Map a column to time, or give sampling_period in the mapping.",
         )
-    return np.arange(n) * mapping.sampling_period
+    return np.arange(n) * period
 
 
 def _names(
@@ -342,23 +349,7 @@ def _names(
 
 
 def as_names(column: pd.Series) -> pd.Series:
-    """Turn what names runs into text, exactly as written; numbers keep all their digits.
-
-    Parameters
-    ----------
-    column : Series
-        Text, numbers or anything else.
-
-    Returns
-    -------
-    Series of str
-        Whole numbers without a decimal point, as ``20240101``; empty where there is no name.
-
-    Raises
-    ------
-    ColumnTypeError
-        If a name is no Unicode text.
-    """
+    """Turn what names runs into text, exactly as written; numbers keep all their digits."""
     import pandas as pd
 
     if pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:

@@ -19,26 +19,7 @@ greatest likelihood. A moving window is not one, and led to gains 14 % off."""
 
 
 def held_integral(inputs: Any, t: Any) -> np.ndarray:
-    """Integrate inputs that hold from each sample to the next.
-
-    Parameters
-    ----------
-    inputs : array_like, shape (n_samples, n_inputs)
-        Inputs, any unit.
-    t : array_like, shape (n_samples,)
-        Times, s.
-
-    Returns
-    -------
-    ndarray, shape (n_samples, n_inputs)
-        Their integrals from the first sample, unit of the input times s.
-
-    Examples
-    --------
-    >>> from pamid.signals.driven import held_integral
-    >>> held_integral([[1.0], [3.0], [0.0]], [0.0, 0.1, 0.2]).ravel().round(6)
-    array([0. , 0.1, 0.4])
-    """
+    """Integrate inputs that hold from each sample to the next."""
     g, t = np.asarray(inputs, dtype=float), np.asarray(t, dtype=float)
     return np.concatenate([np.zeros((1, g.shape[1])), np.cumsum(g[:-1] * np.diff(t)[:, None], axis=0)])
 
@@ -60,46 +41,10 @@ def fit_gains(
     smoother, the posterior mean of a smooth signal in white noise, which makes β the maximum-likelihood estimate;
     cut-off and β are found by turns. The method then smooths what the inputs leave.
 
-    Parameters
-    ----------
-    signals : sequence of array_like, shape (n_samples,)
-        The signal, one array a trajectory.
-    inputs : sequence of array_like, shape (n_samples, n_inputs)
-        Its inputs, likewise.
-    times : sequence of array_like, shape (n_samples,)
-        Times, s, likewise.
-    method : {"savgol", "spline", "kalman"}, default="savgol"
-        The smoother.
-    tuning : "auto" or float, default="auto"
-        Cut-off frequency, Hz, for what the inputs leave; "auto" chooses it, by turns with the gains.
-
-    Returns
-    -------
-    gains : ndarray, shape (n_inputs,)
-        β, unit of the signal per s and unit of the input; 0 for an input that never changes.
-    cutoff : float
-        Cut-off frequency, Hz.
-
-    Raises
-    ------
-    ShapeError, NonFiniteError
-        If inputs are not one row a sample, or not finite.
-
     References
     ----------
     R. Kohn, C. F. Ansley, "A new algorithm for spline smoothing based on smoothing a stochastic process", SIAM Journal
     on Scientific and Statistical Computing 8(1), 1987. https://doi.org/10.1137/0908004
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.driven import fit_gains, held_integral
-    >>> rng, t = np.random.default_rng(0), np.arange(0, 2, 1e-3)
-    >>> u = np.where(t < 1, 0.0, 1.0)[:, None]  # a command that jumps
-    >>> y = np.sin(3 * t) + 5.0 * held_integral(u, t)[:, 0] + 1e-4 * rng.standard_normal(t.size)
-    >>> gains, cutoff = fit_gains([y], [u], [t])
-    >>> bool(abs(gains[0] - 5.0) < 0.1)
-    True
     """
     clocks = [np.asarray(t, dtype=float) for t in times]
     runs = [np.asarray(y, dtype=float) for y in signals]
@@ -138,41 +83,7 @@ def _likeliest_gains(
 def differentiate_driven(
     y: Any, inputs: Any, t: Any, gains: Any, *, cutoff: float, method: str = "savgol"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth one trajectory of a driven signal and give its rate, from the instant of each sample on.
-
-    Parameters
-    ----------
-    y : array_like, shape (n_samples,)
-        Signal, any unit.
-    inputs : array_like, shape (n_samples, n_inputs)
-        What drives it, each held from a sample to the next.
-    t : array_like, shape (n_samples,)
-        Times, s, increasing.
-    gains : array_like, shape (n_inputs,)
-        See `fit_gains`.
-    cutoff : float
-        Cut-off frequency, Hz, for what the inputs leave.
-    method : {"savgol", "spline", "kalman"}, default="savgol"
-        The smoother.
-
-    Returns
-    -------
-    smoothed : ndarray, shape (n_samples,)
-        The smoothed signal, unit of y.
-    rate : ndarray, shape (n_samples,)
-        Its rate, unit of y per s; where an input jumps, the one after the jump.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.driven import differentiate_driven
-    >>> t = np.arange(0, 1, 1e-2)
-    >>> u = np.where(t < 0.5, 0.0, 2.0)[:, None]
-    >>> y = np.maximum(t - 0.5, 0.0) * 2.0  # starts to rise at once
-    >>> smoothed, rate = differentiate_driven(y, u, t, [1.0], cutoff=5.0)
-    >>> rate[[49, 50, 51]].round(3).tolist()
-    [0.0, 2.0, 2.0]
-    """
+    """Smooth one trajectory of a driven signal and give its rate, from the instant of each sample on."""
     y, t, gains = (np.asarray(v, dtype=float) for v in (y, t, gains))
     g = _checked(inputs, len(y))
     driven = held_integral(g, t) @ gains

@@ -32,23 +32,7 @@ class End(NamedTuple):
 
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the end of a sensor's range, where readings that hardly ever repeat each other stand exactly there.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Readings.
-    spans : sequence of (int, int)
-        First row of each run and the one after its last.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.ends import end_of
-    >>> x = 0.5 + np.sin(np.arange(200) / 10.0)
-    >>> end_of(x, [(0, 200)]) is None, end_of(np.minimum(x, 1.2), [(0, 200)]).limit
-    (True, 1.2)
-    """
+    """Return the end of a sensor's range, where readings that hardly ever repeat each other stand exactly there."""
     size = np.abs(x)
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)

@@ -95,33 +95,7 @@ class Guess:
 def guess_columns(
     frame: pd.DataFrame, named: bool = True, kind: str = "", every: Callable[[str | int], pd.Series] | None = None
 ) -> list[Guess]:
-    """Say what each column of a raw table probably is.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        The table as it stands in the file.
-    named : bool, default=True
-        Whether the columns have names of their own; without names only time is recognised.
-    kind : str, default=""
-        What the log is of: ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``, or not known.
-    every : callable, optional
-        Takes a column's name, returns its values in all runs; those of the table by default.
-
-    Returns
-    -------
-    list of Guess
-        One a column, in order. No two have the same signal: the best described column keeps it, and where two are
-        described alike its `question` says so.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from pamid.signals.guess import guess_columns
-    >>> table = pd.DataFrame({"t [ms]": range(0, 500, 10), "pressure (bar)": 2.0, "stroke_mm": 12.5, "load cell": 80.0})
-    >>> [(g.signal, g.unit) for g in guess_columns(table, kind="cylinder")]
-    [('time', 'ms'), ('P', 'bar'), ('x', 'mm'), ('F', None)]
-    """
+    """Say what each column of a raw table probably is."""
     if not named:
         return _nameless(frame)
     headers = [read_header(str(column)) for column in frame.columns]
@@ -157,20 +131,7 @@ def guess_kind(signals: set[str]) -> str:
 
 
 def with_unit(guess: Guess, column: pd.Series) -> Guess:
-    """Return a guess with the unit that its column's values look like, where its name does not say one.
-
-    Parameters
-    ----------
-    guess : Guess
-        What is known of the column.
-    column : Series
-        Its values, of all runs if possible.
-
-    Returns
-    -------
-    Guess
-        With range, unit, and for a pressure gauge or absolute where the range or the unit tells.
-    """
+    """Return a guess with the unit that its column's values look like, where its name does not say one."""
     values = _numbers(column)
     if not values.size:
         return guess

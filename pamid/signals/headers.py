@@ -62,22 +62,6 @@ def read_header(name: str) -> Header:
 
     A unit may stand in brackets of any kind, behind a slash, a comma or "in", or as the last word, behind a blank, an
     underscore or a change to capitals.
-
-    Parameters
-    ----------
-    name : str
-        The column's name.
-
-    Returns
-    -------
-    Header
-        What it says.
-
-    Examples
-    --------
-    >>> from pamid.signals.headers import read_header
-    >>> [read_header(n)[:2] for n in ("Pressure_1 [bar]", "strokeMm", "F / kN", "flow_l_min")]
-    [(['pressure', '1'], 'bar'), (['stroke'], 'mm'), (['f'], 'kN'), (['flow'], 'L/min')]
     """
     rest, unit, unread, asides = _out_of_brackets(name)
     bracketed = unit is not None or bool(unread)

@@ -40,24 +40,7 @@ class Smoother(NamedTuple):
 
 @lru_cache(maxsize=64)
 def model(cutoff: float) -> Smoother:
-    """Build the model of constant acceleration for a cut-off frequency.
-
-    Parameters
-    ----------
-    cutoff : float
-        Frequency at which the smoother's gain is 1/√2, cycles per sample.
-
-    Returns
-    -------
-    Smoother
-        With unit measurement noise and jerk of spectral density q: the smoother's gain is 1 / (1 + ω⁶/q).
-
-    Examples
-    --------
-    >>> from pamid.signals.kalman import model
-    >>> model(0.01).H.tolist()
-    [[1.0, 0.0, 0.0]]
-    """
+    """Build the model of constant acceleration for a cut-off frequency."""
     w = 2.0 * np.pi * max(cutoff, _LOWEST)
     F = np.array([[1.0, w, w * w / 2.0], [0.0, 1.0, w], [0.0, 0.0, 1.0]])
     H = np.array([[1.0, 0.0, 0.0]])
@@ -73,53 +56,13 @@ def model(cutoff: float) -> Smoother:
 
 
 def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
-    """Response of the smoothed rate divided by that of the true derivative.
-
-    Parameters
-    ----------
-    omega : ndarray
-        Frequency, rad per sample.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    ndarray
-        1 / (1 + ω⁶/q), the smoother of a threefold integrated white noise, as far as sampling does not alias it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.kalman import gain
-    >>> float(gain(np.array([2 * np.pi * 0.02]), 0.02)[0].round(3))
-    0.708
-    """
+    """Response of the smoothed rate divided by that of the true derivative."""
     w = 2.0 * np.pi * max(cutoff, _LOWEST)
     return 1.0 / (1.0 + _HALF_POWER * (2.0 * np.sin(omega / 2.0) / w) ** 6)
 
 
 def filterpy_filter(m: Smoother, P: np.ndarray) -> Any:
-    """Set up a filterpy filter of this model.
-
-    Parameters
-    ----------
-    m : Smoother
-        The model.
-    P : ndarray, shape (3, 3)
-        Covariance of the starting state, scaled as the model.
-
-    Returns
-    -------
-    filterpy.kalman.KalmanFilter
-        With F, H, Q, R of the model.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.kalman import filterpy_filter, model
-    >>> filterpy_filter(model(0.01), np.eye(3)).H.shape
-    (1, 3)
-    """
+    """Set up a filterpy filter of this model."""
     from filterpy.kalman import KalmanFilter
 
     kf = KalmanFilter(dim_x=3, dim_z=1)
@@ -147,24 +90,7 @@ class Steady(NamedTuple):
 
 @lru_cache(maxsize=64)
 def steady(cutoff: float) -> Steady:
-    """Solve the Riccati equation for the gains of a long log.
-
-    Parameters
-    ----------
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    Steady
-        The gains, in the scaled state of `Smoother`.
-
-    Examples
-    --------
-    >>> from pamid.signals.kalman import steady
-    >>> steady(0.01).K.shape
-    (3,)
-    """
+    """Solve the Riccati equation for the gains of a long log."""
     from scipy.linalg import solve_discrete_are
 
     m = model(cutoff)
@@ -177,28 +103,7 @@ def steady(cutoff: float) -> Steady:
 
 
 def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth and differentiate at a unit step.
-
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples, n_channels)
-        Signals sampled at equal steps.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    tuple of three ndarrays, shape (n_samples, n_channels)
-        Value, rate per sample, second rate per sample squared.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.kalman import smooth
-    >>> value, rate, second = smooth(np.arange(300.0)[:, None], 0.05)
-    >>> bool(np.allclose(rate, 1.0, atol=1e-6))
-    True
-    """
+    """Smooth and differentiate at a unit step."""
     m, gains = model(cutoff), steady(cutoff)
     centre, spread = y.mean(axis=0), y.std(axis=0)
     spread = np.where(spread > 0, spread, 1.0)

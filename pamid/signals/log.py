@@ -16,6 +16,7 @@ from pamid.errors import (
     EmptyLogError,
     LogFormatError,
     LogNotFoundError,
+    MissingColumnError,
     ParameterError,
     ReadingWarning,
     SamplingWarning,
@@ -24,11 +25,14 @@ from pamid.errors import (
 from ..files import replacing
 from ._rows import Notes, free_name, handle_missing, handle_time, in_order, sampling_error
 from ._tidy import Part, as_names, tidy
-from .formats import format_of, known_extensions
+from .formats import known_extensions
 from .formats._variables import natural
+from .frames import as_pandas
+from .joining import sentence, sources
 from .mapping import LogMapping
 from .plausibility import require_plausible
 from .readings import impossible, screen
+from .robots import data_set_files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +54,7 @@ def read_log(
     sampling: str = "warn",
     check_units: bool = True,
     ambient_pressure: float | None = None,
+    encoding: str | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> pd.DataFrame:
     """Read logs into one tidy frame with the columns ``trajectory``, ``time`` (s) and the signals in SI.
@@ -59,6 +64,8 @@ def read_log(
     paths : str, Path or iterable of them
         A file, several, a folder (all logs in it, not below it; JSON only where there is nothing else) or a pattern
         such as ``"data/*.mat"``. Text (CSV), parquet, MATLAB 5 to 7.3, HDF5 and JSON are distinguished by content.
+        Files of one folder with other columns and the same time, such as commands and readings, are one run, joined by
+        time; the folder of a LeRobot data set is all its episodes.
     mapping : LogMapping, dict, path of a TOML file, optional
         Names, units, references and constants of the log, see `LogMapping`. Without it the columns must have their
         names of the frame (``time``, ``P1``, ``q``, ...) and SI units, or the unit in brackets: ``P1 [bar]``.
@@ -75,6 +82,8 @@ def read_log(
         Whether values must look like their unit.
     ambient_pressure : float, optional
         Overrules the mapping's ambient pressure, Pa, absolute.
+    encoding : str, optional
+        Overrules the mapping's encoding of text files, such as "big5".
     max_bytes : int, default=16 GiB
         Largest size that a file may unfold to.
 
@@ -95,7 +104,8 @@ def read_log(
     SamplingWarning
         Once, on merged rows, gaps or mixed sampling periods.
     ReadingWarning
-        Once, on readings that cannot be, that jump there and back, or that stand still, and what is done about them.
+        Once, on readings that cannot be, that jump there and back, or that stand still, and what is done about them;
+        and on files that were joined by time, with the delay between them.
 
     Examples
     --------
@@ -115,7 +125,7 @@ def read_log(
     >>> log["P"].round(3).tolist(), log["time"].tolist()
     ([401325.0, 411325.0, 431325.0], [0.0, 0.01, 0.02])
     """
-    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure, encoding)
     log, notes = read_with_notes(paths, settings, nan=nan, check_units=check_units, max_bytes=max_bytes)
     say_notes(notes, sampling, stacklevel=3)
     return log
@@ -135,8 +145,7 @@ def read_with_notes(
     files = find_logs(paths)
     notes = Notes()
     frames = []
-    for path in files:
-        tables, zero_run = format_of(path).read(path, settings, max_bytes)
+    for path, tables, zero_run in sources(files, settings, max_bytes, notes.joined):
         frames.append((path, tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)))
     return in_order(pd.concat(_with_unique_names(frames), ignore_index=True), notes), notes
 
@@ -148,6 +157,7 @@ def log_settings(
     time_order: str | None,
     duplicates: str | None,
     ambient_pressure: float | None,
+    encoding: str | None = None,
 ) -> LogMapping:
     """Return a mapping with what the arguments of `read_log` overrule, checked."""
     _require(nan, "nan", ("raise", "drop", "keep"))
@@ -157,6 +167,7 @@ def log_settings(
         settings,
         time_order=settings.time_order if time_order is None else time_order,
         duplicates=settings.duplicates if duplicates is None else duplicates,
+        encoding=settings.encoding if encoding is None else encoding,
         ambient_pressure=settings.ambient_pressure if ambient_pressure is None else float(ambient_pressure),
     )
     settings.validate()
@@ -175,7 +186,15 @@ def tidy_tables(
     """Bring the tables of a file into tidy frames, with missing values, time and units looked after."""
     if not tables:
         raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
-    parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
+    lost = [text for table in tables for text in table.lost]
+    try:
+        parts = [tidy(table, zero_run, settings, path, several=len(tables) > 1) for table in tables]
+    except MissingColumnError as error:
+        if not lost:
+            raise
+        raise MissingColumnError(f"{error.found} ({'; '.join(lost)})", error.expected, error.remedy) from None
+    if told := dict.fromkeys((*lost, *(text for part in parts for text in part.left_out))):
+        notes.lost[path.name] = tuple(told)
     for part in parts:
         origin = part.frame
         part.frame = _not_empty(handle_missing(part.frame, nan, path.name), part, path)
@@ -222,6 +241,10 @@ def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
     """Warn or raise about what was bridged while reading, as asked; warn of readings in doubt."""
     if doubts := notes.readings.summary():
         warnings.warn(doubts, ReadingWarning, stacklevel=stacklevel)
+    for text in notes.losses():
+        warnings.warn(f"{text}.", ReadingWarning, stacklevel=stacklevel)
+    if how := sentence(notes.joined):
+        warnings.warn(f"{how}.", ReadingWarning, stacklevel=stacklevel)
     said = notes.sentences()
     if said and sampling == "raise":
         raise sampling_error(said)
@@ -262,6 +285,12 @@ def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
     ...     [p.name for p in find_logs(folder)]
     ['run9.csv', 'run10.csv']
     """
+    if getattr(paths, "columns", None) is not None:
+        raise ParameterError(
+            f"A log to read is a {type(paths).__name__}, which is a table already.",
+            "the name of a file",
+            "Pass the table itself to pamid.diagnose or an estimator; pandas and polars are taken.",
+        )
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     if not given:
         raise LogNotFoundError("No log is given.", "at least one file", "Pass a file, a folder or a pattern.")
@@ -277,6 +306,8 @@ def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
 def _expand(path: Path) -> list[Path]:
     try:
         if path.is_dir():
+            if episodes := data_set_files(path):
+                return episodes
             inside = [p for p in path.iterdir() if p.is_file() and p.suffix.lower() in known_extensions()]
             if not inside:
                 raise LogNotFoundError(
@@ -342,7 +373,7 @@ def labels_of(paths: list[Path]) -> list[str]:
 
 
 def write_log(log: pd.DataFrame, path: PathLike) -> Path:
-    """Write a tidy frame as parquet, CSV or HDF5, as the file's ending says.
+    """Write a tidy frame as parquet, CSV or HDF5, depending on the file's ending.
 
     Parameters
     ----------
@@ -376,7 +407,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
     >>> back.equals(log)
     True
     """
-    path = Path(path)
+    log, path = as_pandas(log), Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".parquet", ".csv", ".h5"):
         raise LogFormatError(

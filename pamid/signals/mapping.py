@@ -16,6 +16,7 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
 
 from ..toml_files import TomlErrors, read_toml
+from .formats._encoding import is_encoding
 from .units import Unit, dimension_of, find_unit, is_gauge_name, parse_quantity
 
 _ERRORS = TomlErrors(LogNotFoundError, MappingError, MappingError)
@@ -268,6 +269,8 @@ class LogMapping:
         Of text files; None: found by itself (thousands: none).
     header : bool or None
         Whether a text file's first row names the columns; None: found by itself.
+    encoding : str or None
+        Of text files, such as "big5"; None: UTF-8, UTF-16, GB18030 or Latin-1, found by itself.
     keep_others : bool
         Whether to keep numeric columns that are not mapped.
     own : tuple of str
@@ -299,6 +302,7 @@ class LogMapping:
     decimal: str | None = None
     thousands: str | None = None
     header: bool | None = None
+    encoding: str | None = None
     keep_others: bool = False
     own: tuple[str, ...] = ()
 
@@ -369,6 +373,8 @@ class LogMapping:
         ):
             if value not in offered:
                 raise MappingError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct the mapping.")
+        if self.encoding is not None and not is_encoding(self.encoding):
+            raise MappingError(f"encoding is {self.encoding!r}.", "a name such as utf-8 or gb18030", "Correct it.")
         if self.skip_rows < 0:
             raise MappingError(f"skip_rows is {self.skip_rows!r}.", "a number of rows, 0 or more", "Correct it.")
         if not 3e4 < self.ambient_pressure < 2e5:

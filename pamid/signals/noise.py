@@ -12,29 +12,7 @@ _CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many suc
 
 
 def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
-    """Return the third differences of samples, or what takes their place where steps are not equal.
-
-    Parameters
-    ----------
-    x : array, shape (n_samples,)
-        The samples.
-    at : array, shape (n_samples,), optional
-        Their places in steps; equal steps by default. Four samples then stand for a difference as the cubic's leading
-        term through them, scaled to the noise of a third difference; those that lie together are taken.
-
-    Returns
-    -------
-    array
-        The differences.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.noise import third_differences
-    >>> x = np.array([0.0, 1.0, 8.0, 27.0])
-    >>> third_differences(x), third_differences(x, np.arange(4.0)).round(9)
-    (array([6.]), array([6.]))
-    """
+    """Return the third differences of samples, or what takes their place where steps are not equal."""
     if at is None:
         return np.diff(x, 3)
     span = at[3:] - at[:-3]

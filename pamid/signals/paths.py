@@ -12,20 +12,7 @@ from numpy.typing import ArrayLike
 
 
 def reversals(x: np.ndarray) -> np.ndarray:
-    """Return the rows at which a signal turns, its first and last row included.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        The signal.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.paths import reversals
-    >>> reversals(np.array([0.0, 1.0, 2.0, 1.0, 0.0, 1.0]))
-    array([0, 2, 4, 5])
-    """
+    """Return the rows at which a signal turns, its first and last row included."""
     moved = np.flatnonzero(np.diff(x))
     sign = np.sign(x[moved + 1] - x[moved])
     turned = moved[1:][sign[1:] != sign[:-1]]
@@ -38,22 +25,6 @@ def play(x: np.ndarray, width: float, starts: Sequence[int] | np.ndarray = (0,))
     .. math:: y_k = \min(\max(y_{k-1}, x_k - w), x_k + w)
 
     A clip of a clip is a clip, so the steps are combined pairwise, in log₂ n passes over the signal.
-
-    Parameters
-    ----------
-    x : array, shape (n, ...)
-        The signal, time along the first axis.
-    width : float
-        Half the play, not negative.
-    starts : sequence of int, default=(0,)
-        First row of each run; there y begins at x.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.paths import play
-    >>> play(np.array([0.0, 1.0, 0.5, -1.0]), 0.5)
-    array([ 0. ,  0.5,  0.5, -0.5])
     """
     low, high = x - width, x + width
     first = np.asarray(starts, dtype=int)
@@ -76,26 +47,6 @@ def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, widt
 
     Each run is smoothed by a parabola over ``width`` samples, which leaves √(2.25 / width) of white noise. Where it
     still turns often, what moves within the rest is held until it has left it.
-
-    Parameters
-    ----------
-    position : array, shape (n,)
-        The position.
-    starts : array of int
-        First row of each run.
-    sigma : float or sequence of float
-        Standard deviation of its noise, or that of each run.
-    width : int
-        Samples over which it may be smoothed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.paths import reversals, steady_path
-    >>> rng, t = np.random.default_rng(0), np.linspace(0, 6, 600)
-    >>> noisy = np.sin(t) + 1e-3 * rng.standard_normal(600)
-    >>> len(reversals(noisy)), len(reversals(steady_path(noisy, np.array([0]), 1e-3, 21)))
-    (38, 6)
     """
     from scipy.signal import savgol_filter
 
@@ -107,7 +58,8 @@ def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, widt
         if odd >= 5 and left > 0.0:
             x, left = savgol_filter(x, odd, 2), left * float(np.sqrt(2.25 / odd))
         if left > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
-            x = play(np.array(x), _DITHER * left)
+            # Forwards a play turns late, backwards in time as much too early.
+            x = 0.5 * (play(np.array(x), _DITHER * left) + play(x[::-1].copy(), _DITHER * left)[::-1])
         out[a:b] = x
     return out
 

@@ -16,6 +16,7 @@ from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterE
 from ._rows import Notes, free_name, in_order
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
+from .joining import is_joined
 from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
 from .thinning import spread_evenly, whole_trajectories
@@ -139,7 +140,7 @@ def read_log_part(
     settings = log_settings(mapping, nan, "warn", None, None, None)
     files = find_logs(paths)
     if len(files) == 1 and files[0].stat().st_size:
-        slicer = _SLICERS.get(format_of(files[0]).name)
+        slicer = _SLICERS.get(format_of(files[0], settings.encoding).name)
         sliced = slicer(files[0], settings, 0, max_bytes) if slicer is not None else None
         if sliced is not None and (found := _spread(files[0], sliced, settings, most, nan, check_units)) is not None:
             return found, sliced.rows
@@ -194,6 +195,10 @@ def _pieces(
     import pandas as pd
 
     notes, taken = Notes(), dict[str, Path]()
+    if is_joined(files, settings, max_bytes):
+        log = read_log(files, settings, nan=nan, sampling=sampling, check_units=check_units, max_bytes=max_bytes)
+        yield from (part.reset_index(drop=True) for _, part in log.groupby(TRAJECTORY, sort=False))
+        return
     for path, label in zip(files, labels_of(files), strict=True):
         for tables, zero_run in _raw(path, settings, rows, max_bytes):
             parts = tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)
@@ -217,7 +222,7 @@ def _raw(
     path: Path, settings: LogMapping, rows: int, max_bytes: int
 ) -> Iterator[tuple[list[RawTable], pd.DataFrame | None]]:
     """Yield the tables of a file, cut between trajectories where its format allows it."""
-    kind = format_of(path)
+    kind = format_of(path, settings.encoding)
     slicer = _SLICERS.get(kind.name)
     sliced = slicer(path, settings, rows, max_bytes) if slicer is not None else None
     if sliced is None:
@@ -228,22 +233,7 @@ def _raw(
 
 
 def cuts(names: Iterable[np.ndarray], rows: int, met: list[Any] | None = None) -> list[int]:
-    """Return where pieces end: after whole trajectories, before there are too many rows.
-
-    Parameters
-    ----------
-    names : iterable of ndarray
-        Name of each row's trajectory, in slices.
-    rows : int
-        Most rows of a piece of several trajectories; 0 for pieces of one each.
-    met : list, optional
-        Takes the name of each block of rows.
-
-    Returns
-    -------
-    list of int
-        Row behind the last one of each piece.
-    """
+    """Return where pieces end: after whole trajectories, before there are too many rows."""
     ends: list[int] = []
     begun, edge, n, last = 0, 0, 0, None
     for part in names:
@@ -303,6 +293,8 @@ def _parquet_slices(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    from .formats.parquet import frame_of
+
     try:
         # Buffered ahead, all row groups that were read would be kept until the file is closed.
         with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
@@ -319,7 +311,7 @@ def _parquet_slices(
                     waiting = rest.to_batches()[-1:] if rest.num_rows else []
                     held = rest.num_rows
                     if chosen is None or number in chosen:
-                        yield table.slice(0, rows).replace_schema_metadata(None).to_pandas()
+                        yield frame_of(table.slice(0, rows), path)
                     del table, rest
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _damaged(path, error) from None

@@ -230,24 +230,7 @@ def _rate(name: str, base: str, r: _Range) -> UnitFinding | None:
 
 
 def require_plausible(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE, where: str) -> None:
-    """Raise on the first signals that are plainly not in SI.
-
-    Parameters
-    ----------
-    table : DataFrame or mapping of names to arrays
-        Signals by name.
-    ambient_pressure : float, default=101325.0
-        Ambient pressure, Pa, absolute.
-    where : str
-        Name of the log, for the message.
-
-    Raises
-    ------
-    PressureReferenceError
-        If gauge pressure stands where absolute pressure is expected.
-    UnitError
-        If values are plainly in another unit.
-    """
+    """Raise on the first signals that are plainly not in SI."""
     findings = implausible_units(table, ambient_pressure=ambient_pressure)
     if not findings:
         return

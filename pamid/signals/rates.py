@@ -61,35 +61,7 @@ def _method(name: str) -> ModuleType:
 
 
 def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: bool = True) -> Grid:
-    """Tell how a trajectory is sampled.
-
-    Parameters
-    ----------
-    t : array_like, shape (n_samples,), optional
-        Times, s, increasing.
-    sampling_period : float, optional
-        Time between samples, s, where there are no times.
-    warn : bool, default=True
-        Whether to warn of gaps and irregular steps.
-
-    Returns
-    -------
-    Grid
-        Period and, for unequal steps, times.
-
-    Raises
-    ------
-    ParameterError
-        If neither is given, or the period is not positive.
-    NonFiniteError, TimeOrderError
-        If times are not finite or do not increase.
-
-    Examples
-    --------
-    >>> from pamid.signals.rates import sampling_grid
-    >>> sampling_grid([0.0, 0.5, 1.0]).period
-    0.5
-    """
+    """Tell how a trajectory is sampled."""
     if t is None:
         if sampling_period is None:
             raise ParameterError(
@@ -123,25 +95,7 @@ def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: 
 
 
 def irregularity(t: np.ndarray) -> str | None:
-    """Say what is irregular about increasing times, if it is worth a warning.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n_samples,)
-        Times, s.
-
-    Returns
-    -------
-    str or None
-        One sentence on the longest gap or on the share of unequal steps.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.rates import irregularity
-    >>> irregularity(np.array([0.0, 0.1, 0.2, 0.3])) is None  # nothing to say
-    True
-    """
+    """Say what is irregular about increasing times, if it is worth a warning."""
     steps = np.diff(t)
     if not steps.size:
         return None

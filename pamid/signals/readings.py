@@ -45,27 +45,6 @@ def impossible(signal: str, values: np.ndarray, ambient_pressure: float = ATMOSP
 
     An absolute pressure and a temperature are above 0, a gauge pressure is above -ambient, a contraction ratio below 1,
     and nothing is beyond `BEYOND`.
-
-    Parameters
-    ----------
-    signal : str
-        Its name.
-    values : array, shape (n,)
-        Readings in SI.
-    ambient_pressure : float, default=101325.0
-        Pa, absolute.
-
-    Returns
-    -------
-    array of bool, shape (n,)
-        False where a reading is missing.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.readings import impossible
-    >>> impossible("P1", np.array([2e5, 0.0, -3e5, 1e300]))  # Pa, absolute
-    array([False,  True,  True,  True])
     """
     bad = np.abs(values) > BEYOND
     dimension = dimension_of(signal)
@@ -86,35 +65,7 @@ def screen(
     where: str,
     notes: Readings,
 ) -> pd.DataFrame:
-    """Look through the readings of a tidy frame; what cannot be, and what jumps there and back, becomes missing.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Tidy frame in SI, its time in order, the rows of a run together.
-    origin : DataFrame
-        The same before rows were sorted or left out, for their numbers.
-    nan : {"raise", "drop", "keep"}
-        What is to happen to missing values. With ``"raise"`` impossible readings are an error and glitches stay.
-    skip : set of str
-        Signals that a mapping takes from the checks, or fixes: only what cannot be is looked for.
-    ambient_pressure : float
-        Pa, absolute.
-    where : str
-        Name of the log.
-    notes : Readings
-        Where to note what was found.
-
-    Returns
-    -------
-    DataFrame
-        The frame, with NaN in place of such readings.
-
-    Raises
-    ------
-    ReadingError
-        With ``nan="raise"``, if a reading cannot be.
-    """
+    """Look through the readings of a tidy frame; what cannot be, and what jumps there and back, becomes missing."""
     runs = list(blocks(frame["trajectory"].to_numpy(dtype=object)))
     rows_of_runs = [rows for _, rows in runs]
     changed: dict[str, np.ndarray] = {}
@@ -157,27 +108,7 @@ def _without(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
 
 
 def run_marks(frame: pd.DataFrame) -> dict[str, str]:
-    """Return a mark of each run of a frame, which two share only if they read the same, sample by sample.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Tidy frame.
-
-    Returns
-    -------
-    dict of str to str
-        Marks by the names of the runs; short runs and those in which nothing moves are left out.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.signals.readings import run_marks
-    >>> t = np.arange(100) / 100
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "q": np.sin(t)})
-    >>> run_marks(log)["a"] == run_marks(log.assign(trajectory="b", time=t + 5))["b"]
-    True
-    """
+    """Return a mark of each run of a frame, which two share only if they read the same, sample by sample."""
     runs = [(str(k), np.asarray(v)) for k, v in frame.groupby("trajectory", sort=False).indices.items()]
     return _marks(_sensors(frame), runs)
 
@@ -219,27 +150,6 @@ def glitches(values: np.ndarray, runs: Sequence[Rows]) -> np.ndarray:
 
     A jump counts if it is 20 times what all but 1 % of the readings do in this way, and 10 times what all but 1 % of
     the steps from one sample to the next are.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN where there is none.
-    runs : sequence of array or slice
-        Rows of each run.
-
-    Returns
-    -------
-    array of bool, shape (n,)
-        False where there is no reading.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.readings import glitches
-    >>> y = np.sin(np.arange(100) / 5)
-    >>> y[40] = 9.0
-    >>> np.flatnonzero(glitches(y, [np.arange(100)]))
-    array([40])
     """
     found = np.zeros(len(values), dtype=bool)
     kept = _kept(values, runs)

@@ -14,27 +14,6 @@ def recursive(
     r"""Return what a drive makes of itself and its own past.
 
     .. math:: y_k = d_k + \sum_i f_i\, y_{k-i}
-
-    Parameters
-    ----------
-    drive : array, shape (n, ...)
-        The drive d, time along the first axis.
-    feedback : sequence of float or array, shape (n,)
-        The weight f of each past value, that of row k where it changes along time.
-    starts : array of int, optional
-        First rows of trajectories, before which nothing is remembered; 0 by default.
-
-    Returns
-    -------
-    array, shape (n, ...)
-        The result y.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.recursion import recursive
-    >>> recursive(np.ones(4), [0.5], np.array([0, 2]))
-    array([1. , 1.5, 1. , 1.5])
     """
     n = len(drive)
     if not n:
@@ -59,22 +38,6 @@ def past(x: np.ndarray, keep: float | np.ndarray, starts: np.ndarray) -> np.ndar
     r"""Return the exponentially weighted past of a signal, which begins at its first value.
 
     .. math:: y_k = (1 - f)\, x_k + f\, y_{k-1}
-
-    Parameters
-    ----------
-    x : array, shape (n, ...)
-        The signal, time along the first axis.
-    keep : float or array, shape (n,)
-        The share f that is kept of the past, that of row k where it changes along time.
-    starts : array of int
-        First rows of trajectories.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.recursion import past
-    >>> past(np.array([1.0, 3.0, 3.0]), 0.5, np.array([0]))
-    array([1. , 2. , 2.5])
     """
     drive = (1.0 - keep) * x
     drive[starts] = x[starts]

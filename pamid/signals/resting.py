@@ -25,30 +25,6 @@ def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
 
     It rests where it changes by no more than its noise over `DURATION`, if that is less than `SLOW` of what the fastest
     motion takes it in that time. Where noise hides so little motion, nothing counts as rest.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_samples,)
-        A position, in any unit.
-    dt : float
-        Sampling interval, s.
-    codes : ndarray, shape (n_samples,)
-        Trajectory of each sample; contiguous.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_samples,)
-        The rows.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.resting import resting_rows
-    >>> t = np.arange(0.0, 4.0, 0.01)
-    >>> x = np.where(t < 2.0, np.sin(np.pi * t), 0.0)  # it moves for two seconds, then rests
-    >>> rows = resting_rows(x, 0.01, np.zeros(len(t), dtype=int))
-    >>> int(rows[:190].sum()), bool(rows[210:].all())
-    (0, True)
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 

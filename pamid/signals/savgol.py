@@ -14,27 +14,9 @@ SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (
 def window_of(cutoff: float, n: int | None = None) -> int:
     """Convert a cut-off frequency to a window length.
 
-    Parameters
-    ----------
-    cutoff : float
-        Frequency at which the gain is 1/√2, cycles per sample.
-    n : int, optional
-        Number of samples, which the window does not exceed.
-
-    Returns
-    -------
-    int
-        Odd number of samples, at least 5 (or n, if that is less).
-
     Notes
     -----
     Schafer's f_c ≈ (N + 1) / (3.2 M − 4.6), in half-cycles per sample, for degree N and window 2 M + 1.
-
-    Examples
-    --------
-    >>> from pamid.signals.savgol import window_of
-    >>> window_of(0.02)
-    67
     """
     half = round(((DEGREE + 1) / (2.0 * cutoff) + 4.6) / 3.2)
     window = 2 * max(half, 2) + 1
@@ -53,27 +35,7 @@ def _kernels(window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
-    """Response of the smoothed rate divided by that of the true derivative.
-
-    Parameters
-    ----------
-    omega : ndarray
-        Frequency, rad per sample.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    ndarray
-        Real gain: the window is symmetric.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.savgol import gain
-    >>> float(gain(np.array([1e-4]), 0.02)[0].round(3))
-    1.0
-    """
+    """Response of the smoothed rate divided by that of the true derivative."""
     window = window_of(cutoff)
     kernel = _kernels(window)[1]
     half = window // 2
@@ -88,28 +50,7 @@ def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
 
 
 def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth and differentiate at a unit step.
-
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples, n_channels)
-        Signals sampled at equal steps.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    tuple of three ndarrays, shape (n_samples, n_channels)
-        Value, rate per sample, second rate per sample squared. At the ends the cubic of the outermost window serves.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.savgol import smooth
-    >>> value, rate, second = smooth(np.arange(50.0)[:, None] ** 2, 0.1)
-    >>> bool(np.allclose(rate[:, 0], 2 * np.arange(50.0)))
-    True
-    """
+    """Smooth and differentiate at a unit step."""
     from scipy.signal import oaconvolve
 
     n = len(y)
@@ -149,32 +90,7 @@ def _end_fits(y: np.ndarray, window: int) -> tuple[list[np.ndarray], list[np.nda
 
 
 def rate_over(x: np.ndarray, dt: float, half: int, order: int = 1) -> np.ndarray:
-    """Return a derivative of one run by a cubic over a window of fixed length, not tuned to the noise.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_samples,)
-        A signal at equal steps.
-    dt : float
-        Sampling interval, s.
-    half : int
-        Samples to either side; fewer in a run that is shorter.
-    order : int, default=1
-        Order of the derivative.
-
-    Returns
-    -------
-    ndarray, shape (n_samples,)
-        The derivative, in the signal's unit per s to that order. Of fewer than five samples differences, of one 0.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.savgol import rate_over
-    >>> t = np.arange(0, 1, 0.01)
-    >>> bool(np.allclose(rate_over(t**3, 0.01, 5), 3 * t**2))
-    True
-    """
+    """Return a derivative of one run by a cubic over a window of fixed length, not tuned to the noise."""
     from scipy.signal import savgol_filter
 
     width = min(2 * half + 1, len(x) - (len(x) + 1) % 2)

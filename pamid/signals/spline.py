@@ -11,50 +11,12 @@ _LOWEST = 3e-4
 
 
 def smoothing(cutoff: float) -> float:
-    """Convert a cut-off frequency to the weight λ of the squared second derivative.
-
-    Parameters
-    ----------
-    cutoff : float
-        Frequency at which the gain is 1/√2, cycles per sample; below 3e-4 that value is used, where the equations
-        still have digits to spare.
-
-    Returns
-    -------
-    float
-        λ in sample³, from 1/(1 + λ ω⁴) = 1/√2.
-
-    Examples
-    --------
-    >>> from pamid.signals.spline import smoothing
-    >>> round(smoothing(0.1), 2)
-    2.66
-    """
+    """Convert a cut-off frequency to the weight λ of the squared second derivative."""
     return float(_HALF_POWER / (2 * np.pi * max(cutoff, _LOWEST)) ** 4)
 
 
 def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
-    """Response of the smoothed rate divided by that of the true derivative.
-
-    Parameters
-    ----------
-    omega : ndarray
-        Frequency, rad per sample.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    ndarray
-        1 / (1 + λ (2 − 2 cos ω)² / ((2 + cos ω)/3)), times that of differentiating the interpolating cubic spline.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.spline import gain
-    >>> float(gain(np.array([2 * np.pi * 0.02]), 0.02)[0].round(2))
-    0.71
-    """
+    """Response of the smoothed rate divided by that of the true derivative."""
     spread = (2.0 + np.cos(omega)) / 3.0
     smoother = 1.0 / (1.0 + smoothing(cutoff) * (2.0 - 2.0 * np.cos(omega)) ** 2 / spread)
     return smoother * np.sin(omega) / (omega * spread)
@@ -63,32 +25,10 @@ def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
 def smooth(y: np.ndarray, cutoff: float, t: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth and differentiate; the unit of time is the mean step.
 
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples, n_channels)
-        Signals.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-    t : ndarray, shape (n_samples,), optional
-        Increasing times in units of one step; equal steps if not given.
-
-    Returns
-    -------
-    tuple of three ndarrays, shape (n_samples, n_channels)
-        Value, rate per step, second rate per step squared.
-
     Notes
     -----
     Reinsch's equations (R + λ Qᵀ Q) γ = Qᵀ y, z = y − λ Q γ with five bands, solved by Cholesky in O(n). A natural
     spline has no curvature at its ends; unpenalised functions (1 − s/w)³ and (1 − s/w)⁴ from each end give it back.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.spline import smooth
-    >>> value, rate, second = smooth(np.arange(60.0)[:, None], 0.05)
-    >>> bool(np.allclose(rate, 1.0))
-    True
     """
     from scipy.linalg import cholesky_banded
 

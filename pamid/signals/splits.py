@@ -20,33 +20,7 @@ from pamid.errors import (
 
 
 def trajectories_of(X: Any, groups: Any = None, *, needed_by: str = "The split") -> np.ndarray:
-    """Name the trajectory of each row.
-
-    Parameters
-    ----------
-    X : DataFrame or array_like, shape (n_samples, n_features)
-        The table; its column ``trajectory`` serves where there are no groups.
-    groups : array_like, shape (n_samples,), optional
-        Trajectory of each row.
-    needed_by : str, default="The split"
-        Who asks, for the message.
-
-    Returns
-    -------
-    ndarray of object, shape (n_samples,)
-        The names.
-
-    Raises
-    ------
-    MissingTrajectoryError
-        If there is neither.
-
-    Examples
-    --------
-    >>> from pamid.signals.splits import trajectories_of
-    >>> trajectories_of([[1.0], [2.0]], ["a", "b"]).tolist()
-    ['a', 'b']
-    """
+    """Name the trajectory of each row."""
     if groups is None and "trajectory" in getattr(X, "columns", ()):
         groups = X["trajectory"]
     if groups is None:
@@ -72,43 +46,13 @@ class _TrajectorySplitter(BaseCrossValidator):
         """Return the fold of each row, numbered from 0."""
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Go through the folds.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
-
-        Yields
-        ------
-        tuple of two ndarrays of int
-            Rows to train on and rows to test on.
-        """
+        """Go through the folds."""
         folds = self._folds(X, trajectories_of(X, groups, needed_by=type(self).__name__))
         for fold in range(int(folds.max()) + 1):
             yield np.flatnonzero(folds != fold), np.flatnonzero(folds == fold)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """Count the folds.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, optional
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, optional
-            Trajectory of each row.
-
-        Returns
-        -------
-        int
-            Number of folds.
-        """
+        """Count the folds."""
         return int(self._folds(X, trajectories_of(X, groups, needed_by=type(self).__name__)).max()) + 1
 
 
@@ -223,7 +167,7 @@ def kind_of(trajectory: Any) -> str:
 
 
 class LeaveOneKindOut(_TrajectorySplitter):
-    """One fold for each kind of trajectory, to see how well what was learnt on sines holds on steps.
+    """One fold for each kind of run: train on sines, test on steps.
 
     Parameters
     ----------
@@ -255,7 +199,7 @@ class LeaveOneKindOut(_TrajectorySplitter):
 
 
 class LeaveOneMuscleOut(_TrajectorySplitter):
-    """One fold for each muscle, to see how well what was learnt on one muscle holds on another.
+    """One fold for each muscle: train on one muscle, test on another.
 
     Parameters
     ----------

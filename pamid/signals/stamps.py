@@ -21,23 +21,6 @@ def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
     ISO 8601 comes first, then the local forms with points, slashes and names of months, and times of day, which go on
     past midnight. Where day and month could be either, the reading that makes the log shorter is taken: only
     differences count.
-
-    Parameters
-    ----------
-    column : Series
-        Text, or times that pandas has read already.
-
-    Returns
-    -------
-    ndarray or None
-        Seconds, NaN where a stamp is missing; None where the column holds no stamps.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from pamid.signals.stamps import seconds_of_stamps
-    >>> seconds_of_stamps(pd.Series(["05.03.2024 23:59:59,5", "06.03.2024 00:00:00,5"])).tolist()
-    [0.0, 1.0]
     """
     import pandas as pd
 

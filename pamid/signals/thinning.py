@@ -111,28 +111,7 @@ def thin(
 
 
 def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
-    """Return every k-th of n things, the first one included.
-
-    Parameters
-    ----------
-    n : int
-        How many there are.
-    count : int
-        How many are wanted: no fewer are kept, and fewer than twice as many.
-    at_most : bool, default=False
-        Whether no more are kept instead, and more than half as many.
-
-    Returns
-    -------
-    slice
-        What to take.
-
-    Examples
-    --------
-    >>> from pamid.signals.thinning import spaced
-    >>> list(range(7))[spaced(7, 4)], list(range(7))[spaced(7, 4, at_most=True)]
-    ([0, 1, 2, 3, 4, 5, 6], [0, 2, 4, 6])
-    """
+    """Return every k-th of n things, the first one included."""
     return slice(None, None, max(1, -(-n // count) if at_most else n // count))
 
 
@@ -170,25 +149,6 @@ def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | Non
 
 
 def spread_evenly(lengths: Sequence[int] | np.ndarray, most: int) -> list[int]:
-    """Return the numbers of trajectories that are spread evenly over a log and hold about so many rows in all.
-
-    Parameters
-    ----------
-    lengths : sequence of int
-        Rows of each trajectory.
-    most : int
-        Rows wanted.
-
-    Returns
-    -------
-    list of int
-        Increasing; at least one.
-
-    Examples
-    --------
-    >>> from pamid.signals.thinning import spread_evenly
-    >>> spread_evenly([2, 2, 2, 2], 4)
-    [0, 3]
-    """
+    """Return the numbers of trajectories that are spread evenly over a log and hold about so many rows in all."""
     count = min(max(1, len(lengths) * most // max(int(np.sum(lengths)), 1)), len(lengths))
     return [int(k) for k in np.linspace(0, len(lengths) - 1, count).round()]

@@ -37,33 +37,11 @@ class Spectrum(NamedTuple):
 def spectrum(y: np.ndarray, sigma: float | None = None, ends: int = 5) -> Spectrum:
     """Take the sine spectrum of a signal less the cubic that meets its value and curvature at both ends.
 
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples,)
-        Signal sampled at equal steps.
-    sigma : float, optional
-        Standard deviation of the noise; told from the signal if not given.
-    ends : int, default=5
-        Number of samples from which value and curvature at an end are told; below 8 the value alone.
-
-    Returns
-    -------
-    Spectrum
-        The binned spectrum.
-
     Notes
     -----
     The odd continuation of what is left is smooth at both ends, so its spectrum holds no power that only the ends
     make: the coefficients of a sine series fall as ω⁻³ where the values vanish at the ends, and as ω⁻⁵ where the
     curvature does too.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.tuning import spectrum
-    >>> s = spectrum(np.sin(np.arange(1000) * 0.1))
-    >>> bool(abs(s.omega[np.argmax(s.power)] - 0.1) < 0.01)
-    True
     """
     from scipy.fft import dst
 
@@ -117,62 +95,18 @@ def _without_chance(power: np.ndarray, count: np.ndarray, variance: float) -> np
 def derivative_risk(s: Spectrum, gain: Gain, cutoff: float) -> float:
     """Estimate the squared error of the rate that a smoother gives, up to a constant.
 
-    Parameters
-    ----------
-    s : Spectrum
-        Spectrum of the signal.
-    gain : callable
-        ``gain(omega, cutoff)``: response of the smoothed rate, divided by that of the true derivative.
-    cutoff : float
-        Cut-off frequency, cycles per sample.
-
-    Returns
-    -------
-    float
-        Sum over the samples of the squared error of the rate less a constant that no smoother changes,
-        unit of the signal squared per sample squared.
-
     Notes
     -----
     With the power |Y|² of the signal and noise of variance σ², an unbiased estimate of
     Σ ω² |G Y − S|² is Σ ω² (G² |Y|² − 2 G (|Y|² − σ²)) + const: Stein's unbiased risk estimate for a linear
     smoother (DOI 10.1214/aos/1176345632), taken for the derivative.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.savgol import gain
-    >>> from pamid.signals.tuning import derivative_risk, spectrum
-    >>> rng = np.random.default_rng(0)
-    >>> s = spectrum(np.sin(np.arange(4000) * 0.01) + 0.05 * rng.standard_normal(4000))
-    >>> derivative_risk(s, gain, 0.01) < derivative_risk(s, gain, 0.2)
-    True
     """
     g = gain(s.omega, cutoff)
     return float(np.sum(s.omega**2 * (g * g * s.power - 2 * g * (s.power - s.number * s.variance))))
 
 
 def candidate_cutoffs(n: int, count: int = 48) -> np.ndarray:
-    """List the cut-off frequencies that a signal of n samples can bear.
-
-    Parameters
-    ----------
-    n : int
-        Number of samples.
-    count : int, default=48
-        Number of candidates.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Cycles per sample, from one cycle in the whole signal, and no less than 1/5000, to 0.4.
-
-    Examples
-    --------
-    >>> from pamid.signals.tuning import candidate_cutoffs
-    >>> candidate_cutoffs(1000)[[0, -1]].round(3).tolist()
-    [0.001, 0.4]
-    """
+    """List the cut-off frequencies that a signal of n samples can bear."""
     return np.geomspace(min(0.2, max(1.0 / n, 2e-4)), 0.4, count)
 
 
@@ -184,39 +118,7 @@ def tune(
     *,
     curved_ends: bool = False,
 ) -> float:
-    """Choose the cut-off frequency with the least estimated error of the rate over all trajectories.
-
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (n_samples,)
-        One signal over several trajectories, each sampled at equal steps.
-    periods : sequence of float
-        Sampling period of each, s.
-    gain : callable
-        Gain of the method, see `derivative_risk`.
-    noises : sequence of float, optional
-        Standard deviation of the noise on each; told from the signals if not given.
-    curved_ends : bool, default=False
-        Whether the method follows curvature up to the ends, as a polynomial in the last window does. A smoothing spline
-        and a Kalman smoother lean towards straight ends: their error there is much like that of the continued signal,
-        and counts.
-
-    Returns
-    -------
-    float
-        Cut-off frequency, Hz.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.savgol import gain
-    >>> from pamid.signals.tuning import tune
-    >>> rng = np.random.default_rng(0)
-    >>> t = np.arange(4000) * 1e-3
-    >>> cutoff = tune([np.sin(2 * np.pi * t) + 1e-3 * rng.standard_normal(4000)], [1e-3], gain)
-    >>> 1 < cutoff < 20
-    True
-    """
+    """Choose the cut-off frequency with the least estimated error of the rate over all trajectories."""
     longest = max(len(y) for y in signals)
     cutoffs = candidate_cutoffs(longest) / min(periods)
     if noises is None:

@@ -121,24 +121,6 @@ def unit_name(text: str, dimension: str | None = None) -> str | None:
     and powers (``N/mm²``, ``L/MIN``, ``Grad``, ``bar (abs)``). A closed list is kept rather than a grammar of prefixes:
     in a header ``cell`` or ``Pos`` must not become a unit by chance, and gauge pressure, normal litres and German words
     are what general libraries of units lack.
-
-    Parameters
-    ----------
-    text : str
-        What stands in a header or a mapping.
-    dimension : str, optional
-        Dimension that is meant: kg, g and lb of a force are kgf, gf and lbf.
-
-    Returns
-    -------
-    str or None
-        A key of `UNITS`; None where no unit is meant.
-
-    Examples
-    --------
-    >>> from pamid.signals.unit_names import unit_name
-    >>> unit_name("PSI"), unit_name("N/mm²"), unit_name("bar (abs)"), unit_name("U/min"), unit_name("sofa")
-    ('psi', 'MPa', 'bara', 'rpm', None)
     """
     text = text.strip().translate(_SIGNS).replace("Â", "").replace("℃", "°C")
     found = _plain(text)

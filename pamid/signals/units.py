@@ -218,79 +218,24 @@ _DIMENSIONS = {
 
 
 def base_name(signal: str) -> str:
-    """Strip the muscle's number and the mark of a wanted value: ``P1`` and ``P_ref`` both are ``P``.
-
-    Examples
-    --------
-    >>> from pamid.signals.units import base_name
-    >>> base_name("mdot2"), base_name("q_ref")
-    ('mdot', 'q')
-    """
+    """Strip the muscle's number and the mark of a wanted value: ``P1`` and ``P_ref`` both are ``P``."""
     if signal in _DIMENSIONS:
         return signal
     return re.sub(r"(_ref|_cmd|_set)$", "", re.sub(r"_?\d+$", "", re.sub(r"(_ref|_cmd|_set)$", "", signal)))
 
 
 def dimension_of(signal: str) -> str | None:
-    """Name the physical dimension that a signal's name stands for; None where the name says nothing.
-
-    Parameters
-    ----------
-    signal : str
-        Name of a signal, such as ``"P1"``.
-
-    Returns
-    -------
-    str or None
-        A key of `SI_UNITS`.
-
-    Examples
-    --------
-    >>> from pamid.signals.units import dimension_of
-    >>> dimension_of("P2"), dimension_of("branch")
-    ('pressure', None)
-    """
+    """Name the physical dimension that a signal's name stands for; None where the name says nothing."""
     return _DIMENSIONS.get(base_name(signal))
 
 
 def is_gauge_name(signal: str) -> bool:
-    """Say whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute.
-
-    Examples
-    --------
-    >>> from pamid.signals.units import is_gauge_name
-    >>> is_gauge_name("p1"), is_gauge_name("P1")
-    (True, False)
-    """
+    """Say whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute."""
     return base_name(signal) in ("p", "p_gauge")
 
 
 def find_unit(name: str, signal: str | None = None) -> Unit:
-    """Look up a unit by its name.
-
-    Parameters
-    ----------
-    name : str
-        Name of the unit, such as ``"bar"``, ``"L/min ANR"`` or ``"%"``.
-    signal : str, optional
-        The signal whose unit it is: its dimension must agree.
-
-    Returns
-    -------
-    Unit
-        The unit.
-
-    Raises
-    ------
-    UnitError
-        If the unit is unknown, or belongs to another dimension than the signal.
-
-    Examples
-    --------
-    >>> from pamid.signals.units import find_unit
-    >>> find_unit("kPa").factor
-    1000.0
-    """
+    """Look up a unit by its name."""
     from .unit_names import unit_name
 
     wanted = dimension_of(signal) if signal else None

@@ -35,24 +35,7 @@ _ELSEWHERE = ("versorgung", "speise", "umgebung", "netz", "vordruck", "luftdruck
 
 
 def kinds_of(words: list[str]) -> set[str]:
-    """Return the entries of the vocabulary that some words belong to; compounds of German count by their last part.
-
-    Parameters
-    ----------
-    words : list of str
-        Words of a header in small letters.
-
-    Returns
-    -------
-    set of str
-        Keys of `WORDS`.
-
-    Examples
-    --------
-    >>> from pamid.signals.vocabulary import kinds_of
-    >>> sorted(kinds_of(["kammerdruck", "1"])), sorted(kinds_of(["sollwinkel"])), sorted(kinds_of(["druckkraft"]))
-    (['P'], ['q', 'wanted'], ['F'])
-    """
+    """Return the entries of the vocabulary that some words belong to; compounds of German count by their last part."""
     found: set[str] = set()
     for word in words:
         plain = {kind for kind, known in WORDS.items() if word in known}

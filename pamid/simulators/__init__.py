@@ -1,6 +1,7 @@
 """Simulators of any origin, with ports: functions, equations, control systems, MuJoCo models, FMUs."""
 
 from .base import Simulator
+from .between import Between
 from .catalogue import port_effects
 from .control_model import ControlSimulator
 from .equation_model import EquationSimulator
@@ -11,6 +12,7 @@ from .page import page_text, read_simulator, simulator_kinds
 from .ports import ModelParameter, Port
 
 __all__ = [
+    "Between",
     "ControlSimulator",
     "EquationSimulator",
     "FmuSimulator",

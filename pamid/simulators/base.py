@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..errors import MissingParameterError, ParameterError, UnknownParameterError
+from .between import Between
 from .ports import ModelParameter, Port, as_parameters
 
 
@@ -48,6 +49,10 @@ class Simulator:
     """Kinds that pages may call it."""
     executes: ClassVar[bool] = True
     """Whether making it from a page runs code that the page names."""
+    one_by_one: ClassVar[bool] = False
+    """Whether it answers one instant at a time, however many it is asked about."""
+    between: tuple[Between, ...] = ()
+    """Two ports each between which effects may act, beside those that it couples itself."""
 
     def __init__(
         self,
@@ -140,15 +145,18 @@ class Simulator:
         self,
         parameters: Mapping[str, float] | None = None,
         effects: Sequence[tuple[str, str, Mapping[str, float]]] | None = None,
+        between: Sequence[Between] | None = None,
     ) -> Simulator:
-        """Return the same simulator with other values of parameters, or other effects.
+        """Return the same simulator with other values of parameters, other effects, or ports named as pairs.
 
         Parameters
         ----------
         parameters : mapping of str to float, optional
             New values; the others stay.
         effects : sequence of (str, str, mapping), optional
-            All effects: name, port, values.
+            All effects: name, port (``"A and B"`` between two), values.
+        between : sequence of Between, optional
+            All pairs of ports between which effects may act.
 
         Returns
         -------
@@ -174,7 +182,20 @@ class Simulator:
         out.parameters = {**self.parameters, **changed}
         if effects is not None:
             out.effects = tuple((name, where, dict(values)) for name, where, values in effects)
+        if between is not None:
+            out.between = tuple(between)
         return out
+
+    def identity(self) -> dict[str, Any]:
+        """Return what makes it the same simulator: kind, ports, numbers, tolerances and effects, as plain data."""
+        return {
+            "name": self.kind,
+            "kind": self.kind,
+            "numbers": {name: float(p.value) for name, p in self.parameters.items()},
+            "tolerance": self.tolerance,
+            "effects": [[f"{name} at {where}", dict(values)] for name, where, values in self.effects],
+            "ports": {p.name: f"{p.kind} in {p.unit}" for p in self.ports},
+        }
 
     # --- its page -------------------------------------------------------------------------------------------
     @classmethod

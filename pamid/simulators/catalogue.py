@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
 from ..effects.overflow import Overflow
 from ..errors import UnknownOptionError
 from ..signals.units import UNITS, Unit
+from .at_links import at_link
 from .base import Simulator
-from .dimensions import powers, unit_powers, unit_text
+from .dimensions import powers, unit_powers
+from .laws_between import LAWS
+from .links import Link
 from .of_parameters import OF_PARAMETERS, at_parameters
-from .placement import Placement, Scales, named
+from .placement import Placement, Scales
+from .placing import GAP, PASCAL, STRAIN, placed, without_pressure
 from .structure import JointPort, rate_unit
 
-_STRAIN, _RUN = 0.2, 10.0
+_RUN = 10.0
 _RUNS = 0.5, 100.0
 _TOP = 5e5
-_PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
-_GAP = {"force": 10.0, "flow": 1e-4}
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
@@ -58,6 +60,8 @@ class SignalSizes(NamedTuple):
         Where readings stand exactly at the end of a sensor's range, that end.
     highs : dict of str to float
         Largest value of each state, where that is not its smallest and its range.
+    links : sequence of Link
+        Pairs of ports between which effects can act, whose differences have ranges in `spans`.
     """
 
     spans: Mapping[str, float]
@@ -72,6 +76,7 @@ class SignalSizes(NamedTuple):
     feeds: Mapping[str, str] = MappingProxyType({})
     ends: Mapping[str, float] = MappingProxyType({})
     highs: Mapping[str, float] = MappingProxyType({})
+    links: Sequence[Link] = ()
 
     @property
     def time(self) -> float:
@@ -79,10 +84,40 @@ class SignalSizes(NamedTuple):
         usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
         return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
 
+    @classmethod
+    def together(cls, each: Sequence[SignalSizes]) -> SignalSizes:
+        """Return the sizes of the signals of several logs of one simulator."""
+
+        def largest(what: str) -> dict[str, float]:
+            found = [getattr(s, what) for s in each]
+            return {name: max(f[name] for f in found if name in f) for f in found for name in f}
+
+        lows, highs = (_extremes(each, which) for which in (min, max))
+        spans = largest("spans")
+        return each[0]._replace(
+            spans={name: max(span, highs.get(name, 0.0) - lows.get(name, 0.0)) for name, span in spans.items()},
+            tops=largest("tops"),
+            lows=lows,
+            highs=highs,
+            gaps=largest("gaps"),
+            readings=list(dict.fromkeys(n for s in each for n in s.readings)),
+            ends={k: v for s in reversed(each) for k, v in s.ends.items()},
+        )
+
     def turns(self, name: str) -> bool:
         """Return whether a signal has both signs: else nothing shows how an effect differs between them."""
         low = self.lows.get(name, -1.0)
         return low < 0.0 < low + self.spans.get(name, 0.0)
+
+
+def _extremes(each: Sequence[SignalSizes], which: Callable[..., float]) -> dict[str, float]:
+    """Return the smallest or largest value of each signal over several logs."""
+    found: dict[str, list[float]] = {}
+    for s in each:
+        for name, low in s.lows.items():
+            high = s.highs.get(name, low + s.spans.get(name, 0.0))
+            found.setdefault(name, []).append(low if which is min else high)
+    return {name: which(values) for name, values in found.items()}
 
 
 class PortOverflow(Overflow):
@@ -99,22 +134,10 @@ class PortOverflow(Overflow):
 
 
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
-    """Return every effect at every port where it can act.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    survey : SignalSizes
-        Sizes of the signals.
-
-    Returns
-    -------
-    dict of str to Placement
-        By their keys, such as ``"viscous_friction@motor"``.
-    """
+    """Return every effect at every port where it can act."""
     found = [*_at_inputs(simulator, survey), *_at_outputs(simulator, survey), *_at_joints(simulator, survey)]
     found += [*_at_chambers(simulator, survey), *at_parameters(simulator)]
+    found += [p for link in survey.links for p in at_link(link, survey, port_effects())]
     return {p.key: p for p in found}
 
 
@@ -148,6 +171,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
     found["overflow"] = ("chamber", PortOverflow)
+    found |= {name: ("link", effect) for name, effect in LAWS.items()}
     return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
 
 
@@ -157,20 +181,7 @@ def _rank(name: str) -> tuple[bool, str]:
 
 
 def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list[str]:
-    """Return the keys that a choice among the library stands for.
-
-    Parameters
-    ----------
-    found : mapping of str to Placement
-        Every effect at every port.
-    effects : "all", str or sequence of str
-        The whole library, or names: of effects (at every port), or of effects at ports.
-
-    Raises
-    ------
-    UnknownOptionError
-        Nothing has one of the names.
-    """
+    """Return the keys that a choice among the library stands for."""
     if isinstance(effects, str) and effects == "all":
         return list(found)
     wanted = [effects] if isinstance(effects, str) else list(effects)
@@ -188,44 +199,7 @@ def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list
     return list(dict.fromkeys(keys))
 
 
-def _reached(p: Parameter, top: float, least: float) -> Parameter:
-    """Return the limit of a saturation within what a signal reaches, and where it must be at least."""
-    if p.name != "limit":
-        return p
-    return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
-
-
 # --- the kinds of ports -------------------------------------------------------------------------------------
-def _placed(
-    name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
-    scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
-    reach: float = 0.0, least: float = 0.0, range_of: float = 0.0,
-) -> Placement:  # fmt: skip
-    key = f"{name}@{port}"
-    known = {} if hook == "flow" else powers(effect, hook) or {}
-    units = {}
-    for p in effect.parameters:
-        plain = [("s", unit_powers(p.unit).get("s", 0))]
-        if hook in ("force", "flow"):
-            words = {"N": target, "m": "", "kg": target, "rad": signal if signal != "-" else "rad"}
-            powers_of = unit_powers(p.unit)
-            if hook == "flow" and target == "kg/s" and signal in _PASCAL:
-                words = {"Pa": signal}  # a flow of mass under a pressure is what the library's units are of
-            elif hook == "flow":  # what runs off in a second is what the rate counts in
-                words |= {"Pa": signal}
-                powers_of = {**powers_of, "s": powers_of.get("s", 0) + powers_of.get("kg", 0)}
-            plain = [(words.get(w, w), n) for w, n in powers_of.items() if n]
-        units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
-    changes: dict[str, Any] = {} if prior is None else {"prior": prior}
-    if reach and "limit" in units:
-        top, low = reach / scales.target, least / scales.target
-        changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
-    if any(p.periods for p in effect.parameters):
-        changes["parameters"] = tuple(p.over(range_of) for p in effect.parameters)
-    bound = named(effect, key, hidden, equations=(), **changes)
-    return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
-
-
 def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     found = []
     for port in simulator.ports:
@@ -242,7 +216,7 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                     if (p.share and p.nominal == 0.0) or (p.skew and not survey.turns(port.name))
                 )
                 found.append(
-                    _placed(
+                    placed(
                         name,
                         effect,
                         port.name,
@@ -270,7 +244,7 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         for name, (kind, effect) in port_effects().items():
             if kind == "output":
                 found.append(
-                    _placed(
+                    placed(
                         name,
                         effect,
                         port,
@@ -305,15 +279,15 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 continue  # in volts it is one and the same as a viscous friction: both are said
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if kind != "joint" or ("pressure" in effect.roles and not _without_pressure(effect)):
+            if kind != "joint" or ("pressure" in effect.roles and not without_pressure(effect)):
                 continue
-            scale = 1.0 if effect.site == "joint" else span / _STRAIN
-            scales = Scales(scale, survey.time, size / _GAP["force"] or 1.0)
+            scale = 1.0 if effect.site == "joint" else span / STRAIN
+            scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
             hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
             found.append(
-                _placed(
+                placed(
                     name,
                     effect,
                     joint.name,
@@ -327,14 +301,10 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                     hidden,
                     prior,
                     range_of=span / scale,
+                    interval=survey.interval,
                 )
             )
     return found
-
-
-def _without_pressure(effect: type[Effect]) -> bool:
-    """Tell whether an effect that may follow a pressure does without one."""
-    return any(p.linear and p.nominal and "Pa" not in unit_powers(p.unit) for p in effect.parameters)
 
 
 def _travel(unit: str) -> str:
@@ -360,7 +330,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if kind == "chamber" and found_effect.domain == domain:
                 effect, into = found_effect, ""
                 head = _head(simulator.port(state).unit, survey, state)
-                scales = Scales(time=survey.time, target=size / _GAP["flow"] or 1.0, **head)
+                scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **head)
                 if effect_name == "overflow":
                     fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
                     low = survey.lows[state]
@@ -368,11 +338,11 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                     into = "" if through else survey.feeds.get(state, "")
                 enters, at = ("input", through) if through else ("state", state)
                 hidden = () if into else ("returned",)
-                placed = _placed(
+                leak = placed(
                     effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
                     simulator.port(state).unit, hidden,
                 )  # fmt: skip
-                found.append(replace(placed, into=into))
+                found.append(replace(leak, into=into))
     return found
 
 
@@ -403,36 +373,16 @@ def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
     """Return how what is stored counts as a pressure: a gas against the surroundings, a level against nothing."""
     if kelvin := _temperature(unit):
         return {"pressure": kelvin.factor, "offset": kelvin.offset}
-    if unit not in _PASCAL:
+    if unit not in PASCAL:
         return {"pressure": _TOP / survey.tops[state]}
-    factor = _PASCAL[unit]
+    factor = PASCAL[unit]
     gauge = factor * survey.lows.get(state, 0.0) < 0.5 * ATMOSPHERIC_PRESSURE
     offset = ATMOSPHERIC_PRESSURE if gauge else 0.0
     return {"pressure": factor, "offset": offset, "ambient": ATMOSPHERIC_PRESSURE}
 
 
 def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
-    """Return an effect that acts in the units of its port, where the bounds of a bench or log say nothing.
-
-    Parameters
-    ----------
-    name : str
-        Name of the effect at ports.
-    where : str
-        The port.
-    values : mapping of str to float
-        Values in the units of the port; those left out are the usual ones.
-
-    Returns
-    -------
-    Effect
-        The effect.
-
-    Raises
-    ------
-    ImplausibleParameterError
-        A value has the wrong sign, or is none that there can be.
-    """
+    """Return an effect that acts in the units of its port, where the bounds of a bench or log say nothing."""
     kind, cls = port_effects()[name]
     hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
     known = (powers(cls, hook) if kind != "chamber" else None) or {}

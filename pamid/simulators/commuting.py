@@ -26,19 +26,7 @@ LINEAR = ("gain", "lag", "delay")
 def commuting_paths(
     simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, driven: Collection[str], read: Collection[str]
 ) -> dict[str, str]:
-    """Return the reading of each input that moves it alone, where the simulator is linear; none elsewhere.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Instants at which it is asked.
-    driven : collection of str
-        Inputs that change in the log.
-    read : collection of str
-        States and outputs that the log holds.
-    """
+    """Return the reading of each input that moves it alone, where the simulator is linear; none elsewhere."""
     names = (*simulator.states, *simulator.outputs)
     signals = np.vstack([x, u])
     slopes = _slopes(simulator, t, signals)
@@ -61,15 +49,7 @@ def commuting_paths(
 
 
 def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str]) -> dict[str, str]:
-    """Return the effects at ports that act alike on linear paths, each by the other's name.
-
-    Parameters
-    ----------
-    placements : mapping of str to Placement
-        Every effect at every port.
-    paths : mapping of str to str
-        The reading of each input, see `commuting_paths`.
-    """
+    """Return the effects at ports that act alike on linear paths, each by the other's name."""
     found = {}
     for entry, reading in paths.items():
         for word in LINEAR:

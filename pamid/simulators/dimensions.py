@@ -25,18 +25,6 @@ def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
 
     With the signal shrunk by a factor and every parameter by that power of it, the effect does the same: it adds the
     same force, or changes a command or a reading by the same share.
-
-    Parameters
-    ----------
-    effect : class
-        An effect.
-    hook : str
-        ``"force"`` (the signal is the position), ``"command"`` or ``"measure"`` (the signal is what is changed).
-
-    Returns
-    -------
-    dict of str to int, or None
-        The powers; None where the effect has no such scaling, as one that knows a muscle's geometry.
     """
     if hook == "force" and effect.site == "joint":  # an angle is an angle
         return dict.fromkeys((p.name for p in effect.parameters), 0)
@@ -120,14 +108,7 @@ def _reading(made: Effect, scale: float) -> Any:
 
 
 def unit_powers(unit: str) -> dict[str, int]:
-    """Return a unit as powers of its words.
-
-    Examples
-    --------
-    >>> from pamid.simulators.dimensions import unit_powers
-    >>> unit_powers("m^3/(s Pa)")
-    {'m': 3, 's': -1, 'Pa': -1}
-    """
+    """Return a unit as powers of its words."""
     above, _, below = unit.partition("/")
     found: dict[str, int] = {}
     for part, sign in ((above, 1), (below, -1)):
@@ -137,14 +118,7 @@ def unit_powers(unit: str) -> dict[str, int]:
 
 
 def unit_text(factors: list[tuple[str, int]]) -> str:
-    """Return a product of units with powers as text.
-
-    Examples
-    --------
-    >>> from pamid.simulators.dimensions import unit_text
-    >>> unit_text([("V", 1), ("s", 1), ("rad", -1)])
-    'V s/rad'
-    """
+    """Return a product of units with powers as text."""
     total: dict[str, int] = {}
     for unit, power in factors:
         plain = unit not in ("", "-", "1")

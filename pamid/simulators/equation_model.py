@@ -87,8 +87,8 @@ class EquationSimulator(FunctionSimulator):
                     "one equation for each state (dNAME/dt) and output",
                     "Add it.",
                 )
-        rate = _function(rates, known) if states else None
-        show = _function(shown, known) if outputs else None
+        rate = formulas(rates, known) if states else None
+        show = formulas(shown, known) if outputs else None
         if rate is not None:
             super().__init__(rate, ports, parameters, output=show, form="ode", effects=effects)
         else:
@@ -111,31 +111,7 @@ class EquationSimulator(FunctionSimulator):
 
 
 def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the right sides of rates, by state, and of outputs.
-
-    Parameters
-    ----------
-    equations : mapping of str to str
-        Right sides by what stands on the left.
-
-    Returns
-    -------
-    rates : dict of str to str
-        Right sides of rates by state.
-    outputs : dict of str to str
-        Right sides of outputs by name.
-
-    Raises
-    ------
-    ParameterError
-        A left side is neither ``dNAME/dt`` nor a name.
-
-    Examples
-    --------
-    >>> from pamid.simulators.equation_model import sides
-    >>> sides({"dh/dt": "v", "F": "A*p"})
-    ({'h': 'v'}, {'F': 'A*p'})
-    """
+    """Return the right sides of rates, by state, and of outputs."""
     rates: dict[str, str] = {}
     outputs: dict[str, str] = {}
     for left, right in equations.items():
@@ -150,24 +126,7 @@ def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]
 
 
 def names_in(text: str) -> set[str]:
-    """Return the names of an equation's right side that are no functions or constants.
-
-    Parameters
-    ----------
-    text : str
-        The right side.
-
-    Returns
-    -------
-    set of str
-        Names of states, inputs, parameters.
-
-    Examples
-    --------
-    >>> from pamid.simulators.equation_model import names_in
-    >>> sorted(names_in("-k*sqrt(h) + u"))
-    ['h', 'k', 'u']
-    """
+    """Return the names of an equation's right side that are no functions or constants."""
     return {n.id for n in ast.walk(_parsed(text)) if isinstance(n, ast.Name)} - {*FUNCTIONS, *_CONSTANTS}
 
 
@@ -186,7 +145,12 @@ def _parsed(text: str) -> ast.Expression:
         if isinstance(node, ast.Constant):
             if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
                 raise ParameterError(f"{text[:80]!r} holds {node.value!r}.", "numbers", "Write a number.")
-            node.value = float(node.value)  # whole numbers would grow without bound
+            try:
+                node.value = float(node.value)  # whole numbers would grow without bound
+            except OverflowError:
+                raise ParameterError(
+                    f"{text[:80]!r} holds a number beyond 1.8e308.", "a number", "Shorten it."
+                ) from None
     return tree
 
 
@@ -196,7 +160,7 @@ def _wrong_call(node: Any) -> bool:
     return len(node.args) != (2 if node.func.id in ("min", "max") else 1)
 
 
-def _function(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, Any, Any], dict[str, Any]]:
+def formulas(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, Any, Any], dict[str, Any]]:
     """Return a function of t, x, u, p that gives all right sides."""
     codes = []
     for name, text in right.items():
@@ -207,7 +171,13 @@ def _function(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, 
                 "Give it as a port or parameter, or correct the name.",
             )
         # The tree holds arithmetic and calls of FUNCTIONS alone: nothing else can run.
-        codes.append(compile(_parsed(text), f"<{name}>", "eval"))
+        tree = _parsed(text)
+        try:
+            codes.append(compile(tree, f"<{name}>", "eval"))
+        except (RecursionError, MemoryError):
+            raise ParameterError(
+                f"The equation of {name} is nested too deeply: {text[:60]!r}.", "a shorter one", "Simplify it."
+            ) from None
 
     def values(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
         own = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS, "t": t}

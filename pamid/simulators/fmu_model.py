@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import io
 import math
 import os
 import re
 import select
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 import weakref
@@ -31,13 +31,16 @@ from ..errors import (
     UntrustedCodeError,
 )
 from .base import Simulator
-from .fmu_worker import receive, send
+from .fmu_worker import is_whole, receive, send
 from .page import named_from
 from .ports import ModelParameter, Port, merged
+from .workers import ended, started
 
 SECONDS, BYTES = 60.0, 4 * 2**30
 """Time and memory that a run of an FMU may take, where nobody says otherwise."""
 _LOADING = 30.0  # s more for the first answer of a process, which loads Python and fmpy
+_PIECE = 2**16
+_STREAMS = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
 _NUMERIC = ("Real", "Float64", "Float32")
 
 
@@ -191,10 +194,9 @@ class _Worker:
         if self._process is None or self._process.poll() is not None:
             # The process may be killed, and cannot remove the folder itself.
             folder = tempfile.mkdtemp(prefix="pamid_fmu_")
-            worker = [sys.executable, "-m", "pamid.simulators.fmu_worker"]
-            command = [*worker, str(self.path.resolve()), str(BYTES), folder]
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+            said = [str(self.path.resolve()), str(BYTES), folder]
+            self._process = started(
+                "pamid.simulators.fmu_worker", *said, cwd=folder, env={"TMPDIR": folder}, **_STREAMS
             )
             self._ended = weakref.finalize(self._process, shutil.rmtree, folder, ignore_errors=True)
             weakref.finalize(self, _end, self._process, self._ended)
@@ -247,16 +249,21 @@ class _Worker:
         self._process = None
 
     def _awaited(self, process: subprocess.Popen[bytes]) -> Any:
-        """Return the answer, or None where none begins within the time; raise where the process has died."""
+        """Return the answer, or None where none is whole within the time; raise where the process has died."""
         assert process.stdout is not None
         until = time.monotonic() + max(self.seconds, 1.0) + (_LOADING if self._fresh(process) else 0.0)
-        while time.monotonic() < until:
-            ready, _, _ = select.select([process.stdout], [], [], 0.2)
+        heard = bytearray()
+        while (left := until - time.monotonic()) > 0.0:
+            ready, _, _ = select.select([process.stdout], [], [], min(left, 0.2))
             if ready:
-                if (answer := receive(process.stdout)) is None:
+                if not (more := os.read(process.stdout.fileno(), _PIECE)):
                     raise BrokenPipeError
-                return answer
-            if process.poll() is not None:
+                heard += more
+                if is_whole(heard):
+                    return receive(io.BytesIO(heard))
+                if len(heard) > BYTES:
+                    return None
+            elif process.poll() is not None:
                 raise BrokenPipeError
         return None
 
@@ -268,13 +275,7 @@ class _Worker:
 
 
 def _end(process: subprocess.Popen[bytes], remove: Callable[[], object]) -> None:
-    with contextlib.suppress(OSError):
-        process.kill()
-        process.wait(timeout=5)
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            with contextlib.suppress(OSError):
-                stream.close()
+    ended(process)
     remove()
 
 

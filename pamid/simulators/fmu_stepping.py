@@ -102,22 +102,7 @@ class Stepper:
         _well(status, "reading its outputs", time)
 
     def run(self, t: np.ndarray, u: np.ndarray, start: Mapping[str, float]) -> np.ndarray:
-        """Return the outputs at the times of a run, inputs held over each step.
-
-        Parameters
-        ----------
-        t : array, shape (n,)
-            Times, s.
-        u : array, shape (n_inputs, n)
-            Inputs.
-        start : mapping of str to float
-            Start values of variables.
-
-        Returns
-        -------
-        array, shape (n_outputs, n)
-            The outputs.
-        """
+        """Return the outputs at the times of a run, inputs held over each step."""
         t = t - t[0]
         given, out = np.ascontiguousarray(u.T, dtype=float), np.empty((len(t), len(self._asked)))
         self._begin(start, given[0], float(t[-1]))

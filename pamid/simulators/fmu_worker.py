@@ -5,8 +5,12 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
+import signal
 import struct
 import sys
+import threading
+import time
 import zipfile
 from pathlib import Path
 from typing import IO, Any
@@ -38,6 +42,11 @@ def receive(stream: IO[bytes]) -> tuple[dict[str, Any], dict[str, np.ndarray]] |
         return None
     with np.load(io.BytesIO(body), allow_pickle=False) as found:
         return json.loads(head), {k: found[k] for k in found.files}
+
+
+def is_whole(heard: bytes | bytearray) -> bool:
+    """Tell whether a message has come to its end."""
+    return len(heard) >= 16 and len(heard) >= 16 + sum(struct.unpack_from("<QQ", heard))
 
 
 def described(path: str) -> dict[str, Any]:
@@ -88,12 +97,15 @@ def _run(folder: str, kind: str, said: dict[str, Any], given: dict[str, np.ndarr
     return np.stack([np.interp(t - t[0], found["time"], found[n].astype(float)) for n in said["outputs"]])
 
 
-def _limited(memory: int) -> None:
-    """Hold this process to a number of bytes of memory, where the system can."""
+def limited(memory: int, seconds: int | None = None) -> None:
+    """Hold this process to a number of bytes of memory and of processor seconds, where the system can."""
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        if seconds is not None:
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     except (ImportError, ValueError, OSError):
         pass
 
@@ -116,15 +128,7 @@ def _numbers(y: np.ndarray, t: np.ndarray, names: list[str]) -> None:
 
 
 class _Served:
-    """One FMU and what was made of it.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    folder : str
-        Where it is unpacked.
-    """
+    """One FMU and what was made of it."""
 
     def __init__(self, path: str, folder: str) -> None:
         self.path, self.folder = path, folder
@@ -171,8 +175,16 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the FMU prints is no answer
     path, memory, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
-    _limited(memory)
-    served = _Served(path, folder)
+    limited(memory)
+    threading.Thread(target=_leave_with, args=(os.getppid(), folder), daemon=True).start()
+    try:
+        _serve(_Served(path, folder), path, answers)
+    finally:
+        _leave(folder)
+
+
+def _serve(served: _Served, path: str, answers: IO[bytes]) -> None:
+    """Answer requests until there are no more."""
     while (asked := receive(sys.stdin.buffer)) is not None:
         said, given = asked
         try:
@@ -184,6 +196,21 @@ def main() -> None:
             send(answers, {"error": str(error)[:500], "run": error.run})
         except Exception as error:  # whatever foreign code and fmpy raise is the answer
             send(answers, {"error": f"{type(error).__name__}: {error}"[:500]})
+
+
+def _leave_with(parent: int, folder: str) -> None:
+    """Leave when the process that asks is gone, even while the FMU runs: nobody else could tidy up."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    _leave(folder)
+
+
+def _leave(folder: str) -> None:
+    """Remove what was unpacked, and end with all that the FMU has started."""
+    shutil.rmtree(folder, ignore_errors=True)
+    if os.name == "posix" and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 if __name__ == "__main__":

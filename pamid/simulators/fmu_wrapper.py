@@ -16,6 +16,7 @@ from ..errors import ExportError
 from ..export.c_source import Writer, fill, statements
 from ..export.expression import as_symbol, symbol
 from ..export.fmu import binary_folder, compiled, packed
+from .between import ends_of
 from .catalogue import in_port_units, port_effects
 from .fmu_model import FmuSimulator
 from .fmu_worker import MOST_UNPACKED
@@ -34,23 +35,6 @@ def wrapped(simulator: FmuSimulator, compiler: str | None = None) -> bytes:
     """Return an FMU that is another one with a simulator's effects and parameters.
 
     The original lies inside, with its binary for this machine; the wrapper passes all calls on.
-
-    Parameters
-    ----------
-    simulator : FmuSimulator
-        Of FMI 2.0 with co-simulation.
-    compiler : str, optional
-        C compiler; by default ``$CC``, cc, gcc or clang, whichever is found first.
-
-    Returns
-    -------
-    bytes
-        The FMU.
-
-    Raises
-    ------
-    ExportError
-        The FMU is of another kind, an effect is no formula of what is there now, or nothing compiles.
     """
     with zipfile.ZipFile(simulator.path) as archive:
         if sum(i.file_size for i in archive.infolist()) > MOST_UNPACKED:
@@ -122,6 +106,8 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
     forces = []
     for name, where, values in simulator.effects:
         kind, cls = known[name]
+        if ends_of(where) is not None:
+            raise ExportError(f"{name} is between {where}.", "effects at one port", "Use the page of the simulator.")
         if cls.n_states or kind == "parameter":
             raise ExportError(
                 f"{name} at {where} remembers.", "an effect of what is there now", "Use the page of the simulator."

@@ -40,15 +40,6 @@ def force_per_input(
     inverse. Then
 
     .. math:: F/u = m\,\partial\dot v/\partial u
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    joint : JointPort
-        The joint, driven through an input in another unit.
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Instants at which it is asked.
     """
     if not joint.through or simulator.form != "ode":
         return None
@@ -70,14 +61,7 @@ def force_per_input(
 
 
 def as_force(value: float, unit: str, own: str, force: ForcePerInput) -> tuple[float, str] | None:
-    """Return a size in newtons instead of the joint's own unit; None where it holds none.
-
-    Examples
-    --------
-    >>> from pamid.simulators.forces import ForcePerInput, as_force
-    >>> as_force(0.5, "V s/m", "V", ForcePerInput(35.0, "N", "M"))
-    (17.5, 'N s/m')
-    """
+    """Return a size in newtons instead of the joint's own unit; None where it holds none."""
     if own in ("", "-") or unit_powers(unit).get(own, 0) != 1:
         return None
     return value * force.factor, unit_text([(force.unit, 1), (own, -1), (unit, 1)])

@@ -6,9 +6,11 @@ import contextlib
 import importlib
 import importlib.util
 import inspect
+import itertools
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence, Sized
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -173,7 +175,8 @@ class FunctionSimulator(Simulator):
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
         """Return the outputs of a whole run, shape (n_outputs, n)."""
         given = Values.of(np.vstack([u, t[None]]), (*self.inputs, "time"))
-        answer = _asked(self.function, given, Values.of(p, self.parameters), Values.of(x0, self.states))
+        own = Values.of(np.array(p), self.parameters), Values.of(np.array(x0), self.states)
+        answer = _asked(self.function, given, *own)
         out = _rows(answer, self.outputs, self.function)
         if out.shape != (len(self.outputs), len(t)):
             raise ShapeError(
@@ -185,39 +188,21 @@ class FunctionSimulator(Simulator):
 
 
 def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]:
-    """Import a function: this runs the code of its module.
-
-    Parameters
-    ----------
-    source : str
-        ``"module:function"``, or ``"file.py:function"``.
-    folder : Path, optional
-        Where a file is looked for, and modules before all others.
-
-    Returns
-    -------
-    callable
-        The function.
-
-    Raises
-    ------
-    SimulatorNotFoundError
-        There is no such module or function.
-    ParameterError
-        The text is no name of a function, or its module fails.
-    """
+    """Import a function: this runs the code of its module."""
     module, colon, name = source.rpartition(":")
     if not colon or not module or not name:
         raise ParameterError(f"The function is {source!r}.", "'module:function' or 'file.py:function'", "Correct it.")
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate():
             by_path = module.endswith(".py")
             loaded = _load_file(Path(folder or ".") / module) if by_path else _load_module(module, folder)
     except (SimulatorNotFoundError, ParameterError, KeyboardInterrupt):
         raise
     except BaseException as error:
         raise ParameterError(
-            f"{module} cannot be imported: {type(error).__name__}: {error}.", "a module without errors", "Correct it."
+            f"{module} cannot be imported: {type(error).__name__}: {_said(error)}.",
+            "a module without errors",
+            "Correct it.",
         ) from error
     found = getattr(loaded, name, None)
     if found is None:
@@ -233,14 +218,15 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
     """Call a user's function: what it raises is told as its own, and what it prints stays out of the results."""
     out, sys.stdout = sys.stdout, sys.stderr
     try:
-        return function(*given)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):  # a function may set both, for pamid too
+            return function(*given)
     except (PamidError, MemoryError, KeyboardInterrupt):
         raise
     except BaseException as error:  # a function may raise a class of its own below it
         trace = error.__traceback__.tb_next if error.__traceback__ else None
         line = f" in line {trace.tb_lineno}" if trace is not None else ""
         raise SimulatorRunError(
-            f"{_name(function)} raised {type(error).__name__}{line}: {str(error)[:200]}.",
+            f"{_name(function)} raised {type(error).__name__}{line}: {_said(error)}.",
             f"a function of {len(given)} arguments that returns numbers",
             "Correct the function.",
         ) from error
@@ -248,33 +234,23 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
         sys.stdout = out
 
 
+def _said(error: BaseException) -> str:
+    """Return what an error of somebody else's says; its own text may fail as well."""
+    try:
+        return str(error)[:200]
+    except Exception:
+        return "its text cannot be made"
+
+
 def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]) -> Any:
     """Call a user's function with numbers by name; what is not finite is looked at later."""
-    given = [Values.of(rows, labels) for rows, labels in arguments]
-    with np.errstate(all="ignore"):
-        return _asked(function, *given) if t is None else _asked(function, t, *given)
+    # Copies: a function may keep or overwrite what it is given.
+    given = [Values.of(np.array(rows), labels) for rows, labels in arguments]
+    return _asked(function, *given) if t is None else _asked(function, np.array(t)[()], *given)
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:
-    """Return where code was imported from, a file as it is called from another folder.
-
-    Parameters
-    ----------
-    source : str
-        ``"module:name"`` or ``"file.py:name"``, as seen from `home`.
-    home, folder : Path
-        The folder of the page that named it, and that of the new page.
-
-    Returns
-    -------
-    str
-        The same, as seen from `folder`.
-
-    Raises
-    ------
-    ParameterError
-        It has no name.
-    """
+    """Return where code was imported from, a file as it is called from another folder."""
     if not source:
         raise ParameterError(
             "The simulator was made from something without a name.", "a function of a module", "Define it in a file."
@@ -352,10 +328,10 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
             )
         answer = [answer[n] for n in names]
     one = len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer)
-    rows = list(answer) if not one and np.iterable(answer) else [answer]
+    rows = list(itertools.islice(answer, len(names) + 1)) if not one and np.iterable(answer) else [answer]
     if len(rows) != len(names):
         raise ShapeError(
-            f"{_name(function)} returned {len(rows)} values.",
+            f"{_name(function)} returned {_count(answer, rows, names)} values.",
             f"{len(names)}: {', '.join(names)}",
             "Return all, in order.",
         )
@@ -363,6 +339,12 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
         return np.stack(np.broadcast_arrays(*[np.asarray(r, dtype=float) for r in rows]))
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{_name(function)} returned no plain numbers ({error}).", "numbers", "Correct it.") from None
+
+
+def _count(answer: Any, rows: list[Any], names: tuple[str, ...]) -> str:
+    if np.ndim(answer) > 0 and isinstance(answer, Sized):
+        return str(len(answer))
+    return f"more than {len(names)}" if len(rows) > len(names) else str(len(rows))
 
 
 def _is_list_of_one(answer: Any) -> bool:

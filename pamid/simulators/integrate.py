@@ -43,29 +43,8 @@ class Runner:
     def states(
         self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST
     ) -> np.ndarray:
-        """Return the states along runs.
-
-        Parameters
-        ----------
-        t : array, shape (n_samples, n_runs)
-            Times, s.
-        x0 : array, shape (n_states, n_runs)
-            Where they begin.
-        u : array, shape (n_samples, n_inputs, n_runs)
-            Inputs as they reach the system.
-        p : array, shape (n_parameters, n_runs) or (n_samples, n_parameters, n_runs)
-            Parameters.
-        acting : sequence of (Placement, Effect)
-            Effects that act like forces or flows.
-        most : float, default=MOST
-            States beyond this are held there.
-
-        Returns
-        -------
-        array, shape (n_samples, n_states, n_runs)
-            The states, and the paths of joints that have no position below them.
-        """
-        wanted = {name for place, _ in acting for name in place.follows.values()}
+        """Return the states along runs."""
+        wanted = {name for place, _ in acting for name in place.sources()}
         paths = [name for name in self.paths if name in wanted]
         x = np.vstack([x0, np.zeros((len(paths), x0.shape[1]))])
         out = np.empty((len(t), *x.shape))
@@ -128,13 +107,10 @@ class Runner:
         simulator, n = self.simulator, len(self.simulator.states)
         added = np.zeros_like(x)
         if acting:
-            table, u = self._table(x, u, paths), u.copy()
+            table, at, u = self._table(x, u, paths), (t, x[:n], u, p), u.copy()
             for (place, made), m in zip(acting, memory, strict=True):
                 force = place.force(made, place.signals(table, t), m)
-                if place.enters == "input":
-                    u[simulator.inputs.index(place.at)] += force
-                else:
-                    place.add(made, force, simulator.states, added)
+                place.push(made, force, simulator, at, u, added)
         with np.errstate(all="ignore"):
             added[:n] += simulator.rate(t, x[:n], u, p)
         for k, name in enumerate(paths):

@@ -142,25 +142,7 @@ def tokens(name: str) -> list[str]:
 
 
 def column_of(name: str) -> Column:
-    """Return what a header says.
-
-    Parameters
-    ----------
-    name : str
-        The header.
-
-    Returns
-    -------
-    Column
-        What it says.
-
-    Examples
-    --------
-    >>> from pamid.simulators.likeness import column_of
-    >>> found = column_of("target_qd_3")
-    >>> found.commanded, found.quantity, found.number
-    (True, 'velocity', 3)
-    """
+    """Return what a header says."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1

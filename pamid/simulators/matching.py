@@ -66,41 +66,7 @@ def matches(
     simulator: Simulator, ports: Sequence[Port], frame: Mapping[str, np.ndarray], t: np.ndarray,
     given: Mapping[str, tuple[str, str]] | None = None,
 ) -> tuple[list[Match], dict[str, str]]:  # fmt: skip
-    """Return the columns that ports probably are.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator; nothing of it runs.
-    ports : sequence of Port
-        Those that a log may have columns of.
-    frame : mapping of str to array, shape (n,)
-        Columns of one run.
-    t : array, shape (n,)
-        Its times, s.
-    given : mapping of str to (str, str), optional
-        Column and unit by port, as somebody said.
-
-    Returns
-    -------
-    found : list of Match
-        One a port, at most; none of those that were given.
-    doubts : dict of str to str
-        Why no column is taken, or what contradicts one, by port.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.simulators import FunctionSimulator, Port
-    >>> from pamid.simulators.matching import matches
-    >>> ports = [Port("volt", "input", "V"), Port("angle", "state", "rad"), Port("speed", "state", "rad/s")]
-    >>> simulator = FunctionSimulator(lambda t, x, u, p: [x.speed, u.volt], ports)
-    >>> t = np.linspace(0.0, 5.0, 500)  # s
-    >>> frame = {"motor_voltage": np.cos(t), "shaft_angle": np.sin(t), "shaft_speed": 9.549 * np.cos(t)}
-    >>> found, _ = matches(simulator, ports, frame, t)
-    >>> [(m.port, m.column, m.unit) for m in found]
-    [('volt', 'motor_voltage', ''), ('angle', 'shaft_angle', ''), ('speed', 'shaft_speed', 'rpm')]
-    """
+    """Return the columns that ports probably are."""
     search = _Matcher(simulator, ports, frame, t, given or {})
     pairs = search.assigned(search.assigned({}))
     pairs |= search.in_order(pairs)

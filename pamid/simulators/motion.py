@@ -13,29 +13,6 @@ def rate_between(t: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> t
 
     The change of a position over a window is compared with the integral of the velocity over it; nothing is
     differentiated, so noise of single samples hardly counts.
-
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Times, s.
-    position, velocity : array, shape (n,)
-        The channels, in any units.
-
-    Returns
-    -------
-    r : float
-        Correlation of both; NaN where one of them rests.
-    slope : float
-        Units of position per second in one of velocity.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.simulators.motion import rate_between
-    >>> t = np.linspace(0.0, 3.0, 300)  # s
-    >>> r, slope = rate_between(t, np.sin(t), 2.0 * np.cos(t))
-    >>> round(r, 3), round(slope, 3)
-    (1.0, 0.5)
     """
     known = np.isfinite(t) & np.isfinite(position) & np.isfinite(velocity)
     t, x, v = t[known], position[known], velocity[known]
@@ -50,20 +27,7 @@ def rate_between(t: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> t
 
 
 def follows(command: np.ndarray, reading: np.ndarray) -> float:
-    """Return the correlation of a command with a reading; NaN where one of them rests.
-
-    Parameters
-    ----------
-    command, reading : array, shape (n,)
-        The channels, in any units.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.simulators.motion import follows
-    >>> round(follows(np.arange(5.0), 2.0 * np.arange(5.0)), 3)
-    1.0
-    """
+    """Return the correlation of a command with a reading; NaN where one of them rests."""
     known = np.isfinite(command) & np.isfinite(reading)
     return _correlation(command[known], reading[known])
 

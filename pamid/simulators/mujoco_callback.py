@@ -12,6 +12,7 @@ from ..effects import Effect
 from ..effects.base import Signals
 from ..effects.plant import Surroundings
 from ..errors import SimulatorTypeError
+from .between import Between, ends_of
 from .catalogue import in_port_units, port_effects
 from .mujoco_model import MujocoSimulator, actuators_of
 from .page import read_simulator
@@ -46,8 +47,10 @@ class MujocoCallbacks:
     model : mujoco.MjModel
         The model.
     effects : sequence of (str, str, mapping)
-        Name, port (a joint or an actuator), values in the units of the port. Faults of sensors do not act: they are
-        of readings.
+        Name, port (a joint, two as ``"A and B"``, or an actuator), values in the units of the port. Faults of sensors
+        do not act: they are of readings.
+    between : sequence of Between, optional
+        Pairs of joints with other ratios than 1.
 
     Raises
     ------
@@ -68,7 +71,9 @@ class MujocoCallbacks:
     0.33
     """
 
-    def __init__(self, model: Any, effects: Sequence[tuple[str, str, Mapping[str, float]]]) -> None:
+    def __init__(
+        self, model: Any, effects: Sequence[tuple[str, str, Mapping[str, float]]], between: Sequence[Between] = ()
+    ) -> None:
         import mujoco
 
         self._mujoco, self._joints, self._actuators = mujoco, [], []
@@ -76,10 +81,12 @@ class MujocoCallbacks:
         for name, where, values in effects:
             kind, _ = known[name]
             effect = in_port_units(name, where, values)
-            if kind == "joint":
-                at = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, where)
-                places = int(model.jnt_qposadr[at]), int(model.jnt_dofadr[at])
-                self._joints.append((*places, _Remembered(effect)))
+            if kind in ("joint", "link"):
+                ends = ends_of(where) or (where,)
+                both = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, end) for end in ends]
+                ratio = next((b.ratio or 1.0 for b in between if b.name == where), 1.0)
+                signs = np.array([1.0, -ratio][: len(both)])
+                self._joints.append((model.jnt_qposadr[both], model.jnt_dofadr[both], signs, _Remembered(effect)))
             elif kind == "input":
                 at = list(actuators_of(model)).index(where)
                 self._actuators.append((int(at), _Remembered(effect)))
@@ -96,14 +103,15 @@ class MujocoCallbacks:
         self._mujoco.set_mjcb_control(None)
 
     def _push(self, model: Any, data: Any) -> None:
-        for q, dof, kept in self._joints:
-            s = Signals(position=np.array([data.qpos[q]]), velocity=np.array([data.qvel[dof]]))
+        for q, dof, signs, kept in self._joints:
+            across = signs @ data.qpos[q], signs @ data.qvel[dof]
+            s = Signals(position=np.array(across[:1]), velocity=np.array(across[1:]))
             s.time = np.array([data.time])
             x = kept.memory(s, data.time, model.opt.timestep)
             hooks = kept.effect.hooks()
             for hook in ("force", "torque"):
                 if hook in hooks:
-                    data.qfrc_passive[dof] += float(np.ravel(getattr(kept.effect, hook)(s, x, _PLANT))[0])
+                    data.qfrc_passive[dof] += signs * float(np.ravel(getattr(kept.effect, hook)(s, x, _PLANT))[0])
 
     def _drive(self, model: Any, data: Any) -> None:
         # What was written here before is not what the controller asks for.
@@ -120,29 +128,11 @@ class MujocoCallbacks:
 
 
 def corrected(page: str | Path) -> tuple[Any, MujocoCallbacks]:
-    """Return the model of a page, and its effects as callbacks.
-
-    Parameters
-    ----------
-    page : path-like
-        A page of the kind ``"mujoco"``, such as the ``corrected.toml`` of a diagnosis.
-
-    Returns
-    -------
-    model : mujoco.MjModel
-        The model.
-    acting : MujocoCallbacks
-        What acts beside it, within ``with acting:``.
-
-    Raises
-    ------
-    SimulatorTypeError
-        The page is of another kind.
-    """
+    """Return the model of a page, and its effects as callbacks."""
     import mujoco
 
     simulator = read_simulator(page)
     if not isinstance(simulator, MujocoSimulator):
         raise SimulatorTypeError(f"{page} is a {simulator.kind}.", "a MuJoCo model", "Name its page.")
     model = mujoco.MjModel.from_xml_path(str(simulator.path))
-    return model, MujocoCallbacks(model, simulator.effects)
+    return model, MujocoCallbacks(model, simulator.effects, simulator.between)

@@ -9,8 +9,10 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import MissingDependencyError, ParameterError, SimulatorNotFoundError, SimulatorSyntaxError
+from ..errors import ParameterError, SimulatorSyntaxError
 from .base import Simulator
+from .mujoco_loading import loaded_model
+from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
 from .page import named_from
 from .ports import ModelParameter, Port, merged
@@ -19,7 +21,8 @@ _NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
     "actuator_gear": "actuator",
 }  # fmt: skip
-MOST_BYTES = 50_000_000
+_IN_REST = ("body_mass", "dof_armature", "actuator_gear")
+"""Numbers from which MuJoCo computes others where the model begins."""
 
 
 class MujocoSimulator(Simulator):
@@ -62,6 +65,7 @@ class MujocoSimulator(Simulator):
     kind: ClassVar[str] = "mujoco"
     kinds: ClassVar[tuple[str, ...]] = ("mujoco",)
     executes: ClassVar[bool] = False
+    one_by_one: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -87,6 +91,7 @@ class MujocoSimulator(Simulator):
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
+        self._names, self._has = list(self.parameters), np.array([float(v) for v in self._nominal])
         self._pieces = KeptPieces(self._m, self._d, self._each)
 
     def _own_ports(self) -> list[Port]:
@@ -167,19 +172,15 @@ class MujocoSimulator(Simulator):
         return found
 
     def _set(self, numbers: np.ndarray) -> None:
-        mj = _mujoco()
-        changed = False
-        for (array, at), nominal, value, name in zip(
-            self._slots, self._nominal, numbers, self.parameters, strict=False
-        ):
-            if float(array[at]) == value:
-                continue
-            changed = True
-            if name.startswith("body_mass") and nominal > 0.0:  # a heavier body of the same shape
+        moved = False
+        for k in np.flatnonzero(numbers != self._has[: len(numbers)]).tolist():
+            (array, at), value = self._slots[k], numbers[k]
+            moved = moved or self._names[k].startswith(_IN_REST)
+            if self._names[k].startswith("body_mass") and self._nominal[k] > 0.0:  # a heavier body of the same shape
                 self._m.body_inertia[at] *= value / float(array[at])
-            array[at] = value
-        if changed:
-            mj.mj_setConst(self._m, self._d)
+            array[at] = self._has[k] = value
+        if moved:
+            _mujoco().mj_setConst(self._m, self._d)
 
     def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any, sensors: bool = False) -> Any:
         """Return what is read of the model at many instants; NaN where an instant is not finite."""
@@ -272,26 +273,8 @@ class MujocoSimulator(Simulator):
         return float(self._nominal[list(self.parameters).index(name)])
 
 
-def _mujoco() -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingDependencyError(
-            "MuJoCo is not installed.", "the package mujoco", "Install it: pip install 'pamid[mujoco]'."
-        ) from None
-    return mujoco
-
-
 def _loaded(path: Path) -> Any:
-    mj = _mujoco()
-    if not path.is_file():
-        raise SimulatorNotFoundError(f"{path} is not there.", "an MJCF file", "Check the path.")
-    if path.stat().st_size > MOST_BYTES:
-        raise SimulatorSyntaxError(f"{path} holds {path.stat().st_size:,} bytes.", "an MJCF file", "Check the path.")
-    try:
-        m = mj.MjModel.from_xml_path(str(path))
-    except (ValueError, mj.FatalError, mj.UnexpectedError) as error:
-        raise SimulatorSyntaxError(f"{path} is no MJCF: {error}.", "a model that MuJoCo loads", "Correct it.") from None
+    mj, m = _mujoco(), loaded_model(path)
     straight = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:
         raise SimulatorSyntaxError(
@@ -312,18 +295,7 @@ def _names(m: Any, what: str) -> list[str]:
 
 
 def actuators_of(m: Any) -> dict[str, str]:
-    """Return the inputs that the actuators of a model are, with the names that they have there.
-
-    Parameters
-    ----------
-    m : mujoco.MjModel
-        The model.
-
-    Returns
-    -------
-    dict of str to str
-        An actuator's name by that of its port, in order; one that is called as a joint goes by ``NAME_ctrl``.
-    """
+    """Return the inputs that the actuators of a model are, with the names that they have there."""
     joints = _names(m, "joint")
     taken = {*joints, *(f"{j}{end}" for j in joints for end in ("_q", "_dq", "_tau"))}
     return {f"{n}_ctrl" if n in taken else n: n for n in _names(m, "actuator")}

@@ -70,19 +70,7 @@ FIXED = (ParameterDeviation, AddedInertia)
 
 
 def at_parameters(simulator: Simulator) -> list[Placement]:
-    """Return the effects at the numbers of a simulator.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-
-    Returns
-    -------
-    list of Placement
-        Deviation and drift at each number that is not zero; at each joint whose simulator can have more inertia
-        there, that.
-    """
+    """Return the effects at the numbers of a simulator."""
     found = []
     for name, parameter in simulator.parameters.items():
         if parameter.value == 0.0:

@@ -6,10 +6,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
+from inspect import isabstract
 from pathlib import Path
 from typing import Any
 
 from .._discovery import subclasses
+from .._plugins import left_out, plugins
 from ..errors import (
     MissingParameterError,
     OversizedSimulatorError,
@@ -21,42 +23,41 @@ from ..errors import (
     UnknownParameterError,
     UntrustedCodeError,
 )
-from ..toml_files import TomlErrors, read_toml
+from ..toml_files import TomlErrors, read_toml, toml_key, toml_value
 from .base import Simulator
+from .between import ends_of, place_name, read_between
 from .ports import ModelParameter, Port
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
-_TABLES = ("ports", "parameters", "effects")
+_TABLES = ("ports", "parameters", "between", "effects")
+MODELS = (".xml", ".fmu")
+"""Endings of models that are read without a page."""
 _PORT = {f.name: f.type for f in fields(Port)}
+
+
+def bare_model(path: Path, trust: bool = False) -> Simulator:
+    """Return a model without a page: its ports stand in columns of their own names."""
+    from . import FmuSimulator, MujocoSimulator
+
+    return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
 
 
 @cache
 def simulator_kinds() -> dict[str, type[Simulator]]:
-    """Return the kinds of simulators that a page may name, with their classes.
-
-    Examples
-    --------
-    >>> from pamid.simulators import simulator_kinds
-    >>> "ode" in simulator_kinds()
-    True
-    """
-    classes = subclasses("pamid.simulators", Simulator)
-    return dict(sorted((kind, cls) for cls in classes for kind in cls.kinds))
+    """Return the kinds of simulators that a page may name, with their classes."""
+    found = {kind: cls for cls in subclasses("pamid.simulators", Simulator) for kind in cls.kinds}
+    expected = "a whole class below pamid.simulators.Simulator with kinds of its own"
+    for source, thing in plugins("pamid.simulators", expected):
+        whole = isinstance(thing, type) and issubclass(thing, Simulator) and not isabstract(thing)
+        if whole and thing.kinds and not set(thing.kinds) & set(found):
+            found |= dict.fromkeys(thing.kinds, thing)
+        else:
+            left_out(source, repr(thing), expected)
+    return dict(sorted(found.items()))
 
 
 def page_signals(path: str | Path) -> dict[str, str]:
-    """Return the columns in which a page says that signals stand, with their units; nothing that it names is run.
-
-    Parameters
-    ----------
-    path : path-like
-        The page.
-
-    Returns
-    -------
-    dict of str to str
-        Unit by column, of inputs, outputs and states.
-    """
+    """Return the columns in which a page says that signals stand, with their units; nothing that it names is run."""
     ports = read_toml(path, "a simulator file", _ERRORS).get("ports", {})
     entries = ports.items() if isinstance(ports, dict) else ()
     signals = {n: p for n, p in entries if isinstance(p, dict) and p.get("kind") in ("input", "output", "state")}
@@ -64,12 +65,13 @@ def page_signals(path: str | Path) -> dict[str, str]:
 
 
 def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
-    """Read the page of a simulator. Nothing runs code from a file without trust.
+    """Read the page of a simulator, or a model itself. Nothing runs code from a file without trust.
 
     Parameters
     ----------
     path : path-like
-        TOML file with ``kind``, a table of that name, ``[ports]``, and if wanted ``[parameters]``, ``[[effects]]``.
+        TOML file with ``kind``, a table of that name, ``[ports]``, and if wanted ``[parameters]``, ``[[effects]]``; or
+        a MuJoCo model (``.xml``) or an FMU (``.fmu``), with the page of the same name beside it if there is one.
     trust : bool, default=False
         Whether the code that the page names (a Python function, an FMU) may run.
 
@@ -107,68 +109,38 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
     ('F',)
     """
     path = Path(path)
+    if path.suffix.lower() in MODELS:
+        page = path.with_suffix(".toml")
+        return read_simulator(page, trust=trust) if page.is_file() else bare_model(path, trust)
     raw = read_toml(path, "a simulator file", _ERRORS)
     kind, known = raw.get("kind"), simulator_kinds()
     if kind not in known:
         raise UnknownOptionError(f"{path} is of the kind {kind!r}.", f"one of {', '.join(known)}", "Correct kind.")
     if extra := sorted(set(raw) - {"kind", kind, *_TABLES}):
         raise UnknownParameterError(
-            f"{path} has {', '.join(map(repr, extra))}.", f"kind, [{kind}], [ports], [parameters], [[effects]]",
+            f"{path} has {', '.join(map(repr, extra))}.",
+            f"kind, [{kind}], [ports], [parameters], [[between]], [[effects]]",
             "Remove or correct the name.",
         )  # fmt: skip
     try:
         table = _table(raw, kind)
         ports = [_port(name, given) for name, given in _table(raw, "ports").items()]
         numbers = {name: _number(name, given) for name, given in _table(raw, "parameters").items()}
-        effects = _effects(raw.get("effects", []))
+        effects, between = _effects(raw.get("effects", [])), read_between(raw.get("between", []))
         if known[kind].executes and not trust:
             raise UntrustedCodeError(
                 f"{path} names code to run: {', '.join(str(v) for v in table.values() if isinstance(v, str))}.",
                 "your word that it may run",
                 "Read that code, then add --trust (in Python: trust=True).",
             )
-        return known[kind].from_page(kind, table, ports, numbers, effects, path.parent)
+        made = known[kind].from_page(kind, table, ports, numbers, effects, path.parent)
+        return made.with_(between=between) if between else made
     except (SimulatorFileError, ParameterError) as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 
 
 def read_outline(path: str | Path) -> Simulator:
-    """Read what a page says of ports; nothing that it names is run, so the simulator itself cannot be asked.
-
-    Parameters
-    ----------
-    path : path-like
-        The page.
-
-    Returns
-    -------
-    Simulator
-        The simulator itself where its kind runs no code, otherwise its ports alone.
-
-    Raises
-    ------
-    UntrustedCodeError
-        The page names code and says no signals: only the code knows them.
-    SimulatorFileError, ParameterError
-        The page is missing, no TOML, or says something that cannot be.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> from pamid.simulators.page import read_outline
-    >>> page = '''
-    ... kind = "ode"
-    ... [ode]
-    ... function = "motor.py:rates"
-    ... [ports]
-    ... voltage = { kind = "input", unit = "V" }
-    ... speed = { kind = "state", unit = "rad/s" }
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = (pathlib.Path(folder) / "sim.toml").write_text(page)
-    ...     read_outline(pathlib.Path(folder) / "sim.toml").states
-    ('speed',)
-    """
+    """Read what a page says of ports; nothing that it names is run, so the simulator itself cannot be asked."""
     raw = read_toml(path, "a simulator file", _ERRORS)
     known = simulator_kinds().get(raw.get("kind", ""))
     if known is None or not known.executes:
@@ -225,7 +197,7 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
     found = []
     for e in given:
         values = {k: v for k, v in e.items() if k not in ("effect", "at")}
-        name, where, known = e.get("effect"), e.get("at"), port_effects()
+        name, where, known = e.get("effect"), place_name(e.get("at")), port_effects()
         if name not in known:
             raise UnknownOptionError(f"[[effects]] has {name!r}.", f"one of {', '.join(known)}", "Correct effect.")
         parameters = [p.name for p in known[name][1].parameters]
@@ -233,8 +205,10 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
             raise UnknownParameterError(
                 f"The effect {name} has no {', '.join(extra)}.", f"only {', '.join(parameters)}", "Correct it."
             )
-        if not isinstance(where, str):
-            raise MissingParameterError(f"The effect {name} has no port.", 'at = "PORT"', "Say where it acts.")
+        if where is None:
+            raise MissingParameterError(
+                f"The effect {name} has no port.", 'at = "PORT", or at = ["A", "B"] between two', "Say where it acts."
+            )
         if wrong := [k for k, v in values.items() if isinstance(v, bool) or not isinstance(v, (int, float))]:
             raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is no number.", "a number", "Correct it.")
         found.append((name, where, {k: float(v) for k, v in values.items()}))
@@ -271,7 +245,7 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
     """
     table = simulator.page_table(Path(folder))
     lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{simulator.kind}"', ""]
-    lines += [f"[{simulator.kind}]", *(f"{k} = {_toml(v)}" for k, v in table.items())]
+    lines += [f"[{simulator.kind}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
     lines += ["", "[ports]"]
     for port in simulator.ports:
         said = {"kind": port.kind} | {
@@ -279,30 +253,24 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
             for f in fields(Port)
             if f.name not in ("name", "kind") and getattr(port, f.name) != f.default
         }
-        lines.append(f"{port.name} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
+        lines.append(f"{toml_key(port.name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
     none = {name for name, _ in simulator.joint_inertias().values()}
     numbers = {n: p for n, p in simulator.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
     if numbers:
         lines += ["", "[parameters]"]
         for name, p in numbers.items():
             said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
-            lines.append(f"{_key(name)} = {{ {', '.join(f'{k} = {_toml(v)}' for k, v in said.items())} }}")
+            lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
+    for b in simulator.between:
+        lines += ["", "[[between]]", f"ends = [{toml_value(b.first)}, {toml_value(b.second)}]"]
+        lines += [f"ratio = {float(b.ratio)!r}"] if b.ratio is not None else []
+        lines += [f"inertia = [{', '.join(map(toml_value, b.inertia))}]"] if b.inertia is not None else []
     for name, where, values in simulator.effects:
-        lines += ["", "[[effects]]", f'effect = "{name}"', f'at = "{where}"']
+        both = ends_of(where)
+        at = toml_value(where) if both is None else f"[{', '.join(map(toml_value, both))}]"
+        lines += ["", "[[effects]]", f"effect = {toml_value(name)}", f"at = {at}"]
         lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
     return "\n".join(lines) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if name.replace("_", "a").isalnum() and name.isascii() else _toml(name)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value)
 
 
 def named_from(path: Path, folder: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,7 +11,9 @@ import numpy as np
 from ..effects import Effect, Signals
 from ..effects.plant import Surroundings
 from ..effects.values import checked_value
+from .base import Simulator
 from .dimensions import unit_powers
+from .links import Link
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,9 @@ class Placement:
     effect : class
         The library's effect, under the name `key`.
     enters : str
-        ``"input"``, ``"output"``, ``"state"`` (its rate) or ``"parameter"``, see `at`.
+        ``"input"``, ``"output"``, ``"state"`` (its rate), ``"parameter"`` or ``"link"``, see `at`.
     at : str
-        The input, output, state or parameter that it changes.
+        The input, output, state or parameter that it changes; of a link the state of its first end.
     follows : dict of str to str
         The signal (state or input) behind each role of the effect.
     scales : Scales
@@ -73,6 +75,8 @@ class Placement:
         Units of its parameters.
     into : str
         For what is lost from a chamber: the state that gets the ``returned`` share of it; empty where none does.
+    link : Link, optional
+        For an effect between two ports, both: it follows their differences, and acts on both.
     """
 
     key: str
@@ -86,6 +90,7 @@ class Placement:
     powers: Mapping[str, int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     into: str = ""
+    link: Link | None = None
 
     # --- values ---------------------------------------------------------------------------------------------
     def factor(self, parameter: str) -> float:
@@ -124,16 +129,6 @@ class Placement:
 
         Bounds in those units follow from the sizes in a log and are for a search; a sign, and the range of what has no
         unit, hold everywhere.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Values; those left out are the usual ones.
-
-        Raises
-        ------
-        ImplausibleParameterError
-            A value has the wrong sign, or is none that there can be.
         """
         out, named = self.effect(), f"{self.name} at {self.port}"
         for p in self.effect.parameters:
@@ -156,6 +151,8 @@ class Placement:
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
         """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""
         s, out = self.scales, Signals()
+        if self.link is not None:
+            found = {**found, **self.link.across(found)}
         for role, name in self.follows.items():
             x = found[name]
             if role == "position":
@@ -182,14 +179,36 @@ class Placement:
                 total = total + getattr(made, hook)(s, x, self.plant)
         if "flow" in hooks:
             # A bench counts what must flow in, other systems what is stored: at a port it is always what is lost.
-            total = total - np.abs(made.flow(s, x, self.plant)[0])
+            if self.link is None:
+                total = total - np.abs(made.flow(s, x, self.plant)[0])
+            else:  # it goes from the fuller end to the other, whichever that is
+                above = s.pressure - self.scales.offset
+                passes = made.flow(s.with_(pressure=self.scales.offset + np.abs(above)), x, self.plant)[0]
+                total = total - np.sign(above) * np.abs(passes)
         return total * self.scales.target
 
-    def add(self, made: Effect, force: Any, states: Sequence[str], added: np.ndarray) -> None:
-        """Add what an effect does to the rate of a state, and to that of the one which gets what the first loses."""
-        added[states.index(self.at)] += force
-        if self.into:
-            added[states.index(self.into)] -= made.returned * force  # type: ignore[attr-defined]
+    def sources(self) -> set[str]:
+        """Return the signals behind what it follows."""
+        both = self.link.sources if self.link is not None else {}
+        return {source for name in self.follows.values() for source in both.get(name, (name,))}
+
+    def push(
+        self, made: Effect, force: Any, simulator: Simulator,
+        at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], u: np.ndarray, added: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Let a force or flow act on an input `u`, or on rates `added`, in place.
+
+        What is lost may be another state's gain; what acts between two ports acts on both. `at` are times, states,
+        inputs and parameters, shape (n_parameters, n).
+        """
+        if self.link is not None:
+            self.link.push(force, simulator, at, u, added)
+        elif self.enters == "input":
+            u[simulator.inputs.index(self.at)] += force
+        else:
+            added[simulator.states.index(self.at)] += force
+            if self.into:
+                added[simulator.states.index(self.into)] -= made.returned * force  # type: ignore[attr-defined]
 
     def drive(self, made: Effect, u: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
         """Return the input that the system gets where it is given u, along runs."""
@@ -212,24 +231,7 @@ class Placement:
 
 
 def named(effect: type[Effect], key: str, hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
-    """Return an effect of the library under another name, which the library itself does not learn of.
-
-    Parameters
-    ----------
-    effect : class
-        The effect.
-    key : str
-        Its name.
-    hidden : tuple of str, default=()
-        Parameters that do nothing at this port: they stay at their nominal values.
-    **changes : object
-        Other attributes of the class.
-
-    Returns
-    -------
-    class
-        The effect under that name.
-    """
+    """Return an effect of the library under another name, which the library itself does not learn of."""
     kept = tuple(p for p in effect.parameters if p.name not in hidden)
     fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
     bound: type[Effect] = type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

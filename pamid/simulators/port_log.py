@@ -97,11 +97,6 @@ class PortLog:
 
         Windows are short beside the fastest motion, a sixth of its period and less; over a quarter of one a sine leaves
         its chord by no more than 1 % of its amplitude. So does a mean of as many rows without those of such a gap.
-
-        Parameters
-        ----------
-        n : int
-            Samples of a window.
         """
         lost = self.lost
         edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
@@ -121,27 +116,7 @@ class PortLog:
 
 
 def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
-    """Return a log at the ports of a simulator.
-
-    Parameters
-    ----------
-    log : DataFrame
-        ``trajectory``, ``time`` (s) and the columns that the ports name.
-    simulator : Simulator
-        The simulator.
-
-    Returns
-    -------
-    PortLog
-        Evenly sampled, without missing values.
-
-    Raises
-    ------
-    MissingColumnError
-        The log has no time, an input that a port names by column is missing, or nothing of what the simulator says.
-    ShortTrajectoryError
-        No run is long enough.
-    """
+    """Return a log at the ports of a simulator."""
     signals = [p for p in simulator.ports if p.kind in ("input", "output", "state")]
     has = ", ".join(map(str, log.columns[:20]))
     wanted = [p for p in signals if p.kind == "input" and (p.column or p.start == 0.0)]

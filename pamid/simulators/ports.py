@@ -129,18 +129,7 @@ class ModelParameter:
 
 
 def as_parameters(given: Mapping[str, Any] | None) -> dict[str, ModelParameter]:
-    """Return parameters by name from numbers, pairs of value and tolerance, or `ModelParameter`.
-
-    Parameters
-    ----------
-    given : mapping of str to float, tuple or ModelParameter, or None
-        The parameters.
-
-    Returns
-    -------
-    dict of str to ModelParameter
-        The same, checked.
-    """
+    """Return parameters by name from numbers, pairs of value and tolerance, or `ModelParameter`."""
     found = {}
     for name, value in (given or {}).items():
         if isinstance(value, ModelParameter):
@@ -153,25 +142,7 @@ def as_parameters(given: Mapping[str, Any] | None) -> dict[str, ModelParameter]:
 
 
 def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
-    """Return a model's own ports, with what is said of them otherwise, and further ones.
-
-    Parameters
-    ----------
-    own : sequence of Port
-        Ports as the model has them.
-    said : sequence of Port
-        What a user says: what is left at its default stays as the model has it.
-
-    Returns
-    -------
-    list of Port
-        The ports.
-
-    Raises
-    ------
-    ParameterError
-        A port of the model is said to be of another kind.
-    """
+    """Return a model's own ports, with what is said of them otherwise, and further ones."""
     found = {p.name: p for p in own}
     for port in said:
         if port.name not in found:
@@ -211,20 +182,7 @@ class Values(np.ndarray):
 
     @classmethod
     def of(cls, rows: np.ndarray, names: Iterable[str]) -> Values:
-        """Return rows under names.
-
-        Parameters
-        ----------
-        rows : array, shape (n_names, ...)
-            The numbers.
-        names : iterable of str
-            One name a row.
-
-        Returns
-        -------
-        Values
-            The same numbers.
-        """
+        """Return rows under names."""
         names = tuple(names)
         out: Values = np.asarray(rows, dtype=float).view(_class_of(names))
         out._names = names

@@ -38,15 +38,7 @@ class JointPort(NamedTuple):
 
 
 def kinematic_pairs(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:
-    """Return the states whose rate is another state: positions, with their velocities.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Instants at which it is asked, the states with some motion in them.
-    """
+    """Return the states whose rate is another state: positions, with their velocities."""
     rate = simulator.rate(t, x, u, spread_numbers(simulator, x.shape[1]))
     found = {}
     for i, name in enumerate(simulator.states):
@@ -65,17 +57,7 @@ def spread_numbers(simulator: Simulator, n: int) -> np.ndarray:
 def joints_of(
     simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]
 ) -> list[JointPort]:
-    """Return the joints of a simulator: those of its joint ports, and what its kinematics show.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    pairs : mapping of str to str
-        Positions and their velocities, see `kinematic_pairs`.
-    pushes : mapping of (str, str) to float
-        For an input and a velocity the force that the input exerts there, a rate per unit, where its sign is constant.
-    """
+    """Return the joints of a simulator: those of its joint ports, and what its kinematics show."""
     found = []
     for port in simulator.ports:
         if port.kind == "joint":
@@ -103,17 +85,7 @@ def joints_of(
 def pushes_of(
     simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, step: np.ndarray
 ) -> dict[tuple[str, str], float]:
-    """Return what each input does to the rate of each state, where it always pushes the same way.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Instants at which it is asked.
-    step : array, shape (n_inputs,)
-        Changes of the inputs that count as small.
-    """
+    """Return what each input does to the rate of each state, where it always pushes the same way."""
     p = spread_numbers(simulator, x.shape[1])
     base = simulator.rate(t, x, u, p)
     found = {}
@@ -130,20 +102,7 @@ def pushes_of(
 
 
 def fed_by(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:
-    """Return the states that feed one other: their levels always raise its rate, and that of no other.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Instants at which it is asked.
-
-    Returns
-    -------
-    dict of str to str
-        The state that is fed, by the one that feeds it; both in the same unit.
-    """
+    """Return the states that feed one other: their levels always raise its rate, and that of no other."""
     p, found = spread_numbers(simulator, x.shape[1]), {}
     base = simulator.rate(t, x, u, p)
     for k, name in enumerate(simulator.states):

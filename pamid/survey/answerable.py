@@ -345,24 +345,7 @@ WORDS = {
 
 
 def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind: str = "bench") -> list[Answerable]:
-    """Return what can be answered from a log.
-
-    Parameters
-    ----------
-    columns : list of str
-        Its columns that are not empty.
-    coverage : Coverage
-        What it excites.
-    sampling : Sampling
-        Its runs and clock.
-    kind : str, default="bench"
-        What was recorded: ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``.
-
-    Returns
-    -------
-    list of Answerable
-        One a question, in the order of `RULES`.
-    """
+    """Return what can be answered from a log."""
     has = frozenset(key for key, names in _SETS.items() if set(names) & set(columns))
     facts = Facts(has, coverage, sampling)
     found = []

@@ -79,20 +79,7 @@ class Sampling:
 
 
 def sampling_of(log: pd.DataFrame, signals: list[str]) -> Sampling:
-    """Return how a tidy log is sampled.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log.
-    signals : list of str
-        Signals by which repeats are told; the first is what the run imposes.
-
-    Returns
-    -------
-    Sampling
-        Runs and clock.
-    """
+    """Return how a tidy log is sampled."""
     groups = [(str(name), run) for name, run in log.groupby("trajectory", sort=False)]
     times = [run["time"].to_numpy(dtype=float) for _, run in groups]
     lengths = np.array([t[-1] - t[0] if len(t) > 1 else 0.0 for t in times])
@@ -123,16 +110,7 @@ def sampling_of(log: pd.DataFrame, signals: list[str]) -> Sampling:
 
 
 def between_pauses(log: pd.DataFrame, period: float) -> pd.DataFrame:
-    """Return a log whose runs are cut where time goes on by more than 20 periods, so that nothing looks across.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from pamid.survey.sampling import between_pauses
-    >>> log = pd.DataFrame({"trajectory": ["a"] * 4, "time": [0.0, 0.001, 60.0, 60.001]})
-    >>> between_pauses(log, 0.001)["trajectory"].tolist()
-    ['a', 'a', 'a (2)', 'a (2)']
-    """
+    """Return a log whose runs are cut where time goes on by more than 20 periods, so that nothing looks across."""
     time = log["time"].to_numpy(dtype=float)
     codes = log["trajectory"].factorize()[0]
     same = codes[1:] == codes[:-1]

@@ -25,25 +25,6 @@ def scale_doubts(log: pd.DataFrame) -> list[str]:
 
     A force is at most the gauge pressure times a piston's area, and the gas that a flow moves to and fro is at most
     what a volume holds, :math:`\int \dot m\,\mathrm{d}t = P V/(R T)`.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log in SI.
-
-    Returns
-    -------
-    list of str
-        A sentence for each doubt.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.survey.scales import scale_doubts
-    >>> t = np.arange(0, 5, 0.01)
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P1": 3e5 + 1e5 * np.sin(t), "F1": 0.2 + 0.1 * np.sin(t)})
-    >>> scale_doubts(log)[0][:35]
-    'F1 stays below 0.3 N while P1 reach'
     """
     found = []
     for pressure in (c for c in map(str, log.columns) if base_name(c) in ("P", "p", "p_gauge") and _is_reading(c)):

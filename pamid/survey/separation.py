@@ -25,7 +25,7 @@ _MOST_ROWS = 60_000
 
 @dataclass(frozen=True)
 class Separation:
-    """What a log says about one effect of typical size.
+    """How well a log shows one effect of typical size.
 
     Parameters
     ----------
@@ -59,21 +59,6 @@ def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation]
 
     Each effect is added to the simulator at its typical size; what the parameters within their tolerances explain is
     taken off, and then what each other effect of any size explains.
-
-    Parameters
-    ----------
-    log : BenchLog
-        Log of the bench.
-    params : BenchParameters
-        Its simulator, with tolerances.
-
-    Returns
-    -------
-    found : list of Separation
-        One an effect of the equations that the log allows, the strongest first.
-    best : dict or None
-        Kind and parameters of the run to record next, the effects that it would show or split in ``splits``; None where
-        none would.
     """
     from ..gap.residuals.bench import Evidence
 

@@ -30,7 +30,7 @@ _LEAST_RATE = 20.0  # samples in a period of the quickest movement
 
 @dataclass(frozen=True)
 class Survey:
-    """What is in a log, and what it is good for.
+    """The content of a log, and what can be identified from it.
 
     Parameters
     ----------
@@ -119,8 +119,10 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     >>> found.sampling.runs, round(found.sampling.rate), found.coverage.position
     (1, 1000, 'q')
     """
+    from ..signals.frames import as_pandas
     from ..systems import System
 
+    log = as_pandas(log)
     if not len(log):
         raise EmptyLogError("The log has no rows.", "at least one run", "Check how it was written.")
     if "trajectory" not in log.columns:

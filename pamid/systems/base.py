@@ -170,7 +170,7 @@ class Choice(NamedTuple):
 
 
 class System(ABC):
-    """One equation of a system: what is measured against what its nominal model says.
+    """One equation of a system: the measured side and the nominal model's prediction.
 
     Parameters
     ----------
@@ -243,6 +243,16 @@ class System(ABC):
     def own(cls, signals: Collection[str]) -> list[str]:
         """Return the numbers that only the owner of a system knows, where its log has some signals."""
         return [q.name for q in cls.numbers if q.default is None]
+
+    def identity(self) -> dict[str, Any]:
+        """Return what makes it the same system: kind, numbers and effects, as plain data."""
+        return {
+            "name": self.kind,
+            "kind": self.kind,
+            "numbers": dict(self.values),
+            "tolerance": {},
+            "effects": [[spec.name, dict(spec.values)] for spec in self.effects],
+        }
 
     def number(self, name: str) -> float:
         """Return a number that is given."""
@@ -380,20 +390,7 @@ class Problem(NamedTuple):
 
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return time and signals with their rates, taken within each trajectory.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log.
-    columns : mapping of str to str
-        Signals and the names of their rates, such as ``{"x": "dx"}``.
-
-    Returns
-    -------
-    DataFrame
-        ``time``, the signals, the rates.
-    """
+    """Return time and signals with their rates, taken within each trajectory."""
     import numpy as np
 
     from ..signals import differentiate

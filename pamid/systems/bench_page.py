@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Collection
 
 from ..bench.parameters import TABLES, BenchParameters
+from ..toml_files import toml_value
 from .base import Input
 
 BENCH_INPUTS = (
@@ -42,20 +43,7 @@ MEANING = {
 
 
 def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
-    """Return the commented simulator file of a bench.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        Its numbers.
-    assumed : collection of str
-        Numbers that nobody has confirmed: the page says so.
-
-    Returns
-    -------
-    str
-        TOML that `BenchParameters.from_toml` reads.
-    """
+    """Return the commented simulator file of a bench."""
     lines = [
         "# Simulator of an antagonistic bench: two equal muscles on one pulley. SI units, absolute pressures.",
         "# What each number is and what is accepted: docs/simulator.md",
@@ -66,7 +54,7 @@ def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
         for f in dataclasses.fields(cls):
             value = getattr(getattr(params, table), f.name)
             if "unit" not in f.metadata:
-                lines.append(f'{f.name} = "{value}"  # what the muscle is called')
+                lines.append(f"{f.name} = {toml_value(value)}  # what the muscle is called")
                 continue
             said = [f.metadata["unit"], MEANING.get(f.name, ""), f.metadata["comment"]]
             mark = "  ASSUMED: replace it by yours" if f.name in assumed else ""

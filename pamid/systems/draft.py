@@ -152,26 +152,7 @@ class Draft:
         return lacking
 
     def assign(self, signal: str, column: str, unit: str = "", reference: str = "", scale: float = 1.0) -> None:
-        """Say which column a signal comes from.
-
-        Parameters
-        ----------
-        signal : str
-            Name in the tidy log; ``length`` and ``shortening`` stand for ``eps``.
-        column : str
-            Name, or position from 0.
-        unit : str, default=""
-            Its unit; guessed from the values by default.
-        reference : str, default=""
-            ``"gauge"`` or ``"absolute"`` for a pressure.
-        scale : float, default=1.0
-            Factor on the raw value.
-
-        Raises
-        ------
-        MappingError, UnitError
-            There is no such column, or the unit is unknown or of another dimension.
-        """
+        """Say which column a signal comes from."""
         self._check_dimension(signal, column, unit, scale)
         source = "value"
         if signal in ("length", "shortening"):
@@ -460,20 +441,7 @@ def _comment(guess: Guess, meaning: str, supposed: str = "") -> str:
 
 
 def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
-    """Return numbers of a page, checked one by one.
-
-    Parameters
-    ----------
-    pairs : mapping of str to str
-        Names and values as a person writes them (``"25 mm"``).
-    kind : str
-        Kind of the page.
-
-    Returns
-    -------
-    dict
-        The numbers in SI.
-    """
+    """Return numbers of a page, checked one by one."""
     if kind == "bench":
         from ..bench.parameters import NUMBERS, BenchParameters
 

@@ -82,22 +82,7 @@ def complete(log: pd.DataFrame, system: System) -> pd.DataFrame:
 
 
 def noise_of(problem: Problem, rows: np.ndarray, n: int) -> float:
-    """Return the standard deviation that the channels' noise leaves in a mean of n samples of the residual.
-
-    Parameters
-    ----------
-    problem : Problem
-        One equation on a log.
-    rows : ndarray of int
-        Rows of one run.
-    n : int
-        Samples of a mean.
-
-    Returns
-    -------
-    float
-        In the unit of the equation.
-    """
+    """Return the standard deviation that the channels' noise leaves in a mean of n samples of the residual."""
     box = np.full(n, 1.0 / n)
     X = problem.X.iloc[rows]
     variance = channel_noise(problem.y[rows], n).variance(box)

@@ -20,7 +20,7 @@ from .base import FIT, System
 
 
 def kind_of_file(path: str | Path) -> str:
-    """Say what a simulator file is about.
+    """Return the kind of system that a simulator file describes.
 
     Parameters
     ----------

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import ColumnTypeError
 from ..signals.formats import RawTable, format_of
+from ..signals.joining import is_joined, sources
 from ..signals.log import MAX_BYTES
 from ..signals.mapping import LogMapping
 
@@ -23,21 +24,11 @@ _RESTART = 0.2  # of a run's length: time that falls by more than the rest of it
 
 
 def read_raw(paths: Sequence[Path], settings: dict[str, Any]) -> list[RawTable]:
-    """Read the tables of all files; settings that only the files tell are added.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        The files.
-    settings : dict
-        Settings of the mapping; thousands points, runs as variables and the zero run are added.
-
-    Returns
-    -------
-    list of RawTable
-        The tables that hold runs, the one to describe columns by first.
-    """
+    """Read the tables of all files; settings that only the files tell are added."""
     found: list[RawTable] = []
+    if is_joined(paths, LogMapping(), MAX_BYTES):
+        found = [t for _, tables, _ in sources(paths, LogMapping(), MAX_BYTES, []) for t in tables]
+        paths = ()
     for path in paths:
         tables = _tables(path, settings)
         if len(tables) > 1 and path == paths[0]:
@@ -87,27 +78,7 @@ def _shared(names: Sequence[str]) -> str:
 
 
 def clock_settings(time: np.ndarray, one_run: bool) -> dict[str, Any]:
-    """Return what a clock says of the runs: rows before the recording begins, and time that begins anew.
-
-    Parameters
-    ----------
-    time : array, shape (n_samples,)
-        The raw times of one table, any unit.
-    one_run : bool
-        Whether nothing else names the runs of the table.
-
-    Returns
-    -------
-    dict
-        ``skip_rows``, ``time_order``, as far as they are needed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.systems.raw import clock_settings
-    >>> clock_settings(np.r_[0:50, 0:50, 0:50].astype(float), one_run=True)
-    {'time_order': 'split'}
-    """
+    """Return what a clock says of the runs: rows before the recording begins, and time that begins anew."""
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else 0.0
     found: dict[str, Any] = {}

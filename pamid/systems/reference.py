@@ -32,29 +32,6 @@ def zero_of_force(log: pd.DataFrame, zeros: Sequence[float] = (0.0, ATMOSPHERIC_
     beside friction, whose sign is that of the motion. Each candidate of :math:`P_0` is fitted, with a free
     :math:`a` (quadratic in the contraction, constant for a cylinder) and friction with a part that grows with the
     pressure; one is believed if it leaves little and every other several times as much.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log with ``P``, ``F`` and ``eps`` or ``x``; the pressure as it is read.
-    zeros : sequence of float
-        Candidates of P₀, Pa, two at least.
-
-    Returns
-    -------
-    float or None
-        The candidate that holds, Pa: 0 where the reading is gauge, the ambient pressure where it is absolute; None
-        where the log does not distinguish the two.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.systems.reference import zero_of_force
-    >>> t = np.arange(0, 5, 0.01)
-    >>> gauge = 1e5 * (3 + np.sin(t))
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": gauge, "F": 5e-4 * gauge})
-    >>> zero_of_force(log)
-    0.0
     """
     position = next((name for name in ("eps", "x") if name in log.columns), None)
     if position is None or not {"P", "F"} <= set(log.columns):
@@ -94,31 +71,7 @@ def _way(log: pd.DataFrame, position: str) -> np.ndarray:
 
 
 def disagreement(log: pd.DataFrame, system: System) -> str:
-    """Say that the measured force is far from that of the nominal equation; nothing where the two roughly agree.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log.
-    system : System
-        A muscle or a cylinder.
-
-    Returns
-    -------
-    str
-        A sentence, empty where the two agree within a factor of three, or where the log does not tell.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.systems.cylinder import Cylinder
-    >>> from pamid.systems.reference import disagreement
-    >>> t = np.arange(0, 5, 0.01)
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": 4e5 + 1e5 * np.sin(t)})
-    >>> log["F"] = 0.1 * 4.909e-4 * (log["P"] - 101_325)
-    >>> disagreement(log, Cylinder(bore=0.025))
-    'The force is 10 times smaller than pressure and size make it: a unit of F or P, or the bore, is wrong'
-    """
+    """Say that the measured force is far from that of the nominal equation; nothing where the two roughly agree."""
     if not {"P", "F"} <= set(log.columns):
         return ""
     try:
@@ -146,31 +99,7 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
 
 
 def doubts(log: pd.DataFrame, system: System) -> list[str]:
-    """Say what force, pressure and size of a tidy log have against its units and the reference of its pressure.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy log, its pressure absolute.
-    system : System
-        What was recorded.
-
-    Returns
-    -------
-    list of str
-        Sentences; empty where nothing is doubtful.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.systems.cylinder import Cylinder
-    >>> from pamid.systems.reference import doubts
-    >>> t = np.arange(0, 5, 0.01)
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "x": 0.01 * np.sin(3 * t), "P": 4e5 + 1e5 * np.sin(t)})
-    >>> log["F"] = 4.909e-4 * log["P"]
-    >>> doubts(log, Cylinder(bore=0.025))[0][:61]
-    'The force vanishes one atmosphere below the ambient pressure:'
-    """
+    """Say what force, pressure and size of a tidy log have against its units and the reference of its pressure."""
     ambient = float(system.values.get("atmospheric_pressure", ATMOSPHERIC_PRESSURE))
     zero = zero_of_force(log, (ambient, 0.0, 2 * ambient))
     found = []

@@ -24,18 +24,6 @@ _NOT_SYSTEMS = {
 
 @cache
 def all_systems() -> dict[str, type[System]]:
-    """Return every kind of system.
-
-    Returns
-    -------
-    dict of str to class
-        Systems by their kind, in alphabetical order.
-
-    Examples
-    --------
-    >>> from pamid.systems import all_systems
-    >>> list(all_systems())
-    ['cylinder', 'joint', 'muscle']
-    """
+    """Return every kind of system."""
     found = {cls.kind: cls for cls in subclasses("pamid.systems", System, _NOT_SYSTEMS)}
     return dict(sorted(found.items()))

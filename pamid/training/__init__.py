@@ -8,6 +8,7 @@ from .._discovery import subclasses
 from .._lazy import renamed
 from ..errors import UnknownOptionError
 from .adam import Adam
+from .adam_as_run import AdamAsRun
 from .levenberg_marquardt import LevenbergMarquardt
 from .problem import TrainingProblem
 from .result import Status, TrainingResult
@@ -25,7 +26,7 @@ def trainer_named(trainer: str | Trainer) -> Trainer:
     Parameters
     ----------
     trainer : str or Trainer
-        ``"adam"``, ``"levenberg_marquardt"``, or a trainer.
+        ``"adam"``, ``"adam_as_run"``, ``"levenberg_marquardt"``, or a trainer.
 
     Returns
     -------
@@ -57,6 +58,7 @@ def trainer_named(trainer: str | Trainer) -> Trainer:
 __all__ = [
     "TRAINERS",
     "Adam",
+    "AdamAsRun",
     "LevenbergMarquardt",
     "Status",
     "Trainer",

@@ -165,17 +165,7 @@ class Adam(Trainer):
 
 
 class _Network:
-    """The network behind a flat vector of trained parameters, with its gradient; without an adapter, the same memory.
-
-    Parameters
-    ----------
-    psi, gradient : Tensor, shape (n_trained,)
-        Trained parameters and their gradient, each in one piece.
-    shapes : list of torch.Size
-        Shapes of the trained arrays.
-    adapter : Reparametrisation
-        What they stand for.
-    """
+    """The network behind a flat vector of trained parameters, with its gradient."""
 
     def __init__(
         self, psi: torch.Tensor, gradient: torch.Tensor, shapes: list[torch.Size], adapter: Reparametrisation

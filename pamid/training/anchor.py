@@ -76,24 +76,7 @@ def fit_anchor(
     atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
     random_state: np.random.RandomState,
 ) -> ContactVolume:
-    """Fit a `ContactVolume` to one or several laws by bounded least squares.
-
-    Parameters
-    ----------
-    shares : sequence of (Law, State, y, weight)
-        What each law is to explain; each share is measured in units of its own spread.
-    rest_length, rest_diameter : float
-        L₀ and D₀ of the muscle, m; they centre the prior of area and rest volume.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    random_state : numpy.random.RandomState
-        Draws the samples of the fit where there are many.
-
-    Returns
-    -------
-    ContactVolume
-        The volume of the family that explains the data at less cost.
-    """
+    """Fit a `ContactVolume` to one or several laws by bounded least squares."""
     families = [
         _fit_family(prior, shares, rest_length, rest_diameter, atmospheric_pressure, random_state)
         for prior in FAMILIES.values()

@@ -56,19 +56,7 @@ ACTIVATIONS: dict[str, Activation] = {"softplus": _softplus, "tanh": _tanh, "sil
 
 
 def activation_named(name: str) -> Activation:
-    """Return an activation by name.
-
-    Raises
-    ------
-    UnknownOptionError
-        If there is no activation of that name.
-
-    Examples
-    --------
-    >>> import torch
-    >>> from pamid.training.network import activation_named
-    >>> slope, _ = activation_named("tanh")(z := torch.zeros(1), False)
-    """
+    """Return an activation by name."""
     if name not in ACTIVATIONS:
         raise UnknownOptionError(
             f"activation={name!r} is not known.", f"one of {', '.join(ACTIVATIONS)}", "Choose a smooth activation."
@@ -83,28 +71,7 @@ Parameters = list[Tensor]
 def initial_parameters(
     widths: Sequence[int], generator: np.random.RandomState, dtype: torch.dtype, device: torch.device | str = "cpu"
 ) -> Parameters:
-    """Draw weights and biases uniformly from ±1/√n_in, as torch's own linear layers do.
-
-    Parameters
-    ----------
-    widths : sequence of int
-        Sizes of the layers, inputs and output included: ``(4, 128, 128, 1)``.
-    generator : numpy.random.RandomState
-        The only source of randomness.
-    dtype : torch.dtype
-        Floating type.
-    device : torch.device or str
-        Where the tensors live.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import torch
-    >>> from pamid.training.network import initial_parameters
-    >>> weights = initial_parameters((4, 3, 1), np.random.RandomState(0), torch.float64)
-    >>> [tuple(w.shape) for w in weights]
-    [(3, 4), (3,), (1, 3), (1,)]
-    """
+    """Draw weights and biases uniformly from ±1/√n_in, as torch's own linear layers do."""
     parameters: Parameters = []
     for n_in, n_out in pairwise(widths):
         bound = 1.0 / np.sqrt(n_in)
@@ -162,22 +129,7 @@ def forward(parameters: Parameters, x: Tensor, direction: Tensor, a: Tensor | No
 
 
 def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None) -> list[Tensor]:
-    """Return ∂y/∂z and ∂y/∂ż at every layer, scaled by ``upstream`` where it is given.
-
-    Parameters
-    ----------
-    parameters : list of Tensor
-        Weights and biases in turn.
-    tape : Tape
-        Of a forward pass at these parameters.
-    upstream : Tensor, shape (n_samples,), optional
-        Derivative of a loss with respect to y; ones by default.
-
-    Returns
-    -------
-    list of Tensor, shape (2, n_samples, n_out)
-        Adjoints of z and ż at each layer, first layer first.
-    """
+    """Return ∂y/∂z and ∂y/∂ż at every layer, scaled by ``upstream`` where it is given."""
     dg = torch.ones_like(tape.y) if upstream is None else upstream
     g = torch.zeros_like(dg) if tape.a is None else dg * tape.a
     n, pair = dg.shape[0], torch.stack((g, dg))[:, :, None]
@@ -194,19 +146,7 @@ def adjoints(parameters: Parameters, tape: Tape, upstream: Tensor | None = None)
 
 
 def gradient(parameters: Parameters, tape: Tape, upstream: Tensor, out: Parameters | None = None) -> Parameters:
-    """Return ``Jᵀ upstream``: the gradient of a loss with the given derivative with respect to y.
-
-    Parameters
-    ----------
-    parameters : list of Tensor
-        Weights and biases in turn.
-    tape : Tape
-        Of a forward pass at these parameters.
-    upstream : Tensor, shape (n_samples,)
-        Derivative of the loss with respect to y.
-    out : list of Tensor, optional
-        Where to add the gradient.
-    """
+    """Return ``Jᵀ upstream``: the gradient of a loss with the given derivative with respect to y."""
     total = [torch.zeros_like(p) for p in parameters] if out is None else out
     return _gathered(adjoints(parameters, tape, upstream), tape, total)
 
@@ -259,15 +199,6 @@ def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = N
         \qquad M = (g \dot g^T) \circ (h \dot h^T).
 
     A layer of few inputs or outputs has a Jacobian no larger than its activations, and is quicker by it.
-
-    Parameters
-    ----------
-    adjoint : list of Tensor
-        Adjoints of unit residuals.
-    tape : Tape
-        Of the same forward pass.
-    trainable : sequence of bool, optional
-        Which layers take part; all by default.
     """
     n = tape.y.shape[0]
     out = torch.zeros((n, n), dtype=tape.y.dtype, device=tape.y.device)

@@ -45,27 +45,6 @@ def choose_weight_decay(
     a fold, the linearised adaptation by the other samples predicts
 
     .. math:: r_\mathrm{out} - K_\mathrm{out,in} (K_\mathrm{in,in} + \lambda I)^{-1} r_\mathrm{in}
-
-    Parameters
-    ----------
-    problem : TrainingProblem
-        The target's data.
-    psi : list of Tensor
-        Where the adaptation starts.
-    activation : str
-        Name of the activation.
-    adapter : Reparametrisation
-        What psi stands for.
-    trajectories : ndarray of int, shape (n_samples,)
-        Trajectory of each sample; folds hold whole ones.
-    random_state : numpy.random.RandomState
-        Draws the samples where there are many.
-
-    Returns
-    -------
-    float
-        λ; infinite if the held-out error at λ exceeds that of the source by more than its standard error, so that the
-        source should stay as it is.
     """
     n = len(problem)
     if n > ROWS:
@@ -117,26 +96,6 @@ def held_out_residuals(
     r"""Return what the linearised adaptation leaves of each block when it is adapted to all others.
 
     The formula is that of `pamid.fitting.held_out`, with :math:`A = K + \lambda I`.
-
-    Parameters
-    ----------
-    problem : TrainingProblem
-        The target's data.
-    psi : list of Tensor
-        Where the adaptation starts.
-    activation : str
-        Name of the activation.
-    adapter : Reparametrisation
-        What psi stands for.
-    blocks : ndarray of int, shape (n_samples,)
-        Which samples are held out together.
-    weight_decay : float
-        λ; infinite where the network stays as it is.
-
-    Returns
-    -------
-    ndarray, shape (n_samples,)
-        Prediction less measurement, in the units of the problem.
     """
     K, r, root = _linearised(problem, psi, activation, adapter)
     if not psi or not np.isfinite(weight_decay):

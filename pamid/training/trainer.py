@@ -16,6 +16,7 @@ from .problem import TrainingProblem
 from .reparametrisation import IDENTITY, Reparametrisation
 from .result import BestSoFar, Callback, Status, TrainingResult
 from .resume import Resumption, fingerprint
+from .units import TrainingUnits
 
 EVALUATION_ROWS = 8192
 """Rows on which the loss of the current parameters is judged; more would cost without telling more."""
@@ -47,6 +48,10 @@ class Trainer(BaseEstimator):
     patience: int
     keep: str = "best"
     checkpoint: Any = None
+    units: ClassVar[TrainingUnits | None] = None
+    """Units that the network is trained in; by default the spread of its data."""
+    adapting: ClassVar[dict[str, int]] = {}
+    """Parameters that differ where a model is adapted."""
     second_order: ClassVar[bool] = False
     """Whether it solves for its steps, so that the strength of a prior means the same for every network."""
 

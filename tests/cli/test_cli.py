@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -17,7 +19,7 @@ import pytest
 
 from pamid import __version__
 from pamid.bench import BenchParameters
-from pamid.cli import app, main
+from pamid.cli import _versions, app, main
 from pamid.cli.common import parse_settings, table
 from pamid.equations import evaluate_log
 from pamid.errors import ParameterError, UnitWarning
@@ -75,12 +77,28 @@ def test_no_command_shows_help_and_fails(capsys):
 
 def test_version(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"pamid {__version__}\n"
+    first, *others = capsys.readouterr().out.splitlines()
+    assert first == f"pamid {__version__}"
+    shown = dict(line.split(maxsplit=1) for line in others)
+    assert shown["python"].startswith(platform.python_version())
+    assert shown["numpy"] == importlib.metadata.version("numpy")
+    assert {"scipy", "scikit-learn", "torch", "mujoco"} <= set(shown)
+
+
+def test_version_of_a_package_that_is_missing(monkeypatch):
+    def lookup(name):
+        if name == "mujoco":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return "1.2.3"
+
+    monkeypatch.setattr(_versions, "version", lookup)
+    assert "\n  mujoco not installed" in _versions.versions()
+    assert "\n  torch 1.2.3" in _versions.versions()
 
 
 def test_help_loads_nothing_heavy():
     code = (
-        "import sys; from pamid.cli import main; main(['fit', '--help']); main(['--help']);"
+        "import sys; from pamid.cli import main; main(['fit', '--help']); main(['--help']); main(['--version']);"
         "print([m for m in ('torch', 'sklearn', 'pandas', 'numpy', 'scipy', 'rich') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -333,7 +351,7 @@ def failing(error: BaseException):
 def test_interrupt(capsys):
     with failing(KeyboardInterrupt()):
         assert main(["evaluate", "x", "--sim", "y"]) == 130
-    assert capsys.readouterr().err == "pamid: interrupted; nothing is left half written\n"
+    assert capsys.readouterr().err == "pamid: interrupted; no file is left incomplete\n"
 
 
 def test_own_error_asks_for_a_report(capsys):

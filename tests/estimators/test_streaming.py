@@ -8,6 +8,7 @@ import pytest
 from pamid.estimators import (
     MLP,
     NNARX,
+    CarriedForce,
     ConformalRegressor,
     CylinderForce,
     ForwardModel,
@@ -140,7 +141,9 @@ def sources():
     """Models of a smaller muscle, from which adapters start."""
     table = muscle(9, 0.8)
     small = {"hidden_layer_sizes": (12,), "max_iter": 15, "random_state": 0}
+    carried = CarriedForce(rest_diameter=0.018, pressure_memory=False).fit(table[["eps", "P"]], table["F"])
     return {
+        "carried": FrozenEstimator(carried),
         "force": FrozenEstimator(StaticPIHM(0.2, 0.02, **small).fit(table[STATE], table["F"])),
     }
 
@@ -153,6 +156,10 @@ LAGGED = {"output_lags": 1, "horizon": 10, "max_iter": 15, "start": "rest"}
 FORCE, SEQUENCE, FLOW = (STATE, "F"), (["trajectory", "time", "P", "load", "rest"], "lift"), (STATE, "mdot")
 
 CASES = {
+    "CarriedForce": (lambda s: CarriedForce(pressure_memory=False), (["eps", "P"], "F")),
+    "CarriedForce, from a source": (
+        lambda s: CarriedForce(s["carried"], pressure_memory=False), (["eps", "P"], "F")
+    ),
     "ConformalRegressor": (
         lambda s: ConformalRegressor(PolynomialForce(2), independent_rows=True, confidence=0.5), (["eps", "P"], "F")
     ),

@@ -18,14 +18,14 @@ from typing import Any
 import pytest
 from pamid.estimators import StaticPIHM
 from support.killing import TOUCHES, forked, killed_at, killed_in_write, remembered, run, without_room
+from support.rail import log_of, rail
 
 import pamid.bench
 import pamid.compare
-import pamid.gap
 import pamid.report
 import pamid.signals
 import pamid.survey.survey
-from pamid import load, save
+from pamid import any_simulator, load, save
 from pamid.bench import BenchParameters, simulate, sine, unfold
 from pamid.cli import main
 from pamid.cli.app import build_parser
@@ -34,17 +34,19 @@ from pamid.errors import OutputError
 from pamid.file_sets import UNFINISHED, replacing_together
 from pamid.files import write_whole
 from pamid.gap.design import search
+from pamid.opinion.passport import Entry, Passport
 from pamid.signals import read_log, write_log
+from pamid.simulators import page_text
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system with fork")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
-SHORT = ("simulate", "fit", "init")
+SHORT = ("simulate", "fit", "init", "passport")
 FMU = ("export-fmu",) if shutil.which("cc") else ()
 LONG = ("adapt", "export", "export-onnx", *FMU, "diagnose", "check", "check-html", "compare", "next", "resid")
 WRITES = {
     **{
         name: {"--out"}
-        for name in ("adapt", "compare", "demo", "diagnose", "export", "init", "next", "resid", "simulate")
+        for name in ("adapt", "compare", "demo", "diagnose", "export", "init", "next", "passport", "resid", "simulate")
     },
     "check": {"--html", "--out"},
     "fit": {"--checkpoint", "--out"},
@@ -67,6 +69,10 @@ def bench(tmp_path_factory) -> Path:
     }
     for name, log in logs.items():
         write_log(log, folder / f"{name}.csv")
+    (folder / "rail.toml").write_text(page_text(rail()))
+    (folder / "passport.toml").write_text(Passport({"m": Entry(2.0, 1.98, 2.02, "kg", "holds", 2.01)}).text())
+    for seed, name in enumerate(logs):
+        log_of(1.5, seed=seed).to_csv(folder / f"rail-{name}.csv", index=False)
         rows = unfold(log, nominal)
         columns = {"time": "s", "P": "Pa", "eps": "-", "F": "N"}
         rows.loc[rows["trajectory"] == rows["trajectory"].iloc[0], list(columns)].to_csv(
@@ -93,9 +99,15 @@ def computed(bench, tmp_path_factory) -> Iterator[None]:
     for seed, name in enumerate(("old", "new")):
         assert forked(lambda name=name, seed=seed: hybrid(bench, name, seed)) == 0
     patch = pytest.MonkeyPatch()
-    diagnose = pamid.gap.diagnose
-    patch.setattr(pamid.gap, "diagnose", lambda log, params, **_: diagnose(log, params, ["coulomb_friction"]))
-    for module, name in ((pamid.gap, "diagnose"), (pamid.compare, "compare"), (pamid.survey.survey, "survey")):
+    diagnose = any_simulator.diagnose
+    once = remembered(lambda log, *rest, **options: diagnose({"log": log}, *rest, **options), whole=True)
+
+    def short(logs, simulator, effects, **options):
+        [log] = logs.values()
+        return once(log, simulator, ["coulomb_friction"], **options)
+
+    patch.setattr(any_simulator, "diagnose", short)
+    for module, name in ((pamid.compare, "compare"), (pamid.survey.survey, "survey")):
         patch.setattr(module, name, remembered(getattr(module, name), whole=True))
     for module, name in ((pamid.report, "report_html"), (pamid.survey, "survey_html"), (search, "plan_next")):
         patch.setattr(module, name, remembered(getattr(module, name)))
@@ -126,6 +138,14 @@ def command(name: str, which: str, bench: Path, out: Path) -> list[str]:
         "export": ["export", model, *to],
         "export-onnx": ["export", model, "--to", "onnx", *to],
         "export-fmu": ["export", model, "--to", "fmu", *to],
+        "passport": [
+            "passport",
+            str(bench / "passport.toml"),
+            str(bench / f"rail-{which}.csv"),
+            "--sim",
+            str(bench / "rail.toml"),
+            *to,
+        ],
         "init": ["init", str(bench / f"muscle-{which}.csv"), "--set", f"rest_length=0.{2 if old else 3} m", *INIT, *to],
     }
     file = {"simulate": "log.csv", "fit": "model.pamid", "adapt": "model.pamid"}.get(name)

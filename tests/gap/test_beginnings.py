@@ -43,7 +43,7 @@ def test_creep_is_named_on_runs_that_begin_in_the_middle_of_a_motion(creeping):
     assert found.causes[0].effects == ("creep",)
     assert found.causes[0].parameters["unknown"].value > 0.0
     assert found.closure[0].closed_share > 0.99
-    assert any("remembers when a run begins" in note for note in found.notes)
+    assert any("at the beginning of a run" in note for note in found.notes)
 
 
 def test_runs_that_begin_settled_pay_for_no_freedom(creeping):

@@ -191,7 +191,9 @@ def test_an_effect_that_turned_into_another_one_is_told(evidence):
         {"stribeck_friction": {"coulomb": 3.0, "breakaway": 0.0, "velocity": 0.1, "presliding": 1e-4}}
     )
     assert degenerate(fit, "stribeck_friction") == "breakaway"
-    fit = Fitter(evidence).at({"hysteresis": {"amplitude": 1.0, "displacement": 1e-3, "shape": 0.5}})
+    fit = Fitter(evidence).at(
+        {"hysteresis": {"amplitude": 1.0, "slip": 0.0, "displacement": 1e-3, "shape": 0.5, "spread": 0.0}}
+    )
     assert degenerate(fit, "hysteresis") == "displacement"
     assert degenerate(fit, "leakage") is None
 
@@ -289,7 +291,7 @@ def test_one_trajectory_has_no_intervals():
     assert d.causes[0].effects[0] == "leakage"
     low, high = d.causes[0].parameters["conductance"].ci90
     assert low == -math.inf and high == math.inf
-    assert any("one trajectory" in note for note in d.notes)
+    assert any("only one run" in note for note in d.notes)
     assert json.loads(d.to_json())["causes"][0]["parameters"]["conductance"]["ci90"] == [None, None]
 
 

@@ -94,7 +94,7 @@ def test_predicted_discrimination_is_realised_within_a_factor_of_two(slow: pd.Da
     known = [known_of([log], f, 0.5, rng, 2) for f in fits]
     there = simulate(NOMINAL, [r.trajectory(str(k)) for k, r in enumerate(RUNS)], effects=[*TRUE], seed=3)
     trial = simulate(
-        log.simulator(fits[0].spec, dict(zip(log.free, map(float, fits[0].x), strict=True))),
+        log.corrected(fits[0].spec, dict(zip(log.free, map(float, fits[0].x), strict=True))),
         [r.trajectory(str(k)) for k, r in enumerate(RUNS)],
         seed=9,
     )

@@ -196,14 +196,14 @@ def test_what_somebody_has_edited_is_no_posterior(tmp_path: Path, leaking: pd.Da
                 read_history(tmp_path, sim)
 
     for key in whole:
-        refused(json.dumps({**whole, key: None}), "was changed since|cannot be gone on from")
-        refused(json.dumps({k: v for k, v in whole.items() if k != key}), "was changed since|cannot be gone on from")
+        refused(json.dumps({**whole, key: None}), "was changed since|cannot be continued")
+        refused(json.dumps({k: v for k, v in whole.items() if k != key}), "was changed since|cannot be continued")
     refused(text.replace('"leakage"', '"creep"'), "was changed since")
     for broken in ("", "[" * 200_000, '{"schema": ' + "9" * 6000 + "}", "[]", "null", text[:-200]):
-        refused(broken, "cannot be gone on from|was changed since")
+        refused(broken, "cannot be continued|was changed since")
     for change in ({"rivals": [{**whole["rivals"][0], "effects": {"nosuch": {}}}]}, {"logs": 3}, {"rounds": [{}]}):
         crafted = {k: v for k, v in {**whole, **change}.items() if k != "mark"}
-        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be gone on from")
+        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be continued")
     state.write_text(text)
     table = pd.read_parquet(logs)
     table.assign(F1=0.0).to_parquet(logs, index=False)
@@ -212,11 +212,37 @@ def test_what_somebody_has_edited_is_no_posterior(tmp_path: Path, leaking: pd.Da
     crafted = {k: v for k, v in whole.items() if k != "mark"}
     for change in ({"q": "x"}, {"P1": 0.0}, {"log": "another"}):
         table.assign(**change).to_parquet(logs, index=False)
-        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be gone on from")
+        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be continued")
+    for column in ("trajectory", "time", "q", "log"):
+        table.drop(columns=column).to_parquet(logs, index=False)
+        refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), f"cannot be continued.* {column}")
+    table[:-5].to_parquet(logs, index=False)
+    refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "another number of rows")
+    table.to_parquet(logs, index=False)
+    for key in ("parameter", "value", "low", "high", "unit"):
+        told = {
+            n: {k: v for k, v in said.items() if k != key} for n, said in crafted["rounds"][0]["parameters"].items()
+        }
+        less = {**crafted, "rounds": [{**crafted["rounds"][0], "parameters": told}]}
+        refused(json.dumps({**less, "mark": _mark(less, logs)}), f"cannot be continued.* has no {key}")
     logs.write_bytes(b"PAR1 and no more")
     state.write_text(json.dumps({**crafted, "mark": _mark(crafted, logs)}))
     with pytest.raises(TruncatedLogError, match="damaged"):
         read_history(tmp_path)
+
+
+def test_after_no_gap_nothing_is_called_undecided() -> None:
+    from pamid.gap.design.next_run import _left
+    from pamid.gap.diagnosis.rivals import Rival
+    from pamid.gap.several.history import Round
+
+    history = History(NOMINAL, ["creep"])
+    history.rivals = [Rival({"creep": {"ratio": 0.05, "time_constant": 2.0}}, {}, 3.0, 0.51), Rival({}, {}, 2.9, 0.49)]
+    for verdict, left in (("none", [()]), ("single", [("creep",), ()])):
+        history.rounds = [Round(["log"], 10.0, verdict, {}, {}, 1.0)]
+        assert [r.names for r in _left(history)] == left
+    history.rivals, history.rounds = history.rivals[:1], [Round(["log"], 10.0, "none", {}, {}, 1.0)]
+    assert [r.names for r in _left(history)] == [()]
 
 
 # --- designs ------------------------------------------------------------------------------------------------
@@ -298,7 +324,7 @@ def test_where_no_effect_is_left_the_run_shows_what_could_not_have_shown() -> No
     assert again[["u1", "u2"]].abs().max().max() > 2.0 * slow[["u1", "u2"]].abs().max().max()
     calm = Limits(seconds=1.0, angle=4.0, rate=5.0, frequency=1.0, pressure=0.0, rise=0.0, shut=False)
     plan = plan_next(none, {"log": slow}, NOMINAL, calm, designs=8, library=library)
-    assert not plan.tells and not plan.runs and "Nor would any run" in summary(plan)
+    assert not plan.tells and not plan.runs and "No run within the limits would show them" in summary(plan)
     assert plan_next(none, {"log": slow}, NOMINAL, library=["leakage"], designs=8).purpose == "none"
 
 
@@ -411,7 +437,7 @@ def test_a_joint_at_rest_is_a_log_beside_one_of_motion(healthy: pd.DataFrame) ->
 
 
 def test_parameters_that_a_run_determines_cost_evidence(healthy: pd.DataFrame) -> None:
-    bench = Bench(NOMINAL, [Evidence(healthy, NOMINAL)])
+    bench = Bench(NOMINAL, [Evidence(healthy, NOMINAL)], Limits())
     values = [dict(all_effects()[name]().values) for name in ("coulomb_friction", "stribeck_friction")]
     values[1] |= {"coulomb": values[0]["amplitude"], "breakaway": 1e-3}
     rivals = [

@@ -11,7 +11,7 @@ from pamid.errors import ParameterError, UnknownOptionError
 from pamid.gap.diagnosis.findings import (
     Cause,
 )
-from pamid.report import GapDisplay, report_html
+from pamid.report import GapDisplay, answers, report_html
 from pamid.report.drawings.closure import closure_figure, waterfall
 from pamid.report.drawings.course import course_figure, fit, shared_limits
 from pamid.report.drawings.loops import loop_figure
@@ -151,3 +151,24 @@ def test_the_old_name_of_what_distinguishes_serves_one_version() -> None:
     cause = Cause(("gas_temperature", "dead_volume"), "flow", 0.9, 1.0, (0.9, 1.0), {}, distinguished_by="isobaric")
     with pytest.warns(FutureWarning, match="distinguished_by"):
         assert cause.told_apart_by == "isobaric"
+
+
+@pytest.mark.parametrize("verdict", ["cause", "class", "several", "unknown", "none"])
+def test_a_printed_diagnosis_is_its_sentences(diagnoses, verdict):
+    d = diagnoses[verdict]
+    assert str(d) == str(answers(d))
+    assert len(str(d).splitlines()) <= 4  # the verdict, then where, which and how far
+    assert len(repr(d)) < 100 and verdict in repr(d)
+
+
+def test_the_error_of_an_own_simulator_is_drawn_over_the_port_it_depends_on(diagnoses):
+    d = diagnoses["cause"]
+    rng, n = np.random.default_rng(0), 200
+    table = d.windows[d.windows["equation"] == "force"].iloc[:n]
+    table = table[["trajectory", "time", "equation", "side", "measured", "before", "after", "noise"]].assign(
+        trajectory="run", hinge_q=rng.normal(size=n), hinge_dq=rng.normal(size=n), held=1.0
+    )
+    table["before"] = np.sign(table["hinge_dq"]) + 0.1 * rng.normal(size=n)
+    figure = loop_figure(replace(d, windows=table), "force", "run")
+    labels = [ax.get_xlabel() for ax in figure.axes]
+    assert labels[0].startswith("hinge_dq") and labels[1] == "time / s"

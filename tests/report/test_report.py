@@ -63,7 +63,7 @@ def pages(diagnoses) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("verdict", "words"),
     [
-        ("cause", ("One cause: Coulomb friction", "97 % of the gap lies in the force equation", "5.94 N",
+        ("cause", ("One cause: Coulomb friction", "97 % of the gap is in the force equation", "5.94 N",
                    "5.7 to 6.2 N", "closes 95 % (90 % interval 92 to 97 %)", "5.82 N becomes 1.43 N", "below 2 Hz")),
         ("class", ("cannot tell which: Coulomb friction or hysteresis", "93 % that it is one of them",
                    "a triangle of small amplitude")),
@@ -80,6 +80,14 @@ def test_a_verdict_reads_as_sentences(diagnoses, verdict, words):
     for sentence in told[1:]:
         assert sentence.endswith(".")
         assert not re.search(r"nan|inf\b|_|\{|\}|  |\.\.", sentence), sentence
+
+
+def test_what_closes_next_to_nothing_is_no_headline(diagnoses):
+    first, second = diagnoses["several"].causes[:2]
+    few = replace(diagnoses["several"], causes=[replace(first, share=0.93), replace(second, share=0.012)])
+    told = answers(few)
+    assert told.verdict == "One cause: Coulomb friction; one more of under 2 % of the gap"
+    assert "leakage" in told.which.lower()  # it is still said, and stands in the corrected simulator
 
 
 @pytest.mark.parametrize(
@@ -213,7 +221,7 @@ def test_the_page_holds_what_was_asked_for(pages):
     text = "".join(read(pages["class"]).text).replace("\u00a0", " ")
     for word in (
         "Where the gap lies", "eps1 > 0.138 and deps1 > 0", "triangle-4-20", "What to record next", "hysteresis",
-        "more that were ruled out", "closes 31 % where the best closes 95 %", "presliding", "no upper bound",
+        "more candidates that were ruled out", "closes 31 % where the best closes 95 %", "presliding", "no upper bound",
         "The noise floor rests on", "0 to 2", "logs/sim.toml",
     ):  # fmt: skip
         assert word in text, word
@@ -299,3 +307,18 @@ def test_a_designed_run_of_a_system_is_said_in_units():
     text = experiment(NextExperiment(motion, ("creep", "directional_friction and maxwell"), 12.0))
     assert "(80 s, stroke held at 30 mm, pressure, absolute 3 bar ± 0.1 bar at 0.5 rad/s)" in text
     assert "tells creep from directional friction and Maxwell" in text
+
+
+def test_the_report_counts_its_sections(diagnoses: dict[str, Diagnosis]) -> None:
+    class Counted(list[str]):
+        total = 0
+
+        def __call__(self, name: str) -> None:
+            self.append(name)
+
+        def expect(self, total: int) -> None:
+            self.total = total
+
+    counted = Counted()
+    report_html(diagnoses["cause"], progress=counted)
+    assert counted.total == len(counted) > 3 and "answer" in counted

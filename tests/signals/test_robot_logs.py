@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.robot_logs import bag, mcap_log, ulog
 
 from pamid.errors import LogFormatError, TruncatedLogError
 from pamid.signals import read_log
@@ -15,25 +14,6 @@ from pamid.signals import read_log
 COLUMNS = {
     "signals": {"time": "time", "angle": {"column": "/joint.position[0]"}, "volts": {"column": "/command.volts"}}
 }
-
-
-def mcap_log(path: Path) -> np.ndarray:
-    """Write two topics of JSON, one at 100 Hz and one at 20 Hz, from an epoch on; return the times of the first."""
-    writer_of = pytest.importorskip("mcap.writer")
-    t0, t = 1_760_000_000_000_000_000, np.arange(100) * 10_000_000
-    with path.open("wb") as stream:
-        writer = writer_of.Writer(stream)
-        writer.start()
-        schema = writer.register_schema("any", "jsonschema", b"{}")
-        joint = writer.register_channel("/joint", "json", schema)
-        command = writer.register_channel("/command", "json", schema)
-        for k, at in enumerate(t):
-            said = {"position": [0.1 * k, 0.0], "name": "elbow"}
-            writer.add_message(joint, t0 + int(at), json.dumps(said).encode(), t0 + int(at))
-            if k % 5 == 0:
-                writer.add_message(command, t0 + int(at), json.dumps({"volts": 2.0 * k}).encode(), t0 + int(at))
-        writer.finish()
-    return t * 1e-9
 
 
 def test_topics_of_an_mcap_become_columns_of_one_table(tmp_path: Path) -> None:
@@ -63,28 +43,7 @@ def test_messages_of_ros_2_are_decoded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ros", [1, 2])
 def test_topics_of_a_rosbag_become_columns_of_one_table(ros: int, tmp_path: Path) -> None:
-    typesys = pytest.importorskip("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros == 1 else typesys.Stores.ROS2_JAZZY)
-    joint, number = (store.types[f"{n}"] for n in ("sensor_msgs/msg/JointState", "std_msgs/msg/Float64"))
-    header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
-    if ros == 1:
-        from rosbags.rosbag1 import Writer
-
-        path, opened, pack = tmp_path / "run.bag", Writer(tmp_path / "run.bag"), store.serialize_ros1
-    else:
-        from rosbags.rosbag2 import Writer
-
-        path, opened, pack = tmp_path / "run" / "run.db3", Writer(tmp_path / "run", version=9), store.serialize_cdr
-    with opened as writer:
-        ways = [writer.add_connection(n, t, typestore=store) for n, t in (
-            ("/joint", joint.__msgtype__), ("/command", number.__msgtype__))]  # fmt: skip
-        for k in range(60):
-            at, none = 1_760_000_000_000_000_000 + 10_000_000 * k, np.zeros(0)
-            head = header(**({"seq": k} if ros == 1 else {}), stamp=stamp(sec=k, nanosec=0), frame_id="")
-            said = joint(head, ["elbow"], np.array([0.1 * k]), none, none)
-            writer.write(ways[0], at, pack(said, joint.__msgtype__))
-            if k % 5 == 0:
-                writer.write(ways[1], at, pack(number(2.0 * k), number.__msgtype__))
+    path = bag(tmp_path, ros)
     columns = {"signals": COLUMNS["signals"] | {"volts": {"column": "/command.data"}}}
     log = read_log(path, columns)
     assert np.allclose(log["time"], 0.01 * np.arange(56), atol=1e-9)
@@ -99,22 +58,6 @@ def test_topics_of_a_rosbag_become_columns_of_one_table(ros: int, tmp_path: Path
     (tmp_path / "alone.db3").write_bytes(b"SQLite format 3\0" + bytes(100))
     with pytest.raises(LogFormatError, match="metadata"):
         read_log(tmp_path / "alone.db3", columns)
-
-
-def ulog(path: Path) -> None:
-    """Write a ULog by its definition: header, flags, one format, two instances of a topic."""
-
-    def message(kind: bytes, body: bytes) -> bytes:
-        return struct.pack("<Hc", len(body), kind) + body
-
-    parts = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message(b"B", bytes(40))]
-    parts.append(message(b"F", b"servo:uint64_t timestamp;float angle;int32_t count;"))
-    parts += [message(b"A", struct.pack("<BH", k, k) + b"servo") for k in (0, 1)]
-    for k in range(50):
-        for instance in (0, 1):
-            values = struct.pack("<HQfi", instance, 5_000_000 + 10_000 * k, 0.5 * k * (1 + instance), k)
-            parts.append(message(b"D", values))
-    path.write_bytes(b"".join(parts))
 
 
 def test_topics_of_a_ulog_become_columns_of_one_table(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_from_raw_file_to_diagnosis_without_an_edit(drops, capsys):
     (cause,) = answer["causes"]
     assert "viscous_friction" in cause["effects"]
     assert main(["evaluate", *command[2:5], "--sim", f"{out}/corrected.toml", "--json"]) == 0
-    corrected = json.loads(capsys.readouterr().out)["equations"]
+    corrected = list(json.loads(capsys.readouterr().out)["equations"].values())
     assert corrected
     assert all(e["rmse"] < 1.5 * e["noise_floor"] for e in corrected)
 
@@ -136,7 +136,7 @@ def test_a_log_without_a_clock_and_a_state_that_is_not_logged(tmp_path, capsys):
     page = ["--columns", str(tmp_path / "s" / "columns.toml"), "--sim", str(tmp_path / "s" / "sim.toml")]
     capsys.readouterr()
     assert main(["evaluate", str(tmp_path / "tank.csv"), *page, "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["equations"]
+    (found,) = json.loads(capsys.readouterr().out)["equations"].values()
     assert found["nrmse"] < 0.05
 
 

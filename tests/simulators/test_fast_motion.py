@@ -55,7 +55,7 @@ def test_a_spring_at_nine_rows_a_period_is_named_with_its_size():  # 12 s: stret
     assert (found.verdict, cause.effects) == ("cause", ("nonlinear_stiffness",))
     assert cause.parameters["cubic"].value * 8e4 == pytest.approx(CUBIC, rel=0.1)
     assert found.closure[0].rmse_after < 1.15 * NOISE
-    assert any("go on from row to row" in note for note in found.notes)
+    assert any("interpolated between rows" in note for note in found.notes)
 
 
 def test_fast_motion_is_predicted_in_stretches_that_forget_where_they_began(fast):

@@ -63,8 +63,12 @@ def asked(folder: Path, source: str, command: str, capsys) -> tuple[int, str, st
         ("return 'ab'", "no plain numbers"),
         ("return [x.v, 1j]", "no plain numbers"),
         ("return [x.v]", "returned 1 values"),
-        ("return [float('nan')] * 2", "gives no finite numbers in"),
-        ("return [x.v, u.F * 1e308 * 1e10]", "gives no finite numbers in"),
+        ("return [float('nan')] * 2", "values that are not finite in"),
+        ("return [x.v, u.F * 1e308 * 1e10]", "values that are not finite in"),
+        ("return [[x.v, x.v], [u.F, u.F]]", "returned 4 values"),
+        ("import itertools; return itertools.repeat(1.0)", "returned more than 2 values"),
+        ("return [object(), object()]", "no plain numbers"),
+        ("class Own(Exception):\n        def __str__(self): return 3\n    raise Own", "raised Own in line 4: its text"),
     ],
 )
 def test_a_function_that_fails_says_where(body, words, command, folder, capsys):
@@ -106,3 +110,26 @@ def test_what_a_function_prints_stays_out_of_the_answer(folder, capsys):
     assert json.loads(out)["equations"]
     assert "hello" in err
     assert "here" in err
+
+
+HEALTHY = "return [x.v, u.F / p.m]"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "import warnings; warnings.simplefilter('error')",
+        "import numpy; numpy.seterr(all='raise')",
+        "KEPT.append((x, u))",
+        "w = u.F + 0.0; u[:] = 1e9; u = {'F': w}; u = type('U', (), u)",
+        "v = x.v + 0.0; x[...] *= 3.0; x = type('X', (), {'v': v})",
+    ],
+    ids=["warnings", "seterr", "keeps", "overwrites inputs", "overwrites states"],
+)
+def test_what_a_function_does_to_its_arguments_and_to_warnings_stays_with_it(body, folder, capsys):
+    (folder / "cart.py").write_text(f"KEPT = []\ndef rates(t, x, u, p):\n    {HEALTHY}\n")
+    expected = json.loads(asked(folder, "cart.py:rates", "evaluate", capsys)[1])["equations"]
+    (folder / "cart.py").write_text(f"KEPT = []\ndef rates(t, x, u, p):\n    {body}\n    {HEALTHY}\n")
+    code, out, _ = asked(folder, "cart.py:rates", "evaluate", capsys)
+    assert code == 0
+    assert json.loads(out)["equations"] == expected

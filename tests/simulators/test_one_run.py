@@ -58,7 +58,7 @@ def test_sentences_say_sizes_of_several_causes_and_what_was_not_seen(found):
     told = answers(found)
     assert "Sizes: " in told.which
     assert "V s/m (" in told.which
-    assert "on pieces of the log that the fit had not seen" in told.how_far
+    assert "on unseen pieces of the log" in told.how_far
 
 
 def test_a_mass_among_the_numbers_says_newtons(found):

@@ -82,8 +82,9 @@ def test_a_function_from_the_command_line_and_back(cart: Path, capsys: pytest.Ca
     # The corrected page is accepted again, and leaves the noise alone.
     for page, most in ((sim, np.inf), (str(out / "corrected.toml"), 1.2)):
         assert main(["evaluate", log, "--sim", page, "--trust", "--json"]) == 0
-        equation, sensors = json.loads(capsys.readouterr().out)["equations"]
-        assert sensors["equation"] == "v" and sensors["rmse"] < 1.2 * sensors["noise_floor"]  # they agree either way
+        equations = json.loads(capsys.readouterr().out)["equations"]
+        equation, sensors = equations["x"], equations["v"]
+        assert sensors["rmse"] < 1.2 * sensors["noise_floor"]  # they agree either way
         assert (equation["rmse"] > 20 * equation["noise_floor"]) == (most == np.inf)
         assert equation["rmse"] < most * equation["noise_floor"]
 
@@ -104,7 +105,7 @@ def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.Cap
         assert main(["check", str(log), "--sim", str(cart / sim), *more, "--json", "--quiet"]) == 0
         capsys.readouterr()
         assert main(["evaluate", str(log), "--sim", str(cart / sim), *more, "--trust", "--json"]) == 0
-        errors.append([e["rmse"] for e in json.loads(capsys.readouterr().out)["equations"]])
+        errors.append([e["rmse"] for e in json.loads(capsys.readouterr().out)["equations"].values()])
     assert errors[0] == pytest.approx(errors[1], rel=1e-6)
 
 
@@ -228,7 +229,7 @@ def test_a_crash_or_a_hang_of_an_fmu_is_an_error(
 def test_an_fmu_gets_no_more_memory_than_its_limit(muscle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pamid.simulators import fmu_model
 
-    code = "from pamid.simulators.fmu_worker import _limited; _limited(2**29); bytearray(2**30)"
+    code = "from pamid.simulators.fmu_worker import limited; limited(2**29); bytearray(2**30)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 1 and "MemoryError" in found.stderr
     monkeypatch.setattr(fmu_model, "BYTES", 2**26)  # less than Python and numpy need: what fails there is told
@@ -255,7 +256,7 @@ def test_an_fmu_is_diagnosed_by_its_runs(muscle: Path, capsys: pytest.CaptureFix
     assert (cause["effects"], cause["where"]) == (["sensor_gain"], ["force"])
     assert cause["parameters"]["deviation"]["value"] == pytest.approx(0.06, abs=0.005)
     assert main(["evaluate", str(log), "--sim", str(out / "corrected.toml"), "--trust", "--json"]) == 0
-    [equation] = json.loads(capsys.readouterr().out)["equations"]
+    [equation] = json.loads(capsys.readouterr().out)["equations"].values()
     assert equation["rmse"] < 1.2 * equation["noise_floor"]
 
 

@@ -10,6 +10,7 @@ import pytest
 from pamid.bench import BenchParameters, simulate
 from pamid.bench.references import sine, triangle
 from pamid.cli import app, main
+from pamid.opinion.passport import Entry, Passport
 from pamid.signals import write_log
 
 KINDS = ("bench", "muscle", "cylinder", "joint")
@@ -22,9 +23,10 @@ WORKS = ("check", "evaluate", "resid", "compare", "fit", "present", "export", "d
 """Commands that take every kind."""
 SAYS = {
     "adapt": (("cylinder", "joint"), "fit CylinderForce|fit JointDrive"),
-    "simulate": (("muscle", "cylinder", "joint"), "a simulator of the bench"),
-    "next": (("muscle", "cylinder", "joint"), "of a bench named"),
-    "watch": (("cylinder", "joint"), "the page of a muscle or a bench"),
+    "simulate": (("muscle", "cylinder", "joint"), "a simulator file of the bench"),
+    "next": (("muscle", "cylinder", "joint"), "for the bench and for simulators with ports"),
+    "passport": (("muscle", "cylinder", "joint"), "no simulator with ports"),
+    "watch": (("cylinder", "joint"), "the simulator file of a muscle or a bench"),
 }
 """Commands for some kinds alone: those that they are not for, and the words in which they say so."""
 WITHOUT = ("completion", "demo")
@@ -101,11 +103,13 @@ def test_commands_that_are_for_some_kinds_say_so(command, kind, every, capsys):
         assert main(["fit", *log, "--folds", "0", "--out", model]) == 0
     if command == "next":
         assert main(["diagnose", *log, "--out", str(every / "gap"), "--effects", QUICK[kind]]) == 0
+    (every / "passport.toml").write_text(Passport({"m": Entry(2.0, 1.98, 2.02, "kg", "holds", 2.01)}).text())
     capsys.readouterr()
     argv = {
         "adapt": [model, *log, "--out", str(every / "adapted.pamid")],
         "simulate": [*log[1:], "--trajectory", "sine:frequency=4,amplitude=5", "--out", str(every / "new.csv")],
         "next": [str(every / "gap")],
+        "passport": [str(every / "passport.toml"), *log],
         "watch": [str(every / "samples.jsonl"), *log[1:]],
     }[command]
     assert main([command, *argv]) == 2

@@ -91,7 +91,7 @@ def test_fit_takes_the_page_of_a_muscle_and_no_size_by_default(files, capsys):
     assert main(["evaluate", *arguments(files, "muscle"), *model]) == 0
     capsys.readouterr()
     assert main(["fit", *arguments(files, "cylinder"), "--estimator", "GeometricForce", *out]) == 2
-    assert "the page of a muscle or a bench" in capsys.readouterr().err
+    assert "the simulator file of a muscle or a bench" in capsys.readouterr().err
     assert main(["compare", str(files / "muscle.csv"), "--estimators", "GeometricForce*"]) == 2
     assert "--rest-length" in capsys.readouterr().err
 
@@ -99,7 +99,7 @@ def test_fit_takes_the_page_of_a_muscle_and_no_size_by_default(files, capsys):
 def test_what_needs_a_bench_says_so(files, capsys):
     argv = ["simulate", "--sim", str(files / "cylinder.toml"), "--trajectory", "sine:frequency=4,amplitude=5"]
     assert main([*argv, "--out", str(files / "log.csv")]) == 2
-    assert "is the page of a cylinder" in capsys.readouterr().err
+    assert "is the simulator file of a cylinder" in capsys.readouterr().err
     assert main(["evaluate", *arguments(files, "joint"), "--refit"]) == 2
     assert "--refit is given for the page of a joint" in capsys.readouterr().err
 

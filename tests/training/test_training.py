@@ -284,7 +284,7 @@ def test_trainers_by_name():
     mine = LevenbergMarquardt(max_iter=3)
     assert trainer_named(mine) is mine
     for wrong in ("sgd", 3, None):
-        with pytest.raises(UnknownOptionError, match="adam, levenberg_marquardt"):
+        with pytest.raises(UnknownOptionError, match="adam, adam_as_run, levenberg_marquardt"):
             trainer_named(wrong)
     with pytest.raises(UnknownOptionError, match="softplus"):
         activation_named("relu")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ExtrapolationWarning, ParameterError
 from ...requirements import last_step
 from .._fitting import held_out, pipeline, with_rates
+from .._progress import progress
 from ..common import (
     add_command,
     add_log_options,
@@ -20,7 +21,6 @@ from ..common import (
     page_numbers,
     page_of,
     print_json,
-    progress,
     table,
 )
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 METHODS = ("q", "scales", "full", "partial", "lora")
 
 _DESCRIPTION = """\
-Adapt a model that 'pamid fit' saved for one muscle to another muscle, from a short log of it.
+Adapt a model that 'pamid fit' saved for one muscle to another muscle, with a short log of it.
 
-First the error to expect: for each fold of a grouped cross-validation the source is adapted to most runs and scored on
-those left out, beside the source as it is. Then it is adapted to all runs and written to --out, the source inside.
-The sizes of the target muscle, where its factor on the volume starts, come from --muscle, or from the simulator file
-that --sim names or that lies beside the log; without any the data alone decide.
+First a grouped cross-validation estimates the error: in each fold the source is adapted to most runs and scored on the
+others, and so is the unadapted source. Then it is adapted to all runs and written to --out together with the source.
+The size of the target muscle, the start value of the factor on the volume, comes from --muscle, or from the simulator
+file of --sim or beside the log; without any of them only the data decide.
 """
 _EXAMPLES = """\
   pamid adapt flow-A.pamid log-B.parquet --muscle B --out flow-B.pamid
@@ -60,7 +60,7 @@ def add_parser(subparsers: Any) -> None:
         "--method",
         choices=METHODS,
         default="q",
-        help="q: factor on the volume and a correction held to the source (default); scales: length, diameter, dead "
+        help="q: factor on the volume and a correction kept near the source (default); scales: length, diameter, dead "
         "volume; full, partial, lora: fine-tuning without a factor",
     )
     parser.add_argument(

@@ -12,19 +12,10 @@ from ...errors import PressureReferenceError, TimeOrderError, UnitError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ...json_data import json_ready
+from .._progress import progress
+from .._simulators import add_trust_option
 from .._style import marked
-from ..common import (
-    add_command,
-    add_log_options,
-    checked_output,
-    note,
-    print_json,
-    progress,
-    simulator_of,
-    system_of,
-    table,
-    wrapped,
-)
+from ..common import add_command, add_log_options, any_simulator_of, checked_output, note, print_json, table, wrapped
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,12 +26,12 @@ FILES = ("check.html", "check.json")
 """What --out receives."""
 
 _DESCRIPTION = """\
-Look through a log before anything is fitted to it: its columns and units, its sampling, gaps and faults of sensors, the
-noise of each channel, repeats, and how far it excites what it records. Then what can be identified from it, class by
-class of effects, what cannot and why, and what to record next.
+Examine a log before anything is fitted to it: columns and units, sampling, gaps and sensor faults, the noise of each
+channel, repeated runs, and excitation. Then report, for each class of effects, whether it can be identified from the
+log, why not, and what to record next.
 
-With a simulator of the bench each effect of the library is tried on the log: which would be seen, and which would look
-alike. Doubtful data are told as warnings; only what cannot be read at all is an error.
+With a simulator of the bench, each effect of the library is tried on the log: which ones would be visible, and which
+would look alike. Doubtful data give warnings; only unreadable data are an error.
 """
 _EXAMPLES = """\
   pamid check log.parquet
@@ -53,13 +44,14 @@ _ROOM = 1 << 20
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "what is in a log, what it can tell, what to record next"
+    summary = "what a log contains, what it can tell, what to record next"
     parser = add_command(subparsers, "check", summary, _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(
         "--sim", metavar="SIM.toml", help="simulator file (default: LOG.sim.toml or sim.toml beside LOG, if there)"
     )
-    parser.add_argument("--html", metavar="FILE", help="write the page for a browser to this file")
+    add_trust_option(parser)
+    parser.add_argument("--html", metavar="FILE", help="write an HTML page to this file")
     parser.add_argument("--out", metavar="DIR", help="write check.html and check.json to this folder")
 
 
@@ -69,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
     _check_targets(args)
     ported = _has_ports(args)
-    simulator = None if ported else system_of(args) or simulator_of(args)
+    simulator = None if ported else any_simulator_of(args)
     log, doubts = _read(args, _own_names(args) if ported else [])
     with progress(args, "Looking"):
         found = survey(log, simulator)
@@ -93,8 +85,8 @@ def run(args: argparse.Namespace) -> int:
 def _has_ports(args: argparse.Namespace) -> bool:
     """Tell whether --sim names a simulator with ports, beside which a log is looked at by itself."""
     from ...simulators import simulator_kinds
+    from ...simulators.page import MODELS
     from ...systems import kind_of_file
-    from .._simulators import MODELS
 
     if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
         return False
@@ -104,8 +96,7 @@ def _has_ports(args: argparse.Namespace) -> bool:
 
 def _own_names(args: argparse.Namespace) -> list[str]:
     """Return the columns that the page of a simulator with ports names; nothing of the simulator runs."""
-    from ...simulators.page import page_signals
-    from .._simulators import MODELS
+    from ...simulators.page import MODELS, page_signals
 
     page = Path(args.sim)
     page = page.with_suffix(".toml") if page.suffix.lower() in MODELS else page
@@ -139,7 +130,7 @@ def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[
     check_units, order = True, None
     doubts: list[str] = []
     while True:
-        settings = log_settings(LogMapping.load(args.columns, own=own), nan, "ignore", order, None, None)
+        settings = log_settings(LogMapping.load(args.columns, own=own), nan, "ignore", order, None, None, args.encoding)
         try:
             log, notes = read_with_notes(args.log, settings, nan=nan, check_units=check_units)
         except (UnitError, PressureReferenceError) as error:
@@ -153,7 +144,7 @@ def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[
             order = "split"
             doubts.append(f"{error} Here each return of time begins a new run.")
         else:
-            return log, doubts + [f"{text}." for text in notes.readings.sentences()]
+            return log, doubts + [f"{text}." for text in (*notes.losses(), *notes.readings.sentences())]
 
 
 def _check_targets(args: argparse.Namespace) -> None:

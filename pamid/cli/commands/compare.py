@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ExcitationError, MissingParameterError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...requirements import WithVolume
-from ..common import add_command, add_log_options, load_log, note, page_numbers, page_of, print_json, progress
+from .._progress import progress
+from ..common import add_command, add_log_options, load_log, note, page_numbers, page_of, print_json
 from ..rows import add_where, rows_where
 
 if TYPE_CHECKING:
@@ -22,18 +23,17 @@ if TYPE_CHECKING:
 
 _ROOM = 1 << 20
 _DESCRIPTION = """\
-Compare all estimators of one equation (or those of --estimators) on runs that their fits have not seen, and print one
-table: root mean square error over the held-out runs with its 90 % interval (from a bootstrap over runs), the fit in
-per cent (100 % less the error over the target's standard deviation, as MATLAB's compare has it), how far behind the
-best and whether that is more than chance (*), time of a fit, time to predict 1000 rows, number of fitted parameters,
-and the noise floor of a perfect model.
+Compare all estimators of one equation (or those of --estimators) on unseen runs, and print one table: root mean square
+error over the held-out runs with its 90 % interval (bootstrap over runs), fit in per cent (100 % less the error divided
+by the target's standard deviation, as in MATLAB's compare), difference to the best and whether it is significant (*),
+time of a fit, time to predict 1000 rows, number of fitted parameters, and the noise floor of a perfect model.
 
-Both muscles of a run stay in one fold. Rates are taken run by run before the split. Estimators are fitted on --rows
-rows, evenly thinned; the whole table takes a few minutes. One estimator that fails is one line.
+Both muscles of a run stay in one fold. Rates are estimated within each run before the split. Estimators are fitted to
+--rows rows, evenly thinned; the whole table takes a few minutes. An estimator that fails gets a line with its error.
 
-A flow is compared over windows of 20 ms, because its law reads rates, and those of single samples are mostly noise.
+A flow is compared over windows of 20 ms, because its law uses rates, which are mostly noise at single samples.
 
-SIM.toml may also be the page of a muscle, a cylinder or a joint. For a cylinder or a joint the nominal equation, the
+SIM.toml may also be the file of a muscle, a cylinder or a joint. For a cylinder or a joint the nominal equation, the
 same with gain, offset and friction, and two learners without physics are compared.
 
 The inverse problem is the pressure for a measured force and contraction. The dynamic problem is a free run from the
@@ -86,15 +86,21 @@ def add_parser(subparsers: Any) -> None:
         "--split",
         choices=("run", "kind"),
         default="run",
-        help="hold out runs, or one kind of runs after the other: sines, steps, one contraction (default: run)",
+        help="hold out single runs, or one kind of run at a time: sines, steps, one contraction (default: run)",
     )
-    parser.add_argument("--rows", type=int, default=5000, metavar="N", help="most rows of a fit (default: 5000)")
     parser.add_argument(
-        "--score-rows", type=int, default=50_000, metavar="N", help="most held-out rows scored (default: 50000)"
+        "--rows", type=int, default=5000, metavar="N", help="largest number of rows of a fit (default: 5000)"
+    )
+    parser.add_argument(
+        "--score-rows",
+        type=int,
+        default=50_000,
+        metavar="N",
+        help="largest number of held-out rows to score (default: 50000)",
     )
     add_where(parser)
     parser.add_argument(
-        "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the rates (default: as the signals ask for)"
+        "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the rates (default: chosen from the signals)"
     )
     parser.add_argument(
         "--window",
@@ -165,9 +171,8 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
         args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed, output=output
     )
     _require_sizes(entries, parameters)
-    n_runs = signals["run"].nunique()
     rows = rows_where(signals, args.where)
-    with progress(args, "Comparing", len(entries) * min(args.folds, n_runs) if args.split == "run" else None) as step:
+    with progress(args, "Comparing") as step:
         result = compare(
             signals,
             args.equation,

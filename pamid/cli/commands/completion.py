@@ -8,8 +8,8 @@ from typing import Any
 from ..common import add_command, print_json
 
 _DESCRIPTION = """\
-Print a script for a shell, with which it completes the names of commands and options and the choices of an option; for
-everything else it offers files. The script follows from the installed version: print it again after an update.
+Print a script for a shell that completes the names of commands and options and the choices of an option; for
+everything else it offers files. The script matches the installed version: print it again after an update.
 """
 _EXAMPLES = """\
   pamid completion bash > ~/.local/share/bash-completion/completions/pamid
@@ -20,7 +20,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "completion", "a script for the completion of a shell", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(subparsers, "completion", "print a script for shell completion", _DESCRIPTION, _EXAMPLES)
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="shell to print it for")
 
 

@@ -1,4 +1,4 @@
-"""``pamid demo``: the main job on simulated data, command by command."""
+"""``pamid demo``: the main commands on simulated data, one by one."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _ESTIMATORS = {
 }
 _ROOM = 1 << 23
 _DESCRIPTION = """\
-Do the main job from end to end on simulated data, and show each command before it runs: simulate a bench whose muscles
-have hysteresis and threads that stretch, hold its log against the nominal simulator that knows of neither, fit the
-hybrid model of the force and save it, compare the hybrid models of force and flow with the classical ones on runs that
-no fit has seen, adapt a model of the flow from one muscle to another, and diagnose a log whose effect is withheld.
-Where that log cannot tell which effect it is, the run that can is designed, recorded, and the diagnosis goes on.
+Run the main commands on simulated data, and show each command before it runs: simulate a bench whose muscles have
+hysteresis and threads that stretch, compare its log with the nominal simulator, which has neither, fit the hybrid model
+of the force and save it, compare the hybrid models of force and flow with the classical ones on unseen runs, adapt a
+model of the flow from one muscle to another, and diagnose a log whose effect is withheld. If that log cannot tell which
+effect it is, the run that can is designed and recorded, and the diagnosis continues.
 
-It takes about a minute of one core and needs no data. Everything is written to --out.
+It takes about a minute on one core and needs no data. Everything is written to --out.
 """
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "demo", "the main job on simulated data, step by step", _DESCRIPTION, "  pamid demo\n"
+        subparsers, "demo", "the main commands on simulated data, step by step", _DESCRIPTION, "  pamid demo\n"
     )
     parser.add_argument(
         "--out", metavar="DIR", default="demo-output", help="folder for all results (default: demo-output)"
@@ -141,8 +141,8 @@ def _diagnosis(folder: Path) -> list[Step]:
     record = ["simulate", "--sim", str(bench), *_trajectories(_RECORDED), "--out", str(log)]
     diagnose = ["diagnose", str(log), "--sim", str(folder / "bench.sim.toml"), "--out", str(folder / "diagnosis")]
     return [
-        (f"Record a log on another bench; what it has and its simulator lacks stands in {bench} alone", record),
-        ("Diagnose the gap between the two: where it lies, which effect causes it, how far it closes", diagnose),
+        (f"Record a log on another bench; only {bench} names the effect that its simulator file lacks", record),
+        ("Diagnose the gap between the two: where it is, which effect causes it, how far it closes", diagnose),
     ]
 
 
@@ -161,7 +161,7 @@ def second_round(folder: Path) -> list[Step]:
         ),
         ("Record that run on the bench", [*record, "--out", str(log)]),
         (
-            "Go on with the diagnosis",
+            "Continue the diagnosis",
             ["diagnose", str(log), "--since", str(first), "--sim", str(simulator), "--out", str(last)],
         ),
     ]

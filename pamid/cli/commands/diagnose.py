@@ -6,64 +6,58 @@ import argparse
 import shutil
 import textwrap
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
-from .._several import HISTORY, add_options, diagnosed, logs_of, simulator_before, wanted
-from .._simulators import CORRECTED, add_trust_option, port_simulator_of, write_corrected
-from ..common import (
-    DONE,
-    UNTESTED,
-    add_command,
-    add_log_options,
-    load_log,
-    note,
-    number,
-    print_json,
-    progress,
-    simulator_of,
-    system_of,
-    table,
-)
-from ..rows import add_where, readings_where, rows_where
+from ...json_data import json_ready
+from .._progress import progress
+from .._several import HISTORY, add_options, diagnosed, judged_after, simulator_before
+from .._simulators import CORRECTED, add_trust_option, write_corrected
+from ..common import DONE, UNTESTED, add_command, add_log_options, any_simulator_of, note, number, print_json, table
+from ..rows import add_where
 
 if TYPE_CHECKING:
     from ...gap.diagnosis.result import Diagnosis
     from ...gap.several.history import History
+    from ...opinion import Opinion, Passport
     from ...report.sections import Source
 
-FILES = ("diagnosis.json", *CORRECTED, *HISTORY, "report.html")
+PASSPORT = ("passport.toml", "passport.html")
+FILES = ("diagnosis.json", *CORRECTED, *HISTORY, *PASSPORT, "report.html")
 """What --out receives."""
 
 _CANDIDATES = 6
 _ROOM = 1 << 20
 _DESCRIPTION = """\
-Diagnose the gap between a simulator and a log: where it lies (equation, region of the state, frequencies, runs), which
-effect that the simulator lacks is the cause, and how far the gap shrinks once it is added, on runs that the fit has not
-seen. The parameters under [tolerance] are refitted first and with every candidate, so that a parameter a little off is
-no gap.
+Diagnose the gap between a simulator and a log: where it is (equation, region of the state, frequencies, runs), which
+missing effect is the cause, and how far the gap shrinks on unseen runs once that effect is added. The parameters under
+[tolerance] are refitted first and with every candidate, so a parameter within its tolerance is not a gap.
 
-The answer is one cause, one of a class that this log cannot split, several causes, a cause that is not in the library,
-or no gap. Where the log leaves a choice, the run to record next is named.
+The answer is one cause, one of a class that this log cannot distinguish, several causes, a cause that is not in the
+library, or no gap. If the log does not decide, the answer names the run to record next.
 
 DIR receives report.html (opens in any browser, without a network), diagnosis.json, and corrected.toml, the simulator
-with the causes added, which 'pamid evaluate' and 'pamid simulate' take.
+with the causes added, for 'pamid evaluate' and 'pamid simulate'.
 
-SIM.toml may also be the page of a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it;
-corrected.toml is then such a page, for 'pamid evaluate' and 'pamid diagnose'. It may be the page of a simulator of your
-own as well, a Python function, a MuJoCo model, an FMU or a python-control system (docs/simulators.md), or such a model
-itself, .xml or .fmu: effects then act at its ports, and the corrected simulator comes back as what it was.
+SIM.toml may also describe a cylinder, a joint or a single muscle, as 'pamid init --kind' writes it, or your own
+simulator: a Python function, a MuJoCo model, an FMU or a python-control system (docs/simulators.md). A model file
+itself, .xml or .fmu, works too. Effects then act at its ports, and the corrected simulator is written in its format.
 
-With --where only windows of 20 ms count whose rows all meet the condition; what effects remember still runs through the
-others. On a bench it is the readings of force and flow that count, since a condition says nothing of joint and valve.
+With --where only windows count whose rows all meet the condition; the states of effects still run through the others.
+On a bench the condition applies to the readings of force and flow, not to joint and valve.
 
-Several LOGs of a bench that hold several runs each are diagnosed together: causes are shared, valves, friction and gas
-are each day's own, and a cause may come or go between two days. DIR then also holds what a later diagnosis goes on from
-(--since DIR), and 'pamid next DIR' designs the run to record next.
+Several LOGs with several runs each are diagnosed together: causes are shared, and a cause may appear or disappear
+between two days. Valves, friction and gas of a bench, and clocks and offsets of other simulators, may differ from day
+to day. A later diagnosis can continue from DIR (--since DIR), and 'pamid next DIR' designs the run to record next.
+
+--after FIT asks for a second opinion on parameters that another tool fitted: MuJoCo's sysid (params_x_hat.yaml), PACE
+and BAM (JSON, YAML), a fitted MJCF, start values for FMPy. It reports which of them absorbed physics that the simulator
+lacks, which this log does not determine, what is missing, and whether another run is needed. DIR then also contains
+passport.toml and passport.html; 'pamid passport' tests such a passport on the log of another system.
 """
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
@@ -71,6 +65,7 @@ _EXAMPLES = """\
   pamid diagnose bench.csv --columns mapping.toml --sim sim.toml --out diagnosis --without creep --json
   pamid diagnose log.csv --sim motor.toml --trust --out diagnosis      a function of your own, or an FMU
   pamid diagnose log.csv --sim arm.xml --out diagnosis                 a MuJoCo model
+  pamid diagnose log.csv --sim arm.xml --after params_x_hat.yaml --out opinion      fitted by another tool
   pamid diagnose muscle.mat --columns columns.toml --sim sim.toml --where 'F > 5' --out diagnosis
   pamid diagnose monday.parquet friday.parquet --sim sim.toml --out diagnosis
   pamid diagnose next.parquet --since diagnosis --sim sim.toml --out second
@@ -93,6 +88,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--without", metavar="A,B,...", action="append", default=[], help="effects to leave out; repeatable"
     )
+    parser.add_argument("--after", metavar="FIT", action="append", help="parameters fitted by another tool; repeatable")
     add_where(parser)
     add_options(parser)
     add_trust_option(parser)
@@ -100,51 +96,40 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...gap import diagnose_simulator
+    from ...opinion import Passport
     from ...report import answers
-    from ...systems import diagnose_system
+    from ...signals.log import find_logs
 
     folder = check_folder(args.out, FILES, size=_ROOM)
-    ported = port_simulator_of(args)
-    system = system_of(args) if ported is None else None
-    kind = "" if ported is not None else "bench" if system is None else system.library
-    effects = _effects(args.effects, args.without, kind)
-    bench = system is None and ported is None
-    if wanted(args) and not bench:
-        raise ParameterError(
-            "--conditions or --since is given, and the simulator is none of the bench.",
-            "logs of the antagonistic bench",
-            "Diagnose the logs of other systems one by one.",
-        )
-    logs = logs_of(args) if bench else None
-    history: History | None = None
-    log = load_log(args, ported=ported) if not bench else None
-    params = simulator_of(args) or simulator_before(args) if bench else None
-    if params is None and bench:
+    find_logs(args.log)  # a name that is none is told before anything is read
+    simulator = any_simulator_of(args) or simulator_before(args)
+    if simulator is None:
         raise ParameterError(
             "No simulator is named, and none lies beside the log.",
             "a simulator file",
             "Add --sim SIM.toml; 'pamid init' writes one.",
         )
+    effects = _effects(args.effects, args.without, simulator)
     started = time.perf_counter()
+    opinion: Opinion | None = None
     with progress(args, "Diagnosing") as step:
-        if ported is not None:
-            assert log is not None
-            measured = [p.source for p in ported.ports if p.kind != "input"]
-            log = readings_where(log, args.where, measured)
-            d = diagnose_simulator(log, ported, effects=effects, seed=args.seed, progress=step)
-        elif system is not None:
-            assert log is not None
-            rows = rows_where(log, args.where)
-            d = diagnose_system(log, system, effects=effects, rows=rows, seed=args.seed, progress=step)
+        if args.after:
+            opinion, log = judged_after(args, simulator, effects, step)
+            d = opinion.diagnosis
         else:
-            assert params is not None
-            d, history, log = diagnosed(args, params, effects, logs, step)
-        step("report")
-        files = write(d, folder, _source(args, log), history)
+            d, log = diagnosed(args, simulator, effects, step)
+    source = _source(args, log)
+    passport = Passport.of(opinion, source.log) if opinion is not None else None
+    with progress(args, "Writing the report:") as step:
+        files = write(d, folder, source, d.history, passport, step)
     if args.json:
-        print_json({**d.as_dict(), "files": {file.name: str(file) for file in files}})
+        judged = {"opinion": json_ready(opinion.as_dict())} if opinion is not None else {}
+        print_json({**d.as_dict(), **judged, "files": {file.name: str(file) for file in files}})
         return DONE if d.tested else UNTESTED
+    if opinion is not None:
+        for text in opinion.sentences():
+            print(_paragraph("after", text))
+        print()
     told = answers(d)
     print(f"{told.verdict}\n")
     for word, text in (("where", told.where), ("which", told.which), ("how far", told.how_far)):
@@ -152,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
     if d.candidates:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
-    if history is not None and d.gap and len(d.rivals) > 1:
+    if d.gap and len(d.rivals) > 1:
         print(_paragraph("next", f"'pamid next {folder}' designs the run that distinguishes the explanations."))
     print()
     for file in files:
@@ -161,31 +146,17 @@ def run(args: argparse.Namespace) -> int:
     return DONE if d.tested else UNTESTED
 
 
-def write(d: Diagnosis, folder: Path, source: Source, history: History | None = None) -> list[Path]:
+def write(
+    d: Diagnosis,
+    folder: Path,
+    source: Source,
+    history: History | None = None,
+    passport: Passport | None = None,
+    step: Callable[[str], None] | None = None,
+) -> list[Path]:
     """Write report, diagnosis and simulator into a folder, all of them or none.
 
     A corrected simulator with ports that cannot be made, loaded and run is left out, which the diagnosis's notes tell.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to write.
-    folder : Path
-        Where to; made if it is not there.
-    source : Source
-        Where the diagnosis comes from.
-    history : History, optional
-        What a later diagnosis goes on from.
-
-    Returns
-    -------
-    list of Path
-        The files.
-
-    Raises
-    ------
-    OutputError
-        If they cannot be written; what was there before then stays.
     """
     from ...report import report_html
     from ...simulators import Simulator
@@ -195,23 +166,28 @@ def write(d: Diagnosis, folder: Path, source: Source, history: History | None = 
             d.notes.extend(write_corrected(d.corrected, stage, folder))
         elif d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
-        write_whole(stage / "report.html", report_html(d, source))
+        write_whole(stage / "report.html", report_html(d, source, step))
         write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
             history.write(stage)
+        if passport is not None:
+            for name, text in passport.texts().items():
+                (stage / name).write_text(text, encoding="utf-8")
         written = [name for name in FILES if (stage / name).exists()]
     return [folder / name for name in written]
 
 
-def _effects(chosen: str, without: Sequence[str], kind: str) -> str | list[str]:
-    """Return the names of the effects that may be the cause of a kind of system's gap."""
+def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[str]:
+    """Return the names of the effects that may be the cause of a simulator's gap."""
     import difflib
 
     from ...effects import all_effects
     from ...effects.registry import chosen_effects
-    from ...simulators import port_effects
+    from ...simulators import Simulator, port_effects
+    from ...systems import System
 
-    at_ports = not kind
+    at_ports = isinstance(simulator, Simulator)
+    kind = simulator.library if isinstance(simulator, System) else "bench"
     known = set(port_effects()) if at_ports else set(all_effects())
 
     def names(text: str, option: str) -> list[str]:
@@ -258,6 +234,7 @@ def _short(path: str) -> str:
 
 def _ranking(d: Diagnosis) -> str:
     from ...report.drawings.ranking import answer_names
+    from ...report.quantities import said_at
     from ...report.sentences import closes, reason
 
     told = answer_names(d)
@@ -265,7 +242,7 @@ def _ranking(d: Diagnosis) -> str:
     first = named[: max(_CANDIDATES, len(told))]
     rows = [
         [
-            f"{c.effect} at {c.where}" if c.where else c.effect,
+            said_at(c.effect, c.where),
             number(round(c.confidence, 3)),
             closes(d, c) or "-",
             "" if (c.effect, c.where) in told else reason(d, c),

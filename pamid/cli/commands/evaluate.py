@@ -1,4 +1,4 @@
-"""``pamid evaluate``: hold a log against a simulator, or against a saved model."""
+"""``pamid evaluate``: compare a log with a simulator, or with a saved model."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
-from .._simulators import add_trust_option, evaluation, port_simulator_of
+from .._progress import progress
+from .._simulators import add_trust_option
 from ..common import (
     DONE,
     UNTESTED,
     add_command,
     add_log_options,
+    any_simulator_of,
     load_log,
     load_pieces,
     note,
@@ -19,27 +21,24 @@ from ..common import (
     page_numbers,
     page_of,
     print_json,
-    progress,
     table,
 )
 
 if TYPE_CHECKING:
     from ...equations import LogEvaluation
-    from ...simulators import Simulator
-    from ...systems import System
 
 _DESCRIPTION = """\
-Hold a log against the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
+Compare a log with the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
 
-For each equation you get the root mean square error over windows of 20 ms (rmse), the same over the standard
-deviation of what was measured (nrmse), and the noise floor: the rmse that the sensors' own noise, estimated from the
-log, would leave with a perfect simulator. An rmse far above the floor is a gap, unless the parameters under
-[tolerance] explain it: --refit fits those within their tolerances first.
+For each equation you get the root mean square error over windows of 20 ms (rmse), the same divided by the standard
+deviation of the measurement (nrmse), and the noise floor: the rmse of a perfect simulator due to sensor noise, which is
+estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain it:
+--refit first fits them within their tolerances.
 
-fit is 100 % less nrmse, as MATLAB's compare has it.
+fit is 100 % less nrmse, as in MATLAB's compare.
 
-SIM.toml may also be the page of a cylinder, a joint or a muscle, whose one equation is then looked at. With --model, a
-model saved by 'pamid fit' predicts the log instead.
+SIM.toml may also describe a cylinder, a joint or a muscle with its one equation, or your own simulator: a function,
+equations, a MuJoCo model, an FMU. With --model, a model saved by 'pamid fit' predicts the log instead.
 """
 _EXAMPLES = """\
   pamid evaluate log.parquet --sim sim.toml
@@ -61,10 +60,10 @@ def add_parser(subparsers: Any) -> None:
         "--piece-rows",
         type=int,
         metavar="N",
-        help="read the log in pieces of N rows, each of whole trajectories, where it is larger than memory",
+        help="read a log that is larger than memory in pieces of about N rows, each of whole runs",
     )
     add_trust_option(parser)
-    parser.add_argument("--refit", action="store_true", help="refit the parameters under [tolerance] within it first")
+    parser.add_argument("--refit", action="store_true", help="first refit the parameters within their tolerances")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,30 +82,40 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluate_simulator(args: argparse.Namespace) -> int:
-    from ...equations import evaluate_log
+    from ...any_simulator import evaluate
+    from ...bench import BenchParameters
     from ...gap import refit_within_tolerance
     from ...systems import System
+    from ...systems.reference import doubts
 
-    if (ported := port_simulator_of(args)) is not None:
-        return _evaluate_ported(args, ported)
-    params = page_of(args)
-    if isinstance(params, System):
-        return _evaluate_system(args, params)
-    assert params is not None
-    extra: dict[str, Any] = {}
-    log: Any = load_log(args) if args.piece_rows is None else load_pieces(args, args.piece_rows)
+    simulator: Any = any_simulator_of(args)
+    said: list[str] = []
+    extra: dict[str, Any] = {} if isinstance(simulator, BenchParameters) else {"kind": simulator.kind}
+    if args.piece_rows is None:
+        log: Any = load_log(args, simulator=simulator)
+    else:
+        log = load_pieces(args, args.piece_rows, simulator=simulator)
+    if isinstance(simulator, System):
+        if args.refit:
+            raise ParameterError(
+                f"--refit is given for the page of a {simulator.kind}, whose numbers have no tolerances.",
+                "a simulator with parameters under [tolerance], or 'tolerance' of a parameter",
+                'Leave it out; what the page has as "fit" is fitted to the log anyway.',
+            )
+        if args.piece_rows is None:
+            extra["doubts"] = said = doubts(log, simulator)
     if args.refit:
         with progress(args, "Refitting within tolerances"):
-            refit = refit_within_tolerance(log, params)
-        params = refit.params
+            refit = refit_within_tolerance(log, simulator)
+        simulator = refit.params
         extra["refit"] = {
-            "parameters": {name: params.get(name) for name in refit.changes},
+            "parameters": {name: simulator.get(name) for name in refit.changes},
             "relative_change": refit.changes,
             "at_bound": list(refit.at_bound),
         }
-    count = log["trajectory"].nunique() if args.piece_rows is None else None
+    count = log["trajectory"].nunique() if args.piece_rows is None and "trajectory" in log else None
     with progress(args, "Evaluating", count) as step:
-        result = evaluate_log(log, params, progress=step)
+        result = evaluate(log, simulator, progress=step)
     if args.json:
         print_json({**result.as_dict(), **extra})
         return DONE if result else UNTESTED
@@ -115,9 +124,14 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
         print(f"skipped: {why}")
     for name, change in extra.get("refit", {}).get("relative_change", {}).items():
         bound = ", at its bound" if name in extra["refit"]["at_bound"] else ""
-        print(f"refitted: {name} {change:+.3%} to {params.get(name):.6g}{bound}")
-    if not args.refit and params.tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
-        note(args, f"the tolerances of {', '.join(params.tolerance)} may explain part of this: try --refit")
+        print(f"refitted: {name} {change:+.3%} to {simulator.get(name):.6g}{bound}")
+    for text in said:
+        note(args, text)
+    if args.refit and not extra["refit"]["relative_change"]:
+        note(args, "nothing is refitted: no parameter of the simulator has a tolerance")
+    tolerance = getattr(simulator, "tolerance", {})
+    if not args.refit and tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
+        note(args, f"the tolerances of {', '.join(tolerance)} may explain part of this: try --refit")
     return DONE if result else UNTESTED
 
 
@@ -137,49 +151,6 @@ def _tell(result: LogEvaluation) -> None:
     ]
     if rows:
         print(table(["equation", "rmse", "fit / %", "nrmse", "noise floor", "rmse/floor", "unit"], rows))
-
-
-def _evaluate_system(args: argparse.Namespace, system: System) -> int:
-    """Hold a log against the one equation of a cylinder, a joint or a muscle."""
-    from ...systems import evaluate_system
-    from ...systems.reference import doubts
-
-    for option, given in (("--refit", args.refit), ("--piece-rows", args.piece_rows is not None)):
-        if given:
-            raise ParameterError(
-                f"{option} is given for the page of a {system.kind}.",
-                "a simulator of the bench, whose [tolerance] and size they are for",
-                "Leave it out.",
-            )
-    log = load_log(args)
-    result = evaluate_system(log, system)
-    said = doubts(log, system)
-    if args.json:
-        print_json({"kind": system.kind, **result.as_dict(), "doubts": said})
-        return 0
-    _tell(result)
-    for text in said:
-        note(args, text)
-    return DONE
-
-
-def _evaluate_ported(args: argparse.Namespace, simulator: Simulator) -> int:
-    """Hold a log against a simulator with ports."""
-    for option, given in (("--refit", args.refit), ("--piece-rows", args.piece_rows is not None)):
-        if given:
-            raise ParameterError(
-                f"{option} is given for a simulator with ports.", "a simulator of the bench", "Leave it out."
-            )
-    found = evaluation(load_log(args, ported=simulator), simulator)
-    if args.json:
-        print_json({"kind": simulator.kind, "equations": found})
-        return DONE
-    rows = [
-        [e["equation"], number(e["rmse"]), number(100.0 * (1.0 - e["nrmse"])), number(e["noise_floor"]), e["unit"]]
-        for e in found
-    ]
-    print(table(["equation", "rmse", "fit / %", "noise floor", "unit"], rows))
-    return DONE
 
 
 def _evaluate_model(args: argparse.Namespace) -> int:

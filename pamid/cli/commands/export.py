@@ -14,9 +14,9 @@ _DESCRIPTION = """\
 Write a fitted model in another language: dependency-free C99 (fixed memory, no heap, analytic derivatives, a
 self-test with reference values), an ONNX graph, or an FMU (FMI 3.0, co-simulation) built from the C code.
 
-Inputs of a hybrid model are eps, deps, P (Pa, absolute) and dP; outputs the predictions, the gas volume and its
-derivatives. A model that is a formula (geometric, polynomial, empirical, inverse, residual hybrid) has the signals of
-its fit as inputs. A model that cannot be exported is refused with the part that is in the way.
+Inputs of a hybrid model are eps, deps, P (Pa, absolute) and dP; outputs are the predictions, the gas volume and its
+derivatives. Models that are formulas (geometric, polynomial, empirical, inverse, residual hybrid) have the signals of
+their fit as inputs. A model that cannot be exported is refused, and the message names the part that prevents it.
 """
 _EXAMPLES = """\
   pamid export force.pamid --to c --out controller --name force
@@ -30,7 +30,7 @@ def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "export", "a saved model as C, ONNX or an FMU", _DESCRIPTION, _EXAMPLES)
     parser.add_argument("model", metavar="MODEL", help="model file of 'pamid fit'")
     parser.add_argument("--to", choices=("c", "onnx", "fmu"), default="c", help="what to write (default: c)")
-    parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to; made if it does not exist")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to; created if missing")
     parser.add_argument(
         "--name", default="muscle", help="name of the files and prefix of the code's names (default: muscle)"
     )

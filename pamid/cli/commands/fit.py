@@ -10,6 +10,7 @@ from ...errors import ParameterError
 from .._causes import hold_causes, hybrid_for, read_causes
 from .._fitting import held_out, pipeline, with_rates
 from .._parameters import fitted_parameters, parameter_lines
+from .._progress import progress
 from ..common import (
     add_command,
     add_log_options,
@@ -20,7 +21,6 @@ from ..common import (
     page_of,
     parse_settings,
     print_json,
-    progress,
     table,
 )
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Fit an estimator to a log and save it: force or mass flow of a muscle, force of a cylinder, drive of a joint.
 
-First the estimator is fitted on most runs and scored on those left out, for each fold of a grouped cross-validation:
-that is the error to expect on a run that it has not seen. Then it is fitted on all runs and written to --out.
-Rates (deps, dP) are not logged; where the estimator needs them they are computed run by run and become the first step
-of the saved pipeline. From --sim come the contraction (from the joint angle) and the geometry that the estimator
-starts from. Without --estimator the one that fits the parameters of the page: GeometricForce for a muscle or a bench,
+First a grouped cross-validation fits the estimator to most runs and scores it on the others: the error to expect on
+unseen runs. Then it is fitted to all runs and written to --out.
+Rates (deps, dP) are not logged; if the estimator needs them they are estimated within each run, and this becomes the
+first step of the saved pipeline. --sim gives the contraction (from the joint angle) and the initial geometry of the
+estimator. The default --estimator depends on the simulator file: GeometricForce for a muscle or a bench,
 CylinderForce, JointDrive.
 """
 _EXAMPLES = """\
@@ -56,7 +56,7 @@ def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "fit", "fit an estimator to a log and save it", _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(
-        "--estimator", metavar="NAME", help="name of the estimator, such as StaticPIHM (default: that of the page)"
+        "--estimator", metavar="NAME", help="name of the estimator, such as StaticPIHM (default: depends on SIM.toml)"
     )
     parser.add_argument(
         "--equation", choices=("force", "flow"), help="what to predict, if the estimator leaves it open"
@@ -69,12 +69,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--checkpoint",
         metavar="DIR",
-        help="folder in which training keeps its state: the same command, given again after a crash, goes on from it",
+        help="folder for the state of the training: after a crash, the same command resumes from it",
     )
     parser.add_argument(
         "--diagnosis",
         metavar="DIR",
-        help="folder that 'pamid diagnose' has written: its causes become effects of a hybrid model",
+        help="output folder of 'pamid diagnose': its causes become effects of a hybrid model",
     )
     parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")
     parser.add_argument("--thin", type=int, default=1, metavar="N", help="fit on every N-th sample only (default: all)")

@@ -43,22 +43,22 @@ if TYPE_CHECKING:
 FILES = ("columns.toml", "sim.toml")
 
 _DESCRIPTION = """\
-Look at a log of any names and units, and write the two files that every other command takes:
+Inspect a log with any names and units, and write the two files that the other commands need:
 
-  columns.toml   which column is which signal, and in which unit it is
-  sim.toml       the numbers of the bench, cylinder, joint or muscle that was recorded, with comments
+  columns.toml   which column is which signal, and its unit
+  sim.toml       the parameters of the recorded bench, cylinder, joint or muscle, with comments
 
-Names and units are read from the columns' names, English or German, and guessed from their ranges. On a terminal you
-are asked what cannot be known. Elsewhere, or with --yes, a unit or number that is not given is assumed and marked
-ASSUMED in the files; what two readings are possible of (gauge or absolute, two columns for one signal, an unknown unit)
-is an error that says which option settles it. The log is read with the new mapping before anything is written.
+Names and units are recognised from the column names, English or German, or guessed from the values. On a terminal the
+command asks for what the log does not tell. Elsewhere, or with --yes, a missing unit or number is assumed and marked
+ASSUMED in the files; an ambiguity (gauge or absolute, two columns for one signal, an unknown unit) is an error that
+names the option to set. The log is read with the new mapping before anything is written.
 """
 _EXAMPLES = """\
   pamid init run1.csv --sim arm.xml --out setup                    ports of a MuJoCo model, or of an FMU
-  pamid init run1.csv                                              asks what it cannot know
+  pamid init run1.csv                                              asks for what the log does not tell
   pamid init run1.csv --kind muscle --set rest_length='200 mm' --set rest_diameter='20 mm' --yes
   pamid init *.csv --kind cylinder --signal time=0:ms --signal x=4:mm --signal P=5:bar:gauge --signal F=6:N \\
-      --set bore='25 mm' --yes --out setup                         a log without names of columns
+      --set bore='25 mm' --yes --out setup                         a log without column names
 """
 
 
@@ -78,8 +78,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--sim",
         metavar="MODEL",
-        help="a MuJoCo model (.xml), an FMU, or the page of a simulator (.toml): find the columns of its ports, and "
-        "write a page where there is none",
+        help="a MuJoCo model (.xml), an FMU, or a simulator file (.toml): find the columns of its ports, and "
+        "write a simulator file if there is none",
     )
     add_trust_option(parser)
     parser.add_argument(
@@ -87,7 +87,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="LEFT=RIGHT",
         action="append",
         default=[],
-        help="equation of a system of your own, such as 'dh/dt = v' or 'F = A*p'; its names are columns, or numbers of "
+        help="equation of your own system, such as 'dh/dt = v' or 'F = A*p'; its names are columns, or parameters of "
         "--set; repeatable",
     )
     parser.add_argument(
@@ -102,24 +102,24 @@ def add_parser(subparsers: Any) -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="number of the simulator file, in SI or with a unit ('25 mm'); repeatable",
+        help="parameter of the simulator file, in SI or with a unit ('25 mm'); repeatable",
     )
     parser.add_argument(
         "--constant",
         metavar="NAME=VALUE[@FILES]",
         action="append",
         default=[],
-        help="signal that stands still in this log, such as eps=0.04 or length='17.45 cm', or in files that a pattern "
-        "names: length='17.45 cm@*kinked25*'; repeatable",
+        help="signal that is constant in this log, such as eps=0.04 or length='17.45 cm', or in files that match a "
+        "pattern: length='17.45 cm@*kinked25*'; repeatable",
     )
     parser.add_argument(
         "--assume",
         choices=("gauge", "absolute"),
-        help="what pressures are that do not tell themselves (by name, unit, range or the force that they make)",
+        help="whether pressures are gauge or absolute if name, unit, range and force do not tell",
     )
     parser.add_argument("--out", metavar="DIR", default=".", help="folder for the two files (default: this one)")
-    parser.add_argument("--yes", action="store_true", help="ask nothing, take what is proposed")
-    parser.add_argument("--force", action="store_true", help="replace files that exist")
+    parser.add_argument("--yes", action="store_true", help="ask nothing, accept all proposals")
+    parser.add_argument("--force", action="store_true", help="replace existing files")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -133,9 +133,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _of_model(args: argparse.Namespace) -> int:
     """Write the mapping of a log where names, units or the clock need one, and the page of a model that has none."""
+    from ...simulators.page import MODELS, bare_model
     from ...systems.draft import draft_for
     from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take
-    from .._simulators import MODELS, bare_model, outline
+    from .._simulators import outline
 
     model = Path(args.sim)
     given_page = model.suffix.lower() not in MODELS

@@ -5,36 +5,46 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
-from ..common import DONE, add_command, note, number, print_json, progress, table, wrapped
+from .._progress import progress
+from .._simulators import add_trust_option
+from ..common import DONE, add_command, note, number, print_json, table, wrapped
 
 if TYPE_CHECKING:
     from ...gap.design.plan import Plan
+    from ...gap.several.history import History
 
 FILES = ("plan.json", "runs.toml", "set_points.csv")
 """What --out receives."""
 _ROOM = 1 << 22
 _DESCRIPTION = """\
-Design the next run after 'pamid diagnose --out DIR': of a continuous family of runs (sines, triangles, steps,
+Design the next run after 'pamid diagnose --out DIR'. From a continuous family of runs (sines, triangles, steps,
 multisines, holds, one muscle at constant pressure, pressures that rise together, valves shut; amplitude, frequency,
-offset and mean pressure within the limits of the bench) the one under which the explanations that are left, each
-refitted, differ most. Up to five runs share the time. Where one explanation is left, the run that best determines its
-parameters; where no effect is left, the run that shows those which could not have shown.
+offset and mean pressure within the limits of the bench) choose the one for which the remaining explanations, each
+refitted, differ most. Up to five runs share the time. If one explanation remains, choose the run that best determines
+its parameters; if none does, the run that would show effects that the logs could not show.
 
-It says beforehand what each outcome would mean, and when no run within the limits could tell.
+The plan says in advance what each outcome would mean, and whether any run within the limits can decide.
 
---out (default: DIR/next) receives runs.toml for 'pamid simulate --runs', set_points.csv for a real bench (time,
-wanted angle, pressure to add, what each muscle takes, valves shut), and plan.json. Record them, then go on with
-'pamid diagnose LOG --since DIR --out SECOND'.
+For any other simulator with ports (a function, equations, a MuJoCo model, an FMU) the inputs are designed (sines,
+triangles, steps, multisines, chirps and holds), each within its range in the logs or --limit and --rate, and readings
+are kept near their range in the logs. --change names a possible change of the system, such as another mass: the plan
+then says whether that would tell more than any run without it.
+
+--out (default: DIR/next) receives runs.toml, set_points.csv for the real system (time and each input; for a bench the
+reference angle, pressure to add, the role of each muscle, valves shut), and plan.json. Record them, then continue with
+'pamid diagnose LOG --since DIR --out SECOND'. 'pamid simulate --runs' takes a bench's runs.toml, too.
 """
 _EXAMPLES = """\
   pamid next diagnosis
   pamid next diagnosis --seconds 6 --runs 3 --angle 20 --no-shut
+  pamid next diagnosis --trust --limit u=-2:2 --rate u=50 --change load=0.5
   pamid simulate --sim bench.toml --runs diagnosis/next/runs.toml --out more.parquet
   pamid diagnose more.parquet --since diagnosis --sim sim.toml --out second
 """
@@ -44,17 +54,42 @@ def add_parser(subparsers: Any) -> None:
     """Add the command."""
     summary = "the run that best distinguishes what a diagnosis left undecided"
     parser = add_command(subparsers, "next", summary, _DESCRIPTION, _EXAMPLES)
-    parser.add_argument("folder", metavar="DIR", help="what --out of 'pamid diagnose' named")
+    parser.add_argument("folder", metavar="DIR", help="output folder of 'pamid diagnose'")
     parser.add_argument("--out", metavar="DIR", help="folder for the plan (default: DIR/next)")
-    limits = parser.add_argument_group("limits of the bench")
+    parser.add_argument("--sim", metavar="SIM", help="the simulator (default: that of the diagnosis)")
+    add_trust_option(parser)
+    limits = parser.add_argument_group("limits")
     limits.add_argument(
-        "--seconds", type=float, default=4.0, metavar="S", help="time of all runs together (default: 4)"
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="total time of all runs (default: 4; with ports, that of the logs' runs)",
     )
-    limits.add_argument("--runs", type=int, default=1, metavar="N", help="most runs, 1 to 5 (default: 1)")
+    limits.add_argument("--runs", type=int, default=1, metavar="N", help="largest number of runs, 1 to 5 (default: 1)")
+    limits.add_argument(
+        "--rate", action="append", default=[], metavar="DEG/S|NAME=RATE",
+        help="largest rate of a bench's angle (default: 200), or of an input, per second; repeatable",
+    )  # fmt: skip
+    ports = parser.add_argument_group("a simulator with ports")
+    ports.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        help="range of an input, in its unit; repeatable",
+    )
+    ports.add_argument(
+        "--keep", action="append", default=[], metavar="NAME=LOW:HIGH",
+        help="allowed range of a reading (default: twice that of the logs); repeatable",
+    )  # fmt: skip
+    ports.add_argument(
+        "--change", action="append", default=[], metavar="NAME=VALUE,...",
+        help="a possible change of the system: other values of parameters, inputs held at a value; repeatable",
+    )  # fmt: skip
+    limits = parser.add_argument_group("the bench")
     limits.add_argument(
         "--angle", type=float, metavar="DEG", help="largest angle to either side (default: that of the logs)"
     )
-    limits.add_argument("--rate", type=float, default=200.0, metavar="DEG/S", help="largest rate (default: 200)")
     limits.add_argument(
         "--frequency", type=float, default=15.0, metavar="RAD/S", help="largest frequency (default: 15)"
     )
@@ -66,31 +101,32 @@ def add_parser(subparsers: Any) -> None:
     )
     limits.add_argument("--no-shut", action="store_true", help="the valves cannot be shut")
     limits.add_argument("--no-single", action="store_true", help="one muscle cannot be kept at constant pressure")
-    parser.add_argument("--designs", type=int, default=200, metavar="N", help="designs to look at (default: 200)")
+    parser.add_argument("--designs", type=int, default=200, metavar="N", help="number of designs to try (default: 200)")
     parser.add_argument(
         "--for",
         dest="purpose",
         choices=("auto", "discriminate", "parameters"),
         default="auto",
-        help="what the runs are for (default: what is undecided; parameters where nothing is)",
+        help="purpose of the runs (default: discriminate if something is undecided, else parameters)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...gap.design.search import plan_next
+    from ...any_simulator import read_simulator
+    from ...gap.several.history import read_history
 
     out = check_folder(args.out or str(Path(args.folder) / "next"), FILES, size=_ROOM, parents=True)
     if not 8 <= args.designs <= 20_000:
         raise ParameterError(f"--designs is {args.designs}.", "8 to 20000", "Leave it at 200.")
-    rivals, logs, params, library, angle = _undecided(Path(args.folder))
-    limits = _limits(args, angle)
+
+    def read(page: str) -> Any:
+        return read_simulator(page, trust=args.trust)
+
+    history = read_history(args.folder, read(args.sim) if args.sim else None, read=read)
     started = time.perf_counter()
     with progress(args, "Designing") as step:
-        plan = plan_next(
-            rivals, logs, params, limits, designs=args.designs, purpose=args.purpose, library=library, seed=args.seed,
-            progress=step,
-        )  # fmt: skip
+        plan = _planned(args, history, step)
     files = _write(plan, out)
     if args.json:
         print_json({**plan.as_dict(), "files": {f.name: str(f) for f in files}})
@@ -103,27 +139,68 @@ def run(args: argparse.Namespace) -> int:
     return DONE
 
 
-def _limits(args: argparse.Namespace, angle: float) -> Any:
-    from ...gap.design.family import Limits
+def _planned(args: argparse.Namespace, history: History, step: Callable[[str], None]) -> Plan:
+    """Return the plan for a simulator of any kind that has inputs."""
+    from ...bench.parameters import BenchParameters
+    from ...gap.design.next_run import next_run_after
+    from ...simulators import Simulator
 
-    return Limits(
-        seconds=args.seconds, runs=args.runs, angle=args.angle or angle, rate=args.rate, frequency=args.frequency,
-        pressure=args.pressure, rise=args.rise, shut=not args.no_shut, single=not args.no_single,
-    )  # fmt: skip
+    given: dict[str, Any] = {}
+    if isinstance(history.simulator, BenchParameters):
+        for option, value in (("--limit", args.limit), ("--keep", args.keep), ("--change", args.change)):
+            if value:
+                raise ParameterError(
+                    f"{option} is given for a bench.", "--angle, --pressure, --rise and the like", "Leave it out."
+                )
+        given["limits"] = _limits(args, history)
+    elif isinstance(history.simulator, Simulator):
+        given = {
+            "limits": dict(_pair(text, "--limit", _range) for text in args.limit),
+            "keep": dict(_pair(text, "--keep", _range) for text in args.keep),
+            "rates": dict(_pair(text, "--rate", _number) for text in args.rate),
+            "changes": [dict(_pair(t, "--change", _number) for t in text.split(",")) for text in args.change],
+            "seconds": args.seconds,
+            "runs": args.runs,
+        }
+    return next_run_after(history, designs=args.designs, purpose=args.purpose, seed=args.seed, progress=step, **given)
 
 
-def _undecided(folder: Path) -> tuple[list[Any], dict[str, Any], Any, list[str], float]:
-    """Return what a diagnosis left open, the logs of its last day, simulator, library and largest angle in degrees."""
+def _pair(text: str, option: str, value: Callable[[str], Any]) -> tuple[str, Any]:
+    name, equals, rest = text.partition("=")
+    try:
+        if not (equals and name.strip()):
+            raise ValueError
+        return name.strip(), value(rest)
+    except ValueError:
+        expected = "NAME=LOW:HIGH, such as u=-2:2" if option in ("--limit", "--keep") else "NAME=NUMBER, such as u=50"
+        raise ParameterError(f"{option} got {text[:60]!r}.", expected, "Correct it.") from None
+
+
+def _range(text: str) -> tuple[float, float]:
+    low, _, high = text.partition(":")
+    return float(low), float(high)
+
+
+def _number(text: str) -> float:
+    return float(text)
+
+
+def _limits(args: argparse.Namespace, history: History) -> Any:
+    """Return what a bench allows, the largest angle that of its logs."""
     import numpy as np
 
-    from ...gap.several.history import read_history
+    from ...gap.design.family import Limits
 
-    history = read_history(folder)
-    last = list(history.held.values())[-1]
-    now = {name: log for name, log in history.logs.items() if history.held[name].day == last.day}
     swing = max(float(np.nanmax(np.abs(log["q"]))) for log in history.logs.values())
-    angle = float(np.clip(np.degrees(swing), 5.0, 45.0))
-    return history.rivals, now, last.under(history.params), history.library, angle
+    try:
+        rate = float(args.rate[-1]) if args.rate else 200.0
+    except ValueError:
+        raise ParameterError(f"--rate is {args.rate[-1]!r}.", "a number in degrees/s", "Correct it.") from None
+    return Limits(
+        seconds=4.0 if args.seconds is None else args.seconds, runs=args.runs,
+        angle=args.angle or float(np.clip(np.degrees(swing), 5.0, 45.0)), rate=rate, frequency=args.frequency,
+        pressure=args.pressure, rise=args.rise, shut=not args.no_shut, single=not args.no_single,
+    )  # fmt: skip
 
 
 def _write(plan: Plan, out: Path) -> list[Path]:
@@ -132,7 +209,7 @@ def _write(plan: Plan, out: Path) -> list[Path]:
     with replacing_together(out, FILES, parents=True) as stage:
         write_whole(stage / "plan.json", json.dumps(plan.as_dict(), indent=1, allow_nan=False) + "\n")
         if plan.runs:
-            write_whole(stage / "runs.toml", runs_text(plan.runs, plan.names))
+            write_whole(stage / "runs.toml", runs_text(plan.runs, plan.names, plan.limits.header))
             plan.set_points().to_csv(stage / "set_points.csv", index=False)
         written = [name for name in FILES if (stage / name).exists()]
     return [out / name for name in written]
@@ -140,9 +217,11 @@ def _write(plan: Plan, out: Path) -> list[Path]:
 
 # --- words --------------------------------------------------------------------------------------------------
 def _tell(plan: Plan) -> None:
-    from ...gap.design.words import outcomes, summary
+    from ...gap.design.words import headroom, named, outcomes, summary
 
     print(f"{summary(plan)}\n")
+    if text := headroom(plan):
+        print(wrapped("choice", text))
     for k, run_ in enumerate(plan.runs, start=1):
         print(wrapped(f"run {k}", run_.words[:1].upper() + run_.words[1:] + "."))
     for text in outcomes(plan):
@@ -150,8 +229,8 @@ def _tell(plan: Plan) -> None:
     if plan.expected:
         rows = [
             [
-                _named(e.truth),
-                _named(e.rival),
+                named(e.truth),
+                named(e.rival),
                 number(round(e.nats, 1)),
                 f"{e.low:.3g} to {e.high:.3g}",
                 f"{e.belief:.0%}",
@@ -160,9 +239,5 @@ def _tell(plan: Plan) -> None:
         ]
         print("\n" + table(["if this is true", "against", "nats", "80 % interval", "belief then"], rows))
     if plan.shrinks:
-        rows = [[name, number(round(factor, 2))] for name, factor in plan.shrinks.items()]
+        rows = [[name.replace("@", " at "), number(round(factor, 2))] for name, factor in plan.shrinks.items()]
         print("\n" + table(["parameter", "interval shrinks by"], rows))
-
-
-def _named(names: tuple[str, ...]) -> str:
-    return " and ".join(names) or "no effect"

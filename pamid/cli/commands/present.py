@@ -11,8 +11,8 @@ from .._style import plain
 from ..common import DONE, add_command, number, print_json, table
 
 _DESCRIPTION = """\
-Show a model that 'pamid fit' or pamid.save wrote: its class and settings, its parameters with standard errors and
-units, its fit on the log that it was fitted to and on runs that it had not seen, poles and order of a linear one.
+Show a model saved by 'pamid fit' or pamid.save: class and settings, parameters with standard errors and units, fit on
+the training log and on unseen runs, and poles and order of a linear model.
 """
 _EXAMPLES = """\
   pamid present force.pamid

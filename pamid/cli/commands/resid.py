@@ -1,4 +1,4 @@
-"""``pamid resid``: whether what a simulator or a model leaves is white, and unrelated to its inputs."""
+"""``pamid resid``: is the residual of a simulator or a model white and uncorrelated with the inputs?"""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from ...compare.whiteness import ResidualTest
 
 _DESCRIPTION = """\
-Test what a simulator (--sim) or a saved model (--model) leaves of a log: is it white, and has it nothing to do with the
-inputs? A residual that its own past foretells holds something that a model could still learn; one that an input
-foretells is what the model misses of that input. At lags below 0 the residual comes first: that is feedback.
+Test the residual of a simulator (--sim) or a saved model (--model) on a log: is it white, and uncorrelated with the
+inputs? A residual that is predictable from its own past contains something that a model could still learn; correlation
+with an input shows what the model misses of that input. At lags below 0 the residual comes first: that is feedback.
 
-Bands hold 99 % of what chance gives at each lag, for an input by the correlations of both signals (Ljung). The
-probabilities are those of the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. No lag reaches over
-the border of two runs. A bench is looked at in windows of 20 ms, everything else row by row; windows of equations with
-derivatives (flow, joint) overlap, so that noise alone correlates neighbours negatively there.
+Bands are 99 % intervals at each lag, for an input from the correlations of both signals (Ljung). The probabilities are
+for the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. Lags do not cross the boundaries of runs. A
+bench is tested in windows of 20 ms, everything else row by row; windows of equations with derivatives (flow, joint)
+overlap, so that noise alone correlates neighbours negatively there.
 """
 _EXAMPLES = """\
   pamid resid log.parquet --sim sim.toml
@@ -36,13 +36,13 @@ _EXAMPLES = """\
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "resid", "is what a model leaves white, and unrelated to its inputs", _DESCRIPTION, _EXAMPLES
+        subparsers, "resid", "is a residual white and uncorrelated with the inputs?", _DESCRIPTION, _EXAMPLES
     )
     add_log_options(parser)
     parser.add_argument("--sim", metavar="SIM.toml", help="simulator file (default: the one beside LOG)")
     parser.add_argument("--model", metavar="MODEL", help="model file of 'pamid fit' instead")
-    parser.add_argument("--equation", metavar="NAME", help="of which equation (default: all that the log allows)")
-    parser.add_argument("--lags", type=int, default=25, metavar="N", help="most rows between the two (default: 25)")
+    parser.add_argument("--equation", metavar="NAME", help="equation to test (default: all that the log allows)")
+    parser.add_argument("--lags", type=int, default=25, metavar="N", help="largest lag in rows (default: 25)")
     parser.add_argument("--out", metavar="FILE", help="picture, .png or .svg; with several equations one file each")
     add_trust_option(parser)
 

@@ -1,4 +1,4 @@
-"""``pamid simulate``: a log of the simulated test rig, with the simulator file that belongs to it."""
+"""``pamid simulate``: a log of the bench, with its simulator file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import LogFormatError, ParameterError, UnknownOptionError
-from ..common import add_command, checked_output, load_simulator, parse_settings, print_json, progress
+from .._progress import progress
+from ..common import add_command, checked_output, load_simulator, parse_settings, print_json
 
 if TYPE_CHECKING:
     from ...effects import EffectSpec
@@ -21,12 +22,12 @@ _DESCRIPTION = f"""\
 Simulate the antagonistic bench (two muscles on one pulley, servo valves, pressure control, noisy and quantised
 sensors at 1 kHz) and write its log.
 
-Choose a data set of the study (--dataset) or runs of your own (--trajectory, repeatable): KIND:NAME=VALUE,... with
+Choose a data set of the study (--dataset) or your own runs (--trajectory, repeatable): KIND:NAME=VALUE,... with
 KIND one of {", ".join(_KINDS[:4])},
 {", ".join(_KINDS[4:])}. Frequencies are in rad/s, angles in degrees, seconds gives the length.
 
-Beside LOG.parquet lie LOG.sim.toml, the nominal simulator, and, if --effect is used, LOG.true.toml, the simulator with
-the effects that the log contains.
+It also writes LOG.sim.toml, the nominal simulator, and, if --effect is used, LOG.true.toml, the simulator with the
+effects that the log contains.
 """
 _EXAMPLES = """\
   pamid simulate --muscle B --dataset D_B --out log.parquet --seed 0
@@ -38,22 +39,24 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "simulate", "write a log of the simulated test rig", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(
+        subparsers, "simulate", "write a log of the bench, a simulated test rig", _DESCRIPTION, _EXAMPLES
+    )
     bench = parser.add_mutually_exclusive_group()
     bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")
     bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a muscle of the study")
     parser.add_argument("--dataset", metavar="NAME", help="data set of the study: D_A, D_B, D_C, D_tri or D_step")
     parser.add_argument(
-        "--trajectory", metavar="KIND:NAME=VALUE,...", action="append", default=[], help="a run of your own; repeatable"
+        "--trajectory", metavar="KIND:NAME=VALUE,...", action="append", default=[], help="a run; repeatable"
     )
     parser.add_argument(
         "--effect",
         metavar="NAME[:PARAMETER=VALUE,...]",
         action="append",
         default=[],
-        help="an effect that the bench has and its simulator lacks; repeatable",
+        help="an effect that the log contains and the simulator file lacks; repeatable",
     )
-    parser.add_argument("--runs", metavar="RUNS.toml", help="runs of a file, as 'pamid next' writes it")
+    parser.add_argument("--runs", metavar="RUNS.toml", help="file of runs, as written by 'pamid next'")
     parser.add_argument("--out", metavar="LOG", required=True, help="log to write: .parquet, .csv or .h5")
 
 

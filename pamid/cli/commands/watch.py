@@ -1,4 +1,4 @@
-"""``pamid watch``: follow samples as they come and name what appears."""
+"""``pamid watch``: follow a stream of samples and name effects that appear."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from ...errors import IncompatibleError, ParameterError, StreamError, UnknownOptionError
 from ...json_data import json_ready
 from ...requirements import last_step
+from .._simulators import add_trust_option, port_simulator_of
+from .._watched_ports import events_at_ports
 from ..common import add_command, load_simulator, note
 
 if TYPE_CHECKING:
@@ -29,34 +31,39 @@ _PATIENCE = 2.0
 """Seconds without a sample, after which it is."""
 
 _DESCRIPTION = """\
-Follow a muscle while it works: samples come as JSON lines from a growing file or a pipe, one object a line with time
-(s), eps (-), P (Pa, absolute) and what is measured of F (N) and mdot (kg/s). A bench's samples with q, P1, P2, F1, F2,
-mdot1 and mdot2 are watched muscle by muscle (--muscle). The sampling interval is found from the stream.
+Monitor a rig during operation: samples are read as JSON lines from a growing file or a pipe, one object per line. For
+a muscle they hold time (s), eps (-), P (Pa, absolute) and F (N), mdot (kg/s) or both. Of a bench's samples with q, P1,
+P2, F1, F2, mdot1 and mdot2 one muscle is monitored (--muscle). For any other simulator they hold time and the columns
+of its ports; when its error grows, the samples since then are diagnosed as a log of another day. The sampling interval
+is found from the stream.
 
-The first seconds (--learn) must be healthy: the monitor learns from them how large its evidence is by itself. From
-then on it names what appears, a leak, friction, hysteresis, at the rate of false alarms that you allow. Late and lost
-samples, uneven times, gaps, missing values, glitches, malformed lines and a restarted stream are counted and survived.
-While nothing can be seen, because no samples come, signals are missing, stand still or are in another unit, it says so
-within seconds: "blind because ...".
+The first seconds (--learn) must be healthy: the monitor learns from them how the evidence varies by chance. After that
+it names effects that appear (a leak, friction, hysteresis) at the false alarm rate that you allow. Late and lost
+samples, uneven times, gaps, missing values, glitches, malformed lines and a restarted stream are counted and tolerated.
+If it cannot see, because samples or signals are missing, are stuck or are in another unit, it says so within seconds:
+"blind because ...".
 
-Output is one line an event, with --json one object a line.
+The output is one line per event, with --json one object per line.
 """
 _EXAMPLES = """\
   pamid watch samples.jsonl --sim sim.toml --learn 30
   logger | pamid watch - --sim sim.toml --false-alarms 0.1 --json
   pamid watch samples.jsonl --follow --sim sim.toml --model joint.pamid
+  pamid watch samples.jsonl --sim arm.xml --learn 120
 """
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "watch", "follow a stream of samples and name what appears", _DESCRIPTION, _EXAMPLES
+        subparsers, "watch", "follow a stream of samples and name effects that appear", _DESCRIPTION, _EXAMPLES
     )
     parser.add_argument("stream", metavar="STREAM", help="file of JSON lines, or - for a pipe")
     parser.add_argument(
-        "--sim", metavar="SIM.toml", required=True, help="simulator file of the bench, or page of the muscle"
-    )
+        "--sim", metavar="SIM", required=True,
+        help="simulator: file of the bench, page of the muscle, or one with ports (MuJoCo, FMU, page)",
+    )  # fmt: skip
+    add_trust_option(parser)
     parser.add_argument("--model", metavar="MODEL", help="fitted hybrid model whose volume is the healthy one")
     parser.add_argument(
         "--muscle", type=int, choices=(1, 2), default=1, help="muscle of a bench's samples (default: 1)"
@@ -68,13 +75,13 @@ def add_parser(subparsers: Any) -> None:
         "--effects", metavar="A,B,...", help="effects that may appear (default: leak, friction, hysteresis)"
     )
     parser.add_argument(
-        "--false-alarms", type=float, default=1.0, metavar="N", help="false alarms allowed an hour (default: 1)"
+        "--false-alarms", type=float, default=1.0, metavar="N", help="false alarms allowed per hour (default: 1)"
     )
     parser.add_argument(
         "--interval", type=float, metavar="S", help="sampling interval (default: found from the stream)"
     )
-    parser.add_argument("--follow", action="store_true", help="wait for more at the end of the file")
-    parser.add_argument("--patience", type=float, metavar="S", help="stop following after this long without news")
+    parser.add_argument("--follow", action="store_true", help="wait for new lines at the end of the file")
+    parser.add_argument("--patience", type=float, metavar="S", help="stop after this many seconds without new lines")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -87,7 +94,8 @@ def run(args: argparse.Namespace) -> int:
         source = pipe_lines(sys.stdin.buffer)
     else:
         source = lines(args.stream, follow=args.follow, patience=args.patience)
-    for event in _events(args, source):
+    ported = port_simulator_of(args)
+    for event in _events(args, source) if ported is None else events_at_ports(args, source, ported):
         if args.json:
             print(json.dumps(json_ready(event), allow_nan=False), flush=True)
         else:
@@ -137,8 +145,8 @@ def _simulator(path: str) -> tuple[BenchParameters, bool]:
 
     if (kind := kind_of_file(path)) in ("cylinder", "joint"):
         raise UnknownOptionError(
-            f"{path} is the page of a {kind}.",
-            "the page of a muscle or a bench, since what is watched for are effects of a muscle on its gas",
+            f"{path} is the simulator file of a {kind}.",
+            "the simulator file of a muscle or a bench, since the effects to watch for are those of a muscle",
             f"'pamid diagnose' says of a log of a {kind} what has changed.",
         )
     if kind != "muscle":
@@ -343,8 +351,9 @@ class _Watcher:
 def _said(event: dict[str, Any]) -> str:
     kind = event["event"]
     if kind == "learnt":
-        noise = ", ".join(f"{k} {v:.3g}" for k, v in event["noise"].items())
-        return f"{event['time']:9.2f} s  learnt from {event['samples']} samples; noise of {noise} (N, kg/s)"
+        noise = ", ".join(f"{k} {v:.3g}" for k, v in event.get("noise", {}).items())
+        told = f"noise of {noise} (N, kg/s)" if noise else event["headline"]
+        return f"{event['time']:9.2f} s  learnt from {event['samples']} samples; {told}"
     if kind == "blind":
         return f"{_moment(event)}  blind because {event['why']}"
     if kind == "sees":
@@ -353,6 +362,9 @@ def _said(event: dict[str, Any]) -> str:
         return f"{event['time']:9.2f} s  the stream begins anew here; the calibration stays"
     if kind == "stuck":
         return f"{event['time']:9.2f} s  the sensor of {event['channel']} stands still; it is left out until it moves"
+    if kind == "change":
+        what = "; ".join(event["changes"]) or "nothing that the library holds explains it"
+        return f"{event['time']:9.2f} s  {event['equation']} has changed: {what}"
     if kind == "finding":
         value = f", about {event['value']:.3g} {event['unit']}" if event["value"] == event["value"] else ""
         return (

@@ -35,35 +35,7 @@ def confirming(
     designs: int = 16,
     seed: int = 0,
 ) -> DesignedRun | None:
-    """Return the run that best tells an effect from those that it is most often mistaken for.
-
-    Parameters
-    ----------
-    effect : str
-        What was named.
-    params : BenchParameters
-        The healthy simulator.
-    values : mapping of str to float, optional
-        Parameters of the effect as far as they are known; typical ones otherwise.
-    seconds : float, default=2
-        Length of the run, s.
-    designs : int, default=16
-        Designs to look at.
-    seed : int, default=0
-        Seed of the designs.
-
-    Returns
-    -------
-    DesignedRun or None
-        The run; None where no run of that length tells, or for a name that is no effect of the library.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters
-    >>> from pamid.gap.design.confirm import confirming
-    >>> confirming("leakage", BenchParameters.for_muscle("B"), seconds=1.0, designs=8).seconds  # s
-    1.0
-    """
+    """Return the run that best tells an effect from those that it is most often mistaken for."""
     library = all_effects()
     if effect not in library:
         return None

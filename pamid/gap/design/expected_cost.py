@@ -39,30 +39,7 @@ CURVATURE = float(2.0 * TABLE[0, 1] / SIZES[1] ** 2)
 
 
 def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the misfit of one equation is expected to cost in log-likelihood, and the scale that it gets.
-
-    Parameters
-    ----------
-    left : array, shape (n_windows, n_draws)
-        What is left of the signal, in units of noise.
-    earlier : float
-        Windows of the equation in earlier logs, which hold noise alone.
-
-    Returns
-    -------
-    cost : array, shape (n_draws,)
-        Nats, at least 0.
-    scale : array, shape (n_draws,)
-        Units of noise.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.design.expected_cost import expected_cost
-    >>> small, large = (expected_cost(np.full((50, 1), size), 0.0)[0][0] for size in (0.2, 20.0))
-    >>> f"{small:.1f} {large:.0f}"  # 50 windows: half a square, and a logarithm
-    '1.0 154'
-    """
+    """Return what the misfit of one equation is expected to cost in log-likelihood, and the scale that it gets."""
     size = np.minimum(np.abs(left), SIZES[-1])
     k = np.clip(np.searchsorted(SIZES, size, side="right") - 1, 0, len(SIZES) - 2)
     f = (size - SIZES[k]) / (SIZES[k + 1] - SIZES[k])
@@ -78,14 +55,6 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
 
 
 def counts_for(left: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return what windows count for in the curvature of the cost, with a misfit at a scale.
-
-    Parameters
-    ----------
-    left : array, shape (n_windows,)
-        What is left of the signal, in units of noise.
-    scale : array, shape (n_windows,)
-        Scale of each window's equation.
-    """
+    """Return what windows count for in the curvature of the cost, with a misfit at a scale."""
     wide = NU * GAUSSIAN**2
     return np.asarray(CURVATURE * (wide + 1.0) / (wide * np.square(scale) + np.square(left) + 1.0))

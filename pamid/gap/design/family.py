@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError, UnknownParameterError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
 """A sine, a triangle, steps to and fro, four sines, the joint held, a sine during which one muscle stays at constant
@@ -67,6 +70,9 @@ class Limits:
     rise: float = 1.2e5
     shut: bool = True
     single: bool = True
+    options: ClassVar[str] = "--angle, --pressure, --rise"
+    """Options of the command line that widen them."""
+    header: ClassVar[str] = "Runs for 'pamid simulate --runs': seconds, rad/s, degrees, Pa."
 
     def __post_init__(self) -> None:
         if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
@@ -199,6 +205,24 @@ class DesignedRun:
             return np.asarray(a * x / np.max(np.abs(x)))
         return np.zeros(len(t))
 
+    def set_points(self, name: str) -> pd.DataFrame:
+        """Return what the controller is told, sample by sample, see `Plan.set_points`."""
+        import pandas as pd
+
+        run = self.trajectory(name)
+        n = len(run.q_ref)
+        return pd.DataFrame(
+            {
+                "trajectory": run.name,
+                "time": np.round((np.arange(n) - run.lead) * PERIOD, 6),
+                "q_ref": np.round(run.q_ref, 7),
+                "p_offset": 0.0 if run.pressure_offset is None else np.round(run.pressure_offset, 2),
+                "share1": run.share[0],
+                "share2": run.share[1],
+                "shut": 0 if run.sealed is None else run.sealed.astype(int),
+            }
+        )
+
     @property
     def words(self) -> str:
         """What the run is, for a reader."""
@@ -243,17 +267,7 @@ class DesignedRun:
 
 
 def draw(rng: np.random.Generator, limits: Limits, kind: str | None = None) -> DesignedRun:
-    """Draw a run within the limits.
-
-    Parameters
-    ----------
-    rng : Generator
-        Source of randomness.
-    limits : Limits
-        What the bench allows.
-    kind : str, optional
-        Its kind; any by default.
-    """
+    """Draw a run within the limits."""
     kind = kind or str(rng.choice(limits.kinds))
     slowest = min(2.0 * math.pi / limits.each, limits.frequency)
     top = limits.frequency / (TONES[-1] if kind == "multisine" else 1.0)
@@ -274,19 +288,7 @@ def draw(rng: np.random.Generator, limits: Limits, kind: str | None = None) -> D
 
 
 def near(rng: np.random.Generator, run: DesignedRun, limits: Limits, width: float = 0.25) -> DesignedRun:
-    """Draw a run of the same kind close to another one.
-
-    Parameters
-    ----------
-    rng : Generator
-        Source of randomness.
-    run : DesignedRun
-        The other one.
-    limits : Limits
-        What the bench allows.
-    width : float, default=0.25
-        How close, as a share of each limit.
-    """
+    """Draw a run of the same kind close to another one."""
     step = rng.normal(0.0, width, 6)
     moved = replace(
         run,

@@ -38,29 +38,7 @@ the same motion."""
 
 
 def controller_of(logs: Iterable[pd.DataFrame], params: BenchParameters) -> Controller:
-    """Return the controller that moves the simulator as the bench is moved in its logs.
-
-    Parameters
-    ----------
-    logs : iterable of DataFrame
-        Logs of the bench; those without the wanted angle, pressures or commands say nothing.
-    params : BenchParameters
-        The simulator.
-
-    Returns
-    -------
-    Controller
-        The simulator's own where no log says anything.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, Controller, simulate, sine
-    >>> from pamid.gap.design.followed import controller_of
-    >>> bench = BenchParameters.for_muscle("B")
-    >>> log = simulate(bench, [sine(4, 15, 1500)], controller=Controller(bandwidth=30.0, forward=0.7), seed=0)
-    >>> f"{controller_of([log], bench).forward:.1f}"
-    '0.7'
-    """
+    """Return the controller that moves the simulator as the bench is moved in its logs."""
     own = Controller()
     runs = [run for log in logs if set(READ) <= set(log.columns) for _, run in log.groupby("trajectory", sort=False)]
     told = [_told(run) for run in runs if len(run) > 4 * SMOOTH]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -129,23 +129,9 @@ def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[f
 
 
 def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
-    """Return an explanation with what logs say of its parameters.
-
-    Parameters
-    ----------
-    logs : sequence of Evidence
-        The logs.
-    fit : Fit
-        The explanation.
-    belief : float
-        Its probability.
-    rng : Generator
-        Source of randomness.
-    draws : int, default=0
-        Draws of what could be true instead.
-    """
+    """Return an explanation with what logs say of its parameters."""
     known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs))
-    linear = np.array([True] * len(fit.x) + [p.linear for _, p in slots_of(fit.spec)])
+    linear = np.array([True] * len(fit.x) + [p.linear for _, p in slots_of(fit.spec)], dtype=bool)
     now, found = _loglik(logs, fit), []
     for k in range(draws):
         # Where all parameters move, bounds of nonlinear ones end a step early: every other pair of draws leaves them.
@@ -192,6 +178,38 @@ def _loglik(logs: Sequence[Evidence], fit: Fit) -> float:
     return sum(loglik(log.tangent(fit.spec, fit.x) + log.J @ fit.x, log.parts, log.weights)[0] for log in logs)
 
 
+class Unsure(Protocol):
+    """A log whose clocks and offsets are unknown."""
+
+    @property
+    def nuisances(self) -> np.ndarray:
+        """What one tolerance of each does to the residuals, shape (n_windows, n)."""
+        ...
+
+    block: np.ndarray
+
+
+def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
+    r"""Return what takes the unknown clocks and offsets of a log out of its residuals.
+
+    They are integrated out: with N what they do by one tolerance and :math:`\tau` the precision of their prior, rows
+    are whitened by the covariance :math:`I + N N^\top / \tau`.
+    """
+    N, parts = evidence.nuisances / np.sqrt(TOLERANCE), []
+    for run in np.unique(evidence.block) if apart else [None]:
+        rows = np.arange(len(N)) if run is None else np.flatnonzero(evidence.block == run)
+        U, size, _ = np.linalg.svd(N[rows], full_matrices=False)
+        parts.append((rows, U, 1.0 - 1.0 / np.sqrt(1.0 + np.square(size))))
+
+    def clean(x: np.ndarray) -> np.ndarray:
+        out = np.array(x, dtype=float)
+        for rows, U, share in parts:
+            out[rows] -= (U * share) @ (U.T @ out[rows])
+        return out
+
+    return clean if N.shape[1] else lambda x: x
+
+
 def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of an explanation on a log, and what tolerances and its parameters do to them."""
     slots = slots_of(fit.spec)
@@ -204,20 +222,14 @@ def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]
 
 
 def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
-    """Return the posterior precision of an explanation's parameters after logs, what its form may do left free.
-
-    Parameters
-    ----------
-    logs : sequence of Evidence
-        The logs.
-    fit : Fit
-        The explanation.
-    """
+    """Return the posterior precision of an explanation's parameters after logs, what its form may do left free."""
     m = logs[0].J.shape[1]
     total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(fit.spec)))]))
     for log in logs:
-        z, A = sensitivities(log, fit)
+        clean = cleaned(log)
+        z, A = map(clean, sensitivities(log, fit))
         S, width = form_of(log, fit)
+        S = clean(S)
         weight = 1.0 / np.square(width * _scales(log, z / width))
         Aw = A * weight[:, None]
         H = A.T @ Aw

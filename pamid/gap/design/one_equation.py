@@ -39,32 +39,6 @@ def next_for_equation(
     differs by d; what the second one's own size could make of it is taken off:
 
     .. math:: D = \tfrac{n}{2} \log\Big(1 + \frac{\min_a \|d - a\,g_2\|^2}{n \sigma^2}\Big)
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-        The explanations, the likeliest first.
-    signals : mapping of str to array, shape (n_samples,)
-        The log, by role.
-    driven : sequence of str
-        Roles that a run may move.
-    evidence : callable
-        Takes signals and the run of each row, returns them as evidence without a gap.
-    noise : float
-        Standard deviation of a window's noise, in the unit of the evidence.
-    dt : float
-        Sampling interval, s.
-    seconds : float
-        Length of the run, s.
-    designs : int, default=60
-        Designs to look at.
-    seed : int, default=0
-        Seed of the designs.
-
-    Returns
-    -------
-    NextExperiment or None
-        The run; None where nothing is undecided or none would tell.
     """
     two = list(rivals)[:2]
     moved = [role for role in MOVED if role in driven and np.ptp(signals[role]) > 0.0]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...json_data import json_ready
-from .family import DesignedRun, Limits
+from .rig import AnyLimits
 
 if TYPE_CHECKING:
     import pandas as pd
 
+AS_IT_IS = "as it is"
+"""The rig without a change."""
 TELLS = 3.0
 """Expected difference in log-likelihood, in nats, from which a run distinguishes two explanations: odds of twenty."""
 
@@ -62,10 +62,10 @@ class Plan:
     purpose : str
         ``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"unseen"``, where no
         effect is left, to show those that would not have shown; ``"none"``, where there is nothing to ask.
-    runs : list of DesignedRun
+    runs : list of DesignedRun or PortRun
         The runs; empty where none would help.
-    limits : Limits
-        What the bench allows.
+    limits : Limits or PortLimits
+        What the rig allows.
     explanations : list of tuple of str
         What is undecided, the likeliest first.
     beliefs : list of float
@@ -86,8 +86,19 @@ class Plan:
         For parameters, how much narrower their intervals become, as a factor.
     designs : int
         Designs that were looked at.
-    closest : list of DesignedRun
+    usual : float
+        What a run drawn at random tells, in nats: the median over those of the whole family. Where it is close to
+        `clarity`, no design is much better than any other run.
+    right, right_usual : float
+        Probability that the explanation that is true comes out first: after these runs, and after one drawn at random,
+        in the median; NaN where nothing is to be discriminated.
+    closest : list of DesignedRun or PortRun
         Where no run would tell, those that come closest.
+    rig : dict of str to float
+        Numbers of the rig that are to be changed for the runs; empty where it stays as it is.
+    changed : dict of str to float
+        What the best runs would tell after each change of the rig, in nats, by what is changed: of changes that are
+        allowed, or where no run tells of some that are proposed.
 
     Examples
     --------
@@ -98,8 +109,8 @@ class Plan:
     """
 
     purpose: str
-    runs: list[DesignedRun]
-    limits: Limits
+    runs: list[Any]
+    limits: AnyLimits
     explanations: list[tuple[str, ...]]
     beliefs: list[float]
     expected: list[Expected]
@@ -109,7 +120,12 @@ class Plan:
     needed: float = float("nan")
     shrinks: dict[str, float] = field(default_factory=dict)
     designs: int = 0
-    closest: list[DesignedRun] = field(default_factory=list)
+    usual: float = 0.0
+    right: float = float("nan")
+    right_usual: float = float("nan")
+    closest: list[Any] = field(default_factory=list)
+    rig: dict[str, float] = field(default_factory=dict)
+    changed: dict[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
@@ -121,36 +137,10 @@ class Plan:
         return [run.trajectory(name) for name, run in zip(self.names, self.runs, strict=True)]
 
     def set_points(self) -> pd.DataFrame:
-        """Return the set points of the runs, sample by sample, for a real bench.
-
-        Returns
-        -------
-        DataFrame
-            ``trajectory``; ``time`` (s, below 0 while the bench comes to its first state, which need not be recorded);
-            ``q_ref`` (rad); ``p_offset`` (Pa, to add to the usual mean pressure of both muscles); ``share1`` and
-            ``share2`` (what each muscle takes of the pressure that turns the joint); ``shut`` (1 where both valves
-            are).
-        """
+        """Return the set points of the runs, sample by sample, for the real rig."""
         import pandas as pd
 
-        from ...bench.references import PERIOD
-
-        parts = []
-        for run in self.trajectories():
-            n = len(run.q_ref)
-            parts.append(
-                pd.DataFrame(
-                    {
-                        "trajectory": run.name,
-                        "time": np.round((np.arange(n) - run.lead) * PERIOD, 6),
-                        "q_ref": np.round(run.q_ref, 7),
-                        "p_offset": 0.0 if run.pressure_offset is None else np.round(run.pressure_offset, 2),
-                        "share1": run.share[0],
-                        "share2": run.share[1],
-                        "shut": 0 if run.sealed is None else run.sealed.astype(int),
-                    }
-                )
-            )
+        parts = [run.set_points(name) for name, run in zip(self.names, self.runs, strict=True)]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     def as_dict(self) -> dict[str, Any]:

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ...bench.references import Trajectory
 from ...errors import LogFormatError, ParameterError
-from .family import DesignedRun
+from .family import DesignedRun, Limits
+from .rig import AnyRun
 
 _LIMIT = 1 << 20
 
 
-def runs_text(runs: Sequence[DesignedRun], names: Sequence[str]) -> str:
-    """Return runs as the text of a file.
-
-    Parameters
-    ----------
-    runs : sequence of DesignedRun
-        The runs.
-    names : sequence of str
-        Their names in a log.
-    """
-    lines = ["# Runs for 'pamid simulate --runs': seconds, rad/s, degrees, Pa.", ""]
+def runs_text(runs: Sequence[AnyRun], names: Sequence[str], header: str = Limits.header) -> str:
+    """Return runs as the text of a file."""
+    lines = [f"# {header}", ""]
     for run, name in zip(runs, names, strict=True):
-        lines += ["[[run]]", f'name = "{name}"']
+        lines += ["[[run]]", f"name = {json.dumps(name)}"]
         for key, value in run.as_dict().items():
             lines.append(f"{key} = {_literal(value)}")
         lines += [f"# {run.words}", ""]
@@ -32,27 +26,13 @@ def runs_text(runs: Sequence[DesignedRun], names: Sequence[str]) -> str:
 
 
 def _literal(value: object) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(str(k))} = {_literal(v)}" for k, v in value.items()) + " }"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
 def read_runs(path: str | Path) -> list[Trajectory]:
-    """Read the runs of a file.
-
-    Parameters
-    ----------
-    path : path-like
-        What `runs_text` made, or a table ``[[run]]`` with ``kind`` and ``seconds`` and what the kind reads.
-
-    Returns
-    -------
-    list of Trajectory
-        The runs for `pamid.bench.simulate`.
-
-    Raises
-    ------
-    LogFormatError, ParameterError, UnknownOptionError, UnknownParameterError
-        The file is no such file, or a run does not exist.
-    """
+    """Read the runs of a file."""
     import tomllib
 
     file = Path(path)

@@ -43,7 +43,7 @@ from ..inference.gauss_newton import slots_of
 from ..residuals.bench import Evidence
 from ..settings import CLASS, FORM_SMOOTH
 from .expected_cost import counts_for, expected_cost
-from .known import Known, form_of, sensitivities
+from .known import Known, cleaned, form_of, sensitivities
 
 HELD = 0.05
 """Least belief that an explanation counts with: those that are kept are not out of the question."""
@@ -74,33 +74,23 @@ class Discrimination:
         self._places: dict[tuple[int, ...], tuple[np.ndarray, list[slice]]] = {}
         self._prices: dict[tuple[int, tuple[int, ...]], float] = {}
         self.residuals, self.columns, self.smooth, self.widths, self.truths = [], [], [], [], []
+        clean = cleaned(trial, apart=True)
         for k in self.known:
-            residual, columns = sensitivities(trial, k.fit)
+            residual, columns = map(clean, sensitivities(trial, k.fit))
             S, width = form_of(trial, k.fit) if forms else (np.zeros((len(residual), 0)), np.ones(len(residual)))
             if forms:
-                others = [trial.tangent(d.spec, d.x) + trial.J @ d.x - residual for d, _ in k.draws]
+                others = [clean(trial.tangent(d.spec, d.x) + trial.J @ d.x) - residual for d, _ in k.draws]
             else:
                 others = [columns @ k.step_to(d) for d, _ in k.draws]
             self.residuals.append(residual)
             self.columns.append(columns)
-            self.smooth.append(S)
+            self.smooth.append(clean(S))
             self.widths.append(width)
             self.truths.append(np.column_stack([np.zeros(len(residual)), *others]))
 
     # --- pairs of explanations ------------------------------------------------------------------------------
     def between(self, chosen: Sequence[int]) -> np.ndarray:
-        """Return the expected difference in log-likelihood between explanations after some of the runs together.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Places of the runs.
-
-        Returns
-        -------
-        array, shape (n_explanations, n_explanations)
-            Row: the one that is true; column: the one that is refitted. The best fit being the truth.
-        """
+        """Return the expected difference in log-likelihood between explanations after some of the runs together."""
         return np.asarray(self.outlook(chosen)[:, :, 0])
 
     def outlook(self, chosen: Sequence[int]) -> np.ndarray:
@@ -131,15 +121,7 @@ class Discrimination:
         return self._places[key]
 
     def _refitted(self, i: int, j: int, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Refit an explanation to what some of the runs show where another is true.
-
-        Returns
-        -------
-        cost : array, shape (n_draws,)
-            What that costs in log-likelihood, for each draw of the truth.
-        left : array, shape (n_equations,)
-            Root mean square of what it leaves in each equation of the best fit's signal, in units of noise.
-        """
+        """Refit an explanation to what some of the runs show where another is true."""
         rows, parts = self._windows(chosen)
         d = (self.residuals[j] - self.residuals[i])[rows, None] - self.truths[i][rows]
         known, A = self.known[j], self.columns[j][rows]
@@ -232,38 +214,14 @@ class Discrimination:
 
 
 def shown(outlook: np.ndarray) -> float:
-    """Return what runs are chosen by where the first explanation is that no effect is there.
-
-    Parameters
-    ----------
-    outlook : array, shape (n, n, n_draws)
-        Differences in log-likelihood, row true, column refitted.
-
-    Returns
-    -------
-    float
-        Nats: the information on whether it is there, summed over all effects, each against none at even odds.
-    """
+    """Return what runs are chosen by where the first explanation is that no effect is there."""
     even = np.array([0.5, 0.5])
     pairs = [np.array([[np.zeros_like(d), d], [d, np.zeros_like(d)]]) for d in outlook[1:, 0]]
     return sum((gained(pair, even) for pair in pairs), 0.0)
 
 
 def gained(outlook: np.ndarray, beliefs: np.ndarray) -> float:
-    """Return what runs are chosen by: the information about which explanation is true that they are expected to give.
-
-    Parameters
-    ----------
-    outlook : array, shape (n, n, n_draws)
-        Differences in log-likelihood, row true, column refitted.
-    beliefs : array, shape (n,)
-        Probabilities of the explanations.
-
-    Returns
-    -------
-    float
-        Nats, at most what is undecided: the entropy of the beliefs.
-    """
+    """Return the information that runs are expected to give about which explanation is true."""
     pi = np.maximum(beliefs, HELD)
     pi = pi / pi.sum()
     nodes, weights = NOISE
@@ -274,3 +232,15 @@ def gained(outlook: np.ndarray, beliefs: np.ndarray) -> float:
     own = np.array([odds[i, i] for i in range(len(pi))])
     told = ((own - total) @ weights).mean(axis=1)  # expected logarithm of the belief in what is true
     return float(pi @ (told - np.log(pi)))
+
+
+def right_first(outlook: np.ndarray, beliefs: np.ndarray) -> float:
+    """Return the probability that the explanation that is true comes out first after runs."""
+    from scipy.special import ndtr
+
+    pi = np.maximum(beliefs, HELD)
+    pi = pi / pi.sum()
+    ahead = np.log(pi[:, None] / pi[None, :])[:, :, None] + outlook
+    share = ndtr(ahead / np.sqrt(2.0 * np.abs(outlook) + CLASS**2))
+    share[np.arange(len(pi)), np.arange(len(pi))] = 1.0
+    return float(pi @ share.min(axis=1).mean(axis=1))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from .family import DesignedRun, Limits, draw, near
 from .followed import controller_of
 from .known import Known, known_of
 from .plan import TELLS, Expected, Plan
-from .score import Discrimination, gained, shown
+from .rig import AnyRun, Rig
+from .score import Discrimination, gained, right_first, shown
 from .unseen import unseen
 
 if TYPE_CHECKING:
@@ -43,12 +45,16 @@ SIMULATED = 0.1
 """Belief from which an explanation's own runs are simulated, to see them as it would make them."""
 NARROWS = 0.1
 """Gain in information about parameters, in nats, from which a run is worth its time: intervals narrower by a tenth."""
+SAFER = 1e-3
+"""What a factor e between the weakest pairs of two runs is worth, in nats: it decides between equals alone."""
 CHANNELS = ("q", "P", "F", "mdot")
+SAMPLED = 5
+"""Runs at random that are compared as closely as the best."""
 Z80 = 1.2816
 
 
 class Bench(NamedTuple):
-    """The bench as a design sees it.
+    """The bench as a design sees it; a `pamid.gap.design.rig.Rig`.
 
     Parameters
     ----------
@@ -56,13 +62,63 @@ class Bench(NamedTuple):
         The simulator.
     logs : sequence of Evidence
         The logs of its present state.
+    limits : Limits
+        What it allows.
     controller : Controller or None
         What moves it; the simulator's own controller by default.
     """
 
     params: BenchParameters
     logs: Sequence[Evidence]
+    limits: Limits
     controller: Controller | None = None
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """The kinds of runs that there can be."""
+        return self.limits.kinds
+
+    def draw(self, rng: np.random.Generator, kind: str) -> DesignedRun:
+        """Draw a run of a kind."""
+        return draw(rng, self.limits, kind)
+
+    def near(self, rng: np.random.Generator, run: DesignedRun, share: float) -> DesignedRun:
+        """Draw a run close to another one."""
+        return near(rng, run, self.limits, share)
+
+    def evidence(self, table: pd.DataFrame) -> Evidence:
+        """Return a log of the bench, recorded or simulated, held against its simulator."""
+        return Evidence(table, self.params)
+
+    def recorded(self, runs: Sequence[DesignedRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
+        """Return what an explanation makes of runs, with the places of those that could be simulated."""
+        log = self.logs[-1]
+        actual = log.corrected(truth.spec, dict(zip(log.free, map(float, truth.x), strict=True)))
+        told = [run.trajectory(str(k)) for k, run in enumerate(runs)]
+        table, there = self._simulated(actual, told, list(range(len(runs))))
+        return table[[c for c in self.columns() if c in table]], there
+
+    def _simulated(
+        self, actual: BenchParameters, told: Sequence[Trajectory], which: list[int]
+    ) -> tuple[pd.DataFrame, list[int]]:
+        import pandas as pd
+
+        try:
+            runs = [told[k] for k in which]
+            return simulate(actual, runs, seed=0, sensors=self.sensors, controller=self.controller), which
+        except (DivergedError, ArithmeticError, ValueError):
+            if len(which) == 1:
+                return pd.DataFrame(), []
+            half = len(which) // 2
+            a, b = (self._simulated(actual, told, part) for part in (which[:half], which[half:]))
+            parts = [t for t, there in (a, b) if there]
+            if not parts and len(which) == len(told):
+                raise ExcitationError(
+                    "No design within the limits could be simulated with the likeliest explanation.",
+                    "a bench that stays within its range",
+                    "Narrow the limits of angle and pressure.",
+                ) from None
+            return (pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()), [*a[1], *b[1]]
 
     @property
     def sensors(self) -> dict[str, Sensor]:
@@ -92,144 +148,82 @@ def plan_next(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Plan:
-    """Return the runs that best discriminate between explanations, or that best determine the parameters of one.
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-        The explanations, `pamid.gap.Diagnosis.rivals`.
-    logs : mapping of str to DataFrame
-        The logs that they rest on, of the bench as it is now.
-    params : BenchParameters
-        The simulator, with its tolerances.
-    limits : Limits, optional
-        What the bench allows.
-    designs : int, default=200
-        Designs to look at.
-    purpose : {"auto", "discriminate", "parameters"}, default="auto"
-        What the runs are for; "auto" determines parameters where only one explanation is left.
-    library : sequence of str, default=()
-        Effects that may be there: where the logs speak for none, the runs are to show those that could not have shown.
-    seed : int, default=0
-        Seed of the designs.
-    progress : callable, optional
-        Called with a short text at each step.
-
-    Returns
-    -------
-    Plan
-        The runs, and what each outcome would mean.
-
-    Raises
-    ------
-    ExcitationError
-        No design could be simulated.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, simulate, sine
-    >>> from pamid.gap import diagnose
-    >>> from pamid.gap.design.search import plan_next
-    >>> bench = BenchParameters.for_muscle("B")
-    >>> log = simulate(bench, [sine(1, 10, 1500), sine(1.5, 8, 1500)], effects=["dead_volume"], seed=0)
-    >>> found = diagnose(log, bench, ["dead_volume", "polytropic_exponent", "gas_temperature"])
-    >>> plan = plan_next(found.rivals, {"log": log}, bench, designs=20)
-    >>> len(plan.runs), plan.tells
-    (1, True)
-    """
+    """Return the runs that best discriminate between explanations, or that best determine the parameters of one."""
     from threadpoolctl import threadpool_limits
 
     limits, say = limits or Limits(), progress or (lambda _: None)
     with threadpool_limits(1):
         say("read the logs")
-        bench = Bench(params, [Evidence(log, params) for log in logs.values()], controller_of(logs.values(), params))
-        chosen = list(rivals)[:RIVALS]
-        if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
-            chosen = [r for r in chosen if r.effects][:1]
-        asked = "discriminate" if len(chosen) > 1 else "parameters"
-        if not chosen and purpose != "parameters" and rivals:
-            # Nothing speaks for an effect. Those that would not have shown may be there all the same.
-            chosen, asked = unseen(bench.logs, rivals[0], library, TELLS), "unseen"
-            chosen = chosen if len(chosen) > 1 else []
-        total = sum(r.belief for r in chosen) or 1.0
-        chosen = [replace(r, belief=r.belief / total) for r in chosen]  # of those that are compared
-        if not chosen:
-            return Plan("none", [], limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
-        rng = np.random.default_rng(seed)
-        known = [_known(bench, r, rng, DRAWS if asked == "discriminate" else 0) for r in chosen]
-        search = _Search(bench, known, limits, asked, rng, say)
-        search.look(designs)
-        return search.plan()
+        evidence = [Evidence(log, params) for log in logs.values()]
+        bench = Bench(params, evidence, limits, controller_of(logs.values(), params))
+        return planned(bench, rivals, designs, purpose, library, seed, say)
 
 
-def _known(bench: Bench, rival: Rival, rng: np.random.Generator, draws: int = 0) -> Known:
-    free = bench.logs[-1].free
+def planned(
+    rig: Rig,
+    rivals: Sequence[Rival],
+    designs: int,
+    purpose: str,
+    library: Sequence[str],
+    seed: int,
+    say: Callable[[str], None],
+) -> Plan:
+    """Return the runs of a rig that best discriminate between explanations, or determine the parameters of one."""
+    chosen = list(rivals)[:RIVALS]
+    if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
+        chosen = [r for r in chosen if r.effects][:1]
+    asked = "discriminate" if len(chosen) > 1 else "parameters"
+    if not chosen and purpose != "parameters" and rivals:
+        # Nothing speaks for an effect. Those that would not have shown may be there all the same.
+        chosen, asked = unseen(rig.logs, rivals[0], library, TELLS), "unseen"
+        chosen = chosen if len(chosen) > 1 else []
+    total = sum(r.belief for r in chosen) or 1.0
+    chosen = [replace(r, belief=r.belief / total) for r in chosen]  # of those that are compared
+    if not chosen:
+        return Plan("none", [], rig.limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
+    rng = np.random.default_rng(seed)
+    known = [_known(rig, r, rng, DRAWS if asked == "discriminate" else 0) for r in chosen]
+    search = _Search(rig, known, asked, rng, say)
+    search.look(designs)
+    return search.plan()
+
+
+def _known(rig: Rig, rival: Rival, rng: np.random.Generator, draws: int = 0) -> Known:
+    free = rig.logs[-1].free
     x = np.array([float(rival.deviations.get(name, 0.0)) for name in free])
     fit = Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
-    return known_of(bench.logs, fit, rival.belief, rng, draws)
+    return known_of(rig.logs, fit, rival.belief, rng, draws)
 
 
 class _Search:
     def __init__(
-        self,
-        bench: Bench,
-        known: Sequence[Known],
-        limits: Limits,
-        purpose: str,
-        rng: np.random.Generator,
-        say: Callable[[str], None],
+        self, rig: Rig, known: Sequence[Known], purpose: str, rng: np.random.Generator, say: Callable[[str], None]
     ) -> None:
-        self.bench, self.known, self.limits, self.purpose = bench, list(known), limits, purpose
+        self.rig, self.known, self.limits, self.purpose = rig, list(known), rig.limits, purpose
         self.rng, self.say = rng, say
-        self.sensors, self.columns = bench.sensors, bench.columns()
         self.beliefs = np.array([k.belief for k in known])
-        self.found: list[tuple[float, DesignedRun]] = []
-        self.seen: list[tuple[DesignedRun, pd.DataFrame]] = []
-        self.looked = 0
+        self.found: list[tuple[float, AnyRun]] = []
+        self.seen: list[tuple[AnyRun, pd.DataFrame]] = []
+        self.looked, self.usual = 0, 0.0
+        self.random: list[AnyRun] = []
 
     # --- one batch of designs -------------------------------------------------------------------------------
-    def trial(self, runs: Sequence[DesignedRun], truth: Known) -> tuple[Evidence, list[int]]:
+    def trial(self, runs: Sequence[AnyRun], truth: Known) -> tuple[Any, list[int]]:
         """Simulate runs with an explanation; runs that cannot be simulated are left out."""
-        log = self.bench.logs[-1]
-        actual = log.simulator(truth.fit.spec, dict(zip(log.free, map(float, truth.fit.x), strict=True)))
-        told = [run.trajectory(str(k)) for k, run in enumerate(runs)]
-        table, there = self._simulated(actual, told, list(range(len(runs))))
-        table = table[[c for c in self.columns if c in table]]
+        table, there = self.rig.recorded(runs, truth.fit)
         if truth is self.known[0]:
             self.seen += [(runs[int(str(name))], run) for name, run in table.groupby("trajectory", sort=False)]
-        return Evidence(table, self.bench.params), there
+        return self.rig.evidence(table), there
 
-    def seen_again(self, runs: Sequence[DesignedRun]) -> Evidence:
+    def seen_again(self, runs: Sequence[AnyRun]) -> Any:
         """Return what the likeliest explanation makes of designs that were looked at."""
         import pandas as pd
 
         of = [next(table for seen, table in self.seen if seen is run) for run in runs]
         parts = [table.assign(trajectory=str(k)) for k, table in enumerate(of)]
-        return Evidence(pd.concat(parts, ignore_index=True), self.bench.params)
+        return self.rig.evidence(pd.concat(parts, ignore_index=True))
 
-    def _simulated(
-        self, actual: BenchParameters, told: Sequence[Trajectory], which: list[int]
-    ) -> tuple[pd.DataFrame, list[int]]:
-        import pandas as pd
-
-        try:
-            runs = [told[k] for k in which]
-            return simulate(actual, runs, seed=0, sensors=self.sensors, controller=self.bench.controller), which
-        except (DivergedError, ArithmeticError, ValueError):
-            if len(which) == 1:
-                return pd.DataFrame(), []
-            half = len(which) // 2
-            a, b = (self._simulated(actual, told, part) for part in (which[:half], which[half:]))
-            parts = [t for t, there in (a, b) if there]
-            if not parts and len(which) == len(told):
-                raise ExcitationError(
-                    "No design within the limits could be simulated with the likeliest explanation.",
-                    "a bench that stays within its range",
-                    "Narrow the limits of angle and pressure.",
-                ) from None
-            return (pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()), [*a[1], *b[1]]
-
-    def scored(self, runs: Sequence[DesignedRun]) -> list[tuple[float, DesignedRun]]:
+    def scored(self, runs: Sequence[AnyRun]) -> list[tuple[float, AnyRun]]:
         """Return runs with how much each would tell, by a preview with the likeliest explanation."""
         trial, there = self.trial(runs, self.known[0])
         told = Discrimination(trial, self.known, forms=self.purpose == "parameters")
@@ -241,23 +235,28 @@ class _Search:
             return 0.5 * (told.information(chosen) - told.information([]))
         if self.purpose == "unseen":
             return shown(told.outlook(chosen))
-        return gained(told.outlook(chosen), self.beliefs)
+        return self._worth(told.outlook(chosen))
+
+    def _worth(self, outlook: np.ndarray) -> float:
+        """Return what runs are chosen by; of those that tell all, the one whose weakest pair is furthest apart."""
+        pairs = [float(np.median(outlook[i, j])) for i in range(len(outlook)) for j in range(len(outlook)) if i != j]
+        return gained(outlook, self.beliefs) + SAFER * float(np.log1p(max(min(pairs), 0.0)))
 
     # --- the search -----------------------------------------------------------------------------------------
     def look(self, designs: int) -> None:
         """Look at designs: some of the whole family, then some near the best."""
-        kinds = self.limits.kinds
+        kinds = self.rig.kinds
         n = max(len(kinds), round(WIDE * designs))
-        self.say("look at runs of all kinds")
-        self._take([draw(self.rng, self.limits, kinds[k % len(kinds)]) for k in range(n)])
+        self.say("try runs of all kinds")
+        self._take([self.rig.draw(self.rng, kinds[k % len(kinds)]) for k in range(n)])
+        self.usual = float(np.median([value for value, _ in self.found])) if self.found else 0.0
+        self.random = [run for run, _ in self.seen[:SAMPLED]]
         if more := max(designs - self.looked, 0):
-            self.say("look near the best")
+            self.say("try runs near the best")
             best = [run for _, run in self.found[:BEST]]
-            self._take(
-                [near(self.rng, best[k % len(best)], self.limits, NEAR[k // len(best) % 2]) for k in range(more)]
-            )
+            self._take([self.rig.near(self.rng, best[k % len(best)], NEAR[k // len(best) % 2]) for k in range(more)])
 
-    def _take(self, runs: Sequence[DesignedRun]) -> None:
+    def _take(self, runs: Sequence[AnyRun]) -> None:
         self.found = sorted([*self.found, *self.scored(runs)], key=lambda f: -f[0])
 
     # --- the answer -----------------------------------------------------------------------------------------
@@ -265,14 +264,12 @@ class _Search:
         """Compare the best designs with every explanation being the true one, and put them together."""
         pool = self._pool()
         self.say("compare the best")
-        told = [(Discrimination(self.seen_again(pool), self.known), 0)]
-        others = [k for k in self.known[1:] if k.belief >= SIMULATED] if self.purpose == "discriminate" else []
-        for truth in others:
-            trial, there = self.trial(pool, truth)
-            if len(there) == len(pool):
-                told.append((Discrimination(trial, self.known), self.known.index(truth)))
-        chosen = self._greedy(told, len(pool))
-        runs = [pool[k] for k in chosen]
+        if self.limits.runs == 1:  # each as the log of its own that it will be
+            told, runs = max(((self._told([run]), [run]) for run in pool), key=lambda f: self._together(f[0], [0]))
+        else:
+            runs = [pool[k] for k in self._greedy(self._told(pool), len(pool))]
+            told = self._told(runs)
+        chosen = list(range(len(runs)))
         names, beliefs = [k.names for k in self.known], [float(k.belief) for k in self.known]
         if self.purpose == "parameters":
             gain = self._value(told[0][0], chosen)
@@ -280,7 +277,7 @@ class _Search:
             tells = bool(gain > NARROWS)
             return Plan(
                 self.purpose, runs if tells else [], self.limits, names, beliefs, [], gain, tells, shrinks=shrinks,
-                designs=self.looked, closest=[] if tells else runs,
+                designs=self.looked, usual=self.usual, closest=[] if tells else runs,
             )  # fmt: skip
         outlook = self._outlook(told, chosen)
         between, expected = self._expected(told, chosen, outlook)
@@ -289,8 +286,9 @@ class _Search:
             tells = any(e.nats >= TELLS for e in expected)
             return Plan(
                 self.purpose, runs if tells else [], self.limits, names, beliefs, expected, shown(outlook), tells,
-                designs=self.looked, closest=[] if tells else runs,
+                designs=self.looked, usual=self.usual, closest=[] if tells else runs,
             )  # fmt: skip
+        usual, right = self._at_random()
         pairs = [(i, j) for i in range(len(names)) for j in range(i)]
         alike = [(names[j], names[i]) for i, j in pairs if min(between[i, j], between[j, i]) < TELLS]
         top = max((min(between[0, j], between[j, 0]) for j in range(1, len(names))), default=0.0)
@@ -298,13 +296,32 @@ class _Search:
         needed = self.limits.seconds * TELLS / top if 0.03 * TELLS < top < TELLS else float("nan")
         return Plan(
             self.purpose, runs if tells else [], self.limits, names, beliefs, expected, gained(outlook, self.beliefs),
-            tells, alike, needed, designs=self.looked, closest=[] if tells else runs,
+            tells, alike, needed, designs=self.looked, usual=usual, closest=[] if tells else runs,
+            right=right_first(outlook, self.beliefs), right_usual=right,
         )  # fmt: skip
 
-    def _pool(self) -> list[DesignedRun]:
+    def _told(self, runs: Sequence[AnyRun]) -> list[tuple[Discrimination, int]]:
+        """Return what runs tell, simulated with each explanation that may well be true."""
+        told = [(Discrimination(self.seen_again(runs), self.known), 0)]
+        for i, truth in enumerate(self.known[1:], start=1):
+            if self.purpose != "discriminate" or truth.belief < SIMULATED:
+                continue
+            with contextlib.suppress(ExcitationError):  # it would leave the limits: what is told to first order stands
+                trial, there = self.trial(runs, truth)
+                if len(there) == len(runs):
+                    told.append((Discrimination(trial, self.known), i))
+        return told
+
+    def _at_random(self) -> tuple[float, float]:
+        """Return what runs that were drawn first tell, and how often the right explanation comes first after one."""
+        each = [Discrimination(self.seen_again([run]), self.known).outlook([0]) for run in self.random]
+        told, rights = ([f(outlook, self.beliefs) for outlook in each] for f in (gained, right_first))
+        return float(np.median(told)), float(np.median(rights))
+
+    def _pool(self) -> list[AnyRun]:
         """Return the designs that are looked at closely: the best, of several kinds where several runs are wanted."""
         wanted = max(FINAL, 3 * self.limits.runs) if self.limits.runs > 1 else FINAL
-        pool: list[DesignedRun] = []
+        pool: list[AnyRun] = []
         for kind in dict.fromkeys(run.kind for _, run in self.found):
             mine = [run for _, run in self.found if run.kind == kind]
             pool += mine[:2] if self.limits.runs > 1 else mine[:1]
@@ -323,7 +340,7 @@ class _Search:
     def _together(self, told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> float:
         if self.purpose != "discriminate":
             return self._value(told[0][0], chosen)
-        return gained(self._outlook(told, chosen), self.beliefs)
+        return self._worth(self._outlook(told, chosen))
 
     @staticmethod
     def _outlook(told: Sequence[tuple[Discrimination, int]], chosen: Sequence[int]) -> np.ndarray:
@@ -349,7 +366,7 @@ class _Search:
                 found.append(
                     Expected(
                         one.names, other.names, D, max(D - reach, 0.0), D + reach, float(1.0 / (1.0 + np.exp(-odds))),
-                        self.bench.logs[-1].equations[equation], size,
+                        where.trial.equations[equation], size,
                     )
                 )  # fmt: skip
         return between, found

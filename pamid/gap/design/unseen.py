@@ -17,24 +17,7 @@ MOST = 6
 
 
 def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown: float) -> list[Rival]:
-    """Return no effect, and the effects that would hardly have shown in logs at their typical size.
-
-    Parameters
-    ----------
-    logs : sequence of Evidence
-        The logs.
-    base : Rival
-        The simulator as it was refitted to them, without effects.
-    library : sequence of str
-        Effects that may be there.
-    shown : float
-        Log-likelihood that an effect must cost, the tolerances refitted, to have shown, in nats.
-
-    Returns
-    -------
-    list of Rival
-        No effect first, then those that would have shown least; none of them is likelier than another.
-    """
+    """Return no effect, and the effects that would hardly have shown in logs at their typical size."""
     known, found = all_effects(), []
     for name in library:
         if not any(log.touched([name]) for log in logs):

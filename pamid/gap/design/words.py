@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from .plan import TELLS, Plan
+from .plan import AS_IT_IS, TELLS, Plan
+
+EVEN = 0.1
+"""Share by which runs differ in what they tell before it is worth a word; it decides nothing."""
 
 
 def summary(plan: Plan) -> str:
@@ -14,25 +17,25 @@ def summary(plan: Plan) -> str:
     said = [named(n) for n in plan.explanations]
     if plan.purpose == "unseen":
         listed = ", ".join(said[1:])
-        now = "The next recording is to show them." if plan.tells else "Nor would any run within the limits show them."
+        now = "The next run is designed to show them." if plan.tells else "No run within the limits would show them."
         return f"The logs need no effect, but would hardly have shown these at their typical size: {listed}. {now}"
     if plan.purpose == "parameters":
         if not plan.tells:
-            return f"Only {said[0]} is left, and no run within the limits would narrow its parameters by much."
-        return f"Only {said[0]} is left: the next recording determines its parameters."
+            return f"Only {said[0]} remains, and no run within the limits would narrow its parameters by much."
+        return f"Only {said[0]} remains: the next run determines its parameters."
     undecided = f"Undecided: {', '.join(f'{s} ({b:.0%})' for s, b in zip(said, plan.beliefs, strict=True))}."
     if not plan.tells:
-        longer = "A longer one would not, either."
+        longer = "Nor does a longer one."
         if math.isfinite(plan.needed):
             like = f" ({plan.closest[0].words.rpartition(', ')[0]})" if len(plan.closest) == 1 else ""
-            longer = f"One of about {plan.needed:.0f} s would{like}."
+            longer = f"A run of about {plan.needed:.0f} s would{like}."
         return (
             f"{undecided} No run of {plan.limits.seconds:g} s within the limits tells the likeliest one from the "
-            f"others. {longer} Widen a limit (--angle, --pressure, --rise), log another signal, or take them as one."
+            f"others. {longer} Widen a limit ({plan.limits.options}), log another signal, or treat them as one cause."
         )
     hardest = min(e.nats for e in plan.expected)
     clear = f"The pair that is hardest to distinguish is expected to differ by {hardest:.3g} nats"
-    return f"{undecided} {clear}{'' if not plan.alike else ', which is too little'}; 3 are odds of twenty."
+    return f"{undecided} {clear}{'' if not plan.alike else ', which is too little'}; 3 nats are odds of 20 to 1."
 
 
 def outcomes(plan: Plan) -> list[str]:
@@ -41,7 +44,7 @@ def outcomes(plan: Plan) -> list[str]:
     if plan.purpose == "unseen":
         for e in plan.expected if plan.runs else []:
             clear = f"the simulator without it falls behind by {e.nats:.3g} nats, most in the {e.equation} equation"
-            said = clear if e.nats >= TELLS else "it would not show in this run, either"
+            said = clear if e.nats >= TELLS else "it would not show in this run"
             found.append(f"If it has {named(e.truth)}, {said}.")
         return found
     for truth in plan.explanations:
@@ -62,14 +65,39 @@ def outcomes(plan: Plan) -> list[str]:
         )
     if plan.runs and plan.expected:
         found.append(
-            "If all of them leave more than noise, the cause is none of these: diagnose with the whole library."
+            "If each of them leaves more than noise, the cause is another one: diagnose with the whole library."
         )
     return found
 
 
+def headroom(plan: Plan) -> str:
+    """Return how much the choice of the run matters, and whether a change of the rig would tell more."""
+    if plan.purpose in ("none", "unseen") or not plan.designs:
+        return ""
+    best, usual = plan.changed.get(AS_IT_IS, plan.clarity), plan.usual
+    said = [f"The best of {plan.designs} runs gives {best:.2g} nats, a random run {usual:.2g}."]
+    if math.isfinite(plan.right):
+        said.append(
+            f"The right one is then expected to come first in {plan.right:.0%} of cases, after a run at random in "
+            f"{plan.right_usual:.0%}."
+        )
+    if best - usual < EVEN * best:
+        said.append("The choice of the run hardly matters: any with as much motion would do.")
+    others = {words: nats for words, nats in plan.changed.items() if words != AS_IT_IS}
+    most = max(others, key=lambda words: others[words], default="")
+    if others and others[most] - best > EVEN * best:
+        said.append(f"With {most} the best gives {others[most]:.2g} nats{': change the system' if plan.rig else ''}.")
+        said += [] if plan.rig else ["If this change of the system is possible, declare it (--change)."]
+    elif others:
+        said.append(f"None of these changes of the system would tell more: {', '.join(others)}.")
+    if not plan.tells and plan.purpose == "discriminate" and not plan.rig:
+        said.append("Only a change of the system tells them apart: another mass, load or gain, or another sensor.")
+    return " ".join(said)
+
+
 def named(names: tuple[str, ...]) -> str:
     """Return a set of effects as words."""
-    return " and ".join(n.replace("_", " ") for n in names) or "no effect"
+    return " and ".join(n.replace("@", " at ").replace("_", " ") for n in names) or "no effect"
 
 
 def _capital(text: str) -> str:

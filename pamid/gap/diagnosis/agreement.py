@@ -58,23 +58,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(information: np.ndarray, score: np.ndarray) -> Agreement:
-    """Return how well parts agree on a factor.
-
-    Parameters
-    ----------
-    information : array, shape (n_parts,)
-        Curvature of the likelihood in the factor.
-    score : array, shape (n_parts,)
-        Its slope at a factor of 1.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.diagnosis.agreement import agreement
-    >>> found = agreement(np.full(4, 100.0), np.array([30.0, -30.0, 30.0, -30.0]))  # factors 1.3, 0.7, 1.3, 0.7
-    >>> float(round(found.q, 1)), float(round(found.i2, 2)), float(round(found.spread, 2))
-    (36.0, 0.92, 0.33)
-    """
+    """Return how well parts agree on a factor."""
     from scipy.special import chdtri, stdtrit
 
     known = information > 1e-12 * max(float(np.max(information, initial=0.0)), 1e-300)

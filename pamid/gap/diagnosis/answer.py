@@ -10,10 +10,11 @@ import numpy as np
 
 from ...effects import all_effects
 from ..inference.competition import Competition
-from ..inference.gauss_newton import Fitter
+from ..inference.gauss_newton import Fit, Fitter
 from ..inference.significance import excess
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
+from ..settings import FALSE_ALARM
 from .belief import candidates
 from .closure import Clusters, closures, main_equation
 from .decide import Verdict
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 MOST = 12
 """Sets of effects that a diagnosis tells of."""
+MATERIAL = 0.1
+"""Share of a gap from which an equation has regions, bands and a word of its own; it decides on no name."""
 
 
 def answer(
@@ -41,29 +44,13 @@ def answer(
     random_state: np.random.RandomState,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """Return the diagnosis of a log, the causes fitted to all of it.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The whole log.
-    competition : Competition
-        The hypotheses, on the whole log or a part of it.
-    verdict : Verdict
-        What was decided.
-    notes : list of str
-        What the reader must know.
-    random_state : RandomState
-        Draws behind intervals.
-    say : callable
-        Called with a short text at each step.
-    """
+    """Return the diagnosis of a log, the causes fitted to all of it."""
     fitter, base, fit = competition.fitter, verdict.outcome.base.fit, verdict.outcome.best.fit
     if competition.evidence is not evidence:
         say("fit the causes to all rows")
         fitter = Fitter(evidence)
         base = fitter.base()
-        fit = fitter.refine(fit.spec, near=fit.x) if verdict.named else base
+        fit = _again(fitter, fit) if verdict.named else base
     # The gap is what a refit within the tolerances leaves: what they take up is none.
     base = fitter.unwhitened(base)
     fit = fit if verdict.named else base
@@ -78,7 +65,7 @@ def answer(
     closure = closures(evidence, before, held_out, after, random_state)
     equations = _equations(evidence, before, after, verdict)
     alike, not_named = verdict.kind == "family", verdict.kind in ("family", "unknown")
-    main = [e.equation for e in equations if e.share > 0.1] or [e.equation for e in equations[:1]]
+    main = [e.equation for e in equations if e.share > MATERIAL] or [e.equation for e in equations[:1]]
     causes = _causes(fitter, verdict, clusters, closure) if clusters is not None else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
@@ -87,7 +74,7 @@ def answer(
         causes = [_distinguished(c, experiment, rivals) for c in causes] if rivals else causes
         nominal = evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True)))
         deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
-        corrected = evidence.simulator(fit.spec if verdict.named else {}, deviations)
+        corrected = evidence.corrected(fit.spec if verdict.named else {}, deviations)
     gapped = verdict.kind != "none"
     return Diagnosis(
         verdict="unknown" if alike else verdict.kind,
@@ -101,7 +88,7 @@ def answer(
         families=causes if alike else [],
         closure=[c for c in closure if gapped],
         next_experiment=experiment,
-        notes=[*notes, *_beginnings(fit.spec if verdict.named else {})],
+        notes=[*notes, *competition.notes, *_beginnings(fit.spec if verdict.named else {})],
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
@@ -111,6 +98,7 @@ def answer(
         signs=worst({name: found.signs for name, found in verdict.trust.items()}),
         hypotheses=_hypotheses(verdict),
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
+        unexplained=_unexplained(evidence, before, after, equations) if causes and not alike else [],
         not_tested=dict(evidence.skipped),
         cannot_show=[name for name in competition.library if not evidence.touched([name])],
         rivals=rivals_of(competition, verdict),
@@ -167,8 +155,11 @@ def _equations(
     sizes = [scale(before[part], 0.0) for part in evidence.parts]
     over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
     if verdict.named:
+        # What causes close is the gap, and so is what they leave far beyond the noise: a second gap hides behind none.
+        left = [_beyond(after[p]) * (e.p_value < FALSE_ALARM) for p, e in zip(evidence.parts, over, strict=True)]
         gains = [
-            len(before[part]) * np.log1p(np.mean(np.square(before[part] - after[part]))) for part in evidence.parts
+            len(before[p]) * np.log1p(np.mean(np.square(before[p] - after[p])) + more)
+            for p, more in zip(evidence.parts, left, strict=True)
         ]
     else:
         # A few windows far out are a gap that a robust scale does not hear of.
@@ -181,6 +172,20 @@ def _equations(
         for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)
     ]
     return sorted(found, key=lambda e: -e.share)
+
+
+def _beyond(z: np.ndarray) -> float:
+    """Return the mean power of residuals beyond that of the noise."""
+    return max(float(np.mean(np.square(z))) - 1.0, 0.0) if len(z) else 0.0
+
+
+def _unexplained(
+    evidence: ResidualSource, before: np.ndarray, after: np.ndarray, equations: Sequence[EquationFinding]
+) -> list[str]:
+    """Return the equations with a part of the gap of which the named causes close less than half."""
+    parts = dict(zip(evidence.equations, evidence.parts, strict=True))
+    material = [e.equation for e in equations if e.share > MATERIAL]
+    return [name for name in material if _beyond(after[parts[name]]) > 0.5 * _beyond(before[parts[name]])]
 
 
 def _causes(
@@ -229,8 +234,8 @@ def _beginnings(spec: Mapping[str, Mapping[str, float]]) -> list[str]:
     library = all_effects()
     found = [n for n, values in spec.items() if any(p.before and values[p.name] > 0.0 for p in library[n].parameters)]
     return [
-        f"What {name} remembers when a run begins is not in the log: it was fitted in each run, and what it adds there "
-        "is not in the corrected simulator, whose runs begin at rest."
+        f"The state of {name} at the beginning of a run is not in the log: it was fitted in each run, and is not part "
+        "of the corrected simulator, whose runs begin at rest."
         for name in (n.replace("_", " ") for n in found)
     ]
 
@@ -240,8 +245,13 @@ def _in_place(fitter: Fitter, verdict: Verdict, name: str, other: str) -> dict[s
     rest = verdict.outcome.best.names - {name}
     fit = next(h.fit for h in verdict.outcome.alternatives[name] if h.names == rest | {other})
     if len(fit.z) != len(fitter.evidence.z0):
-        fit = fitter.refine(fit.spec, near=fit.x)
+        fit = _again(fitter, fit)
     return Clusters(fitter, fit).parameters()[other]
+
+
+def _again(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a fit to a part of a log as one to all of it, whose parameters may be more."""
+    return fitter.refine(fit.spec, near=fit.x if len(fit.x) == fitter.n else None)
 
 
 def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause:

@@ -9,17 +9,11 @@ from ..settings import FALSE_ALARM, NONE_SURE
 from .decide import Verdict
 from .findings import Candidate
 
+_NOISE = "explains no more than noise would"
+
 
 def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
-    """Return the whole library with what speaks for each name, confidences adding to one.
-
-    Parameters
-    ----------
-    competition : Competition
-        The library on the log.
-    verdict : Verdict
-        What was decided.
-    """
+    """Return the whole library with what speaks for each name, confidences adding to one."""
     outcome = verdict.outcome
     named = list(outcome.best.fit.spec) if verdict.named and verdict.kind != "family" else []
     belief = _belief(verdict, named)
@@ -42,8 +36,9 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         if name in scores and name not in named and sure <= 0.05:
             reason = _reason(competition, verdict, scores[name], best)
         if named and name in verdict.trust and name not in named:
-            reason = "fits beside the named causes, but is likelier to mend their inexact forms than to be a cause"
-        rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), closed.get(name, 0.0), reason))
+            reason = "fits together with the named causes, but more likely compensates for their inexact forms"
+        share = 0.0 if reason == _NOISE else closed.get(name, 0.0)  # noise closes nothing
+        rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), share, reason))
     untouched = [n for n in competition.library if n not in scores]
     rows += [
         Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log allows, or nothing on it") for n in untouched
@@ -69,9 +64,9 @@ def _belief(verdict: Verdict, named: list[str]) -> dict[str, float]:
 
 def _reason(competition: Competition, verdict: Verdict, score: float, best: float) -> str:
     if score < competition.evidence.least_gain:
-        return "brings no more than noise would"
+        return _NOISE
     if verdict.kind in ("unknown", "family") and score >= best:
-        return "comes closest, but leaves more than an inexact form allows"
+        return "is closest, but leaves more than an inexact form allows"
     if score < best:
         return f"explains less: its log-likelihood is lower by {best - score:.0f}"
-    return "explains what another cause explains better beside the others"
+    return "explains what another cause explains better together with the others"

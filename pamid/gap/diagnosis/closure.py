@@ -107,20 +107,7 @@ def closures(
     fitted: np.ndarray,
     random_state: np.random.RandomState,
 ) -> list[Closure]:
-    """Return how far each equation's gap shrinks on held-out trajectories.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The log.
-    before, after : array, shape (n_windows,)
-        Held-out residuals without and with the causes, in units of the noise.
-    fitted : array, shape (n_windows,)
-        The same with the causes where they were fitted to all trajectories. The correction is that one: it closes no
-        less than what is held out says of one from fewer trajectories, and no more than it does here.
-    random_state : RandomState
-        Draws trajectories with replacement.
-    """
+    """Return how far each equation's gap shrinks on held-out trajectories."""
     pieces, n = evidence.pieces()
     # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs. Pieces of a run are
     # not alike, and what acts in some of them acts in the run: a new run is as many of them.

@@ -75,17 +75,7 @@ class Verdict:
 
 
 def decide(competition: Competition, outcome: Outcome, random_state: np.random.RandomState) -> Verdict:
-    """Decide between no gap, named causes and a cause outside the library.
-
-    Parameters
-    ----------
-    competition : Competition
-        The library on the log.
-    outcome : Outcome
-        The hypotheses that it came to.
-    random_state : RandomState
-        Draws behind the p-value.
-    """
+    """Decide between no gap, named causes and a cause outside the library."""
     evidence, base, best = competition.evidence, outcome.base, outcome.best
     over = [excess(evidence, base.fit.z, part, s) for part, s in zip(evidence.parts, base.left, strict=True)]
     beyond = min([min(1.0, len(over) * e.p_value) for e in over if e.scale > 1.0 + EXCESS] or [1.0])

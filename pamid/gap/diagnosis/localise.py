@@ -90,18 +90,6 @@ def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: in
 
     The fewest windows that hold `ENERGY` of the gap are told from the others by a tree on the state; its leaves that
     agree with them best, taken together, are the regions. They come with the largest share first.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    equation : str
-        The equation.
-    power : array, shape (n_windows,)
-        The gap's power at each window, in the equation's unit squared: in units of noise, windows in which much or
-        little is known would weigh otherwise.
-    most : int, default=24
-        Most regions, those of both muscles together.
     """
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation in ("joint", "joint_modelled") else _FEATURES

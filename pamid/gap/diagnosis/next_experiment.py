@@ -38,19 +38,7 @@ def next_experiment(
     params: BenchParameters,
     here: Callable[[Spec], Spec] = dict,
 ) -> tuple[NextExperiment | None, tuple[str, ...]]:
-    """Return what to record next and the two explanations that it separates; None if there is nothing to separate.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The log, the last of several.
-    verdict : Verdict
-        What was decided.
-    params : BenchParameters
-        Its nominal simulator.
-    here : callable, optional
-        Returns which of the effects act in this log, by the library's names.
-    """
+    """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
     two = _rivals(verdict)
     if two is None:
         return None, ()
@@ -58,7 +46,7 @@ def next_experiment(
     names = _apart(specs[0], specs[1]), _apart(specs[1], specs[0])
     if not names[0] or not names[1]:
         return None, ()
-    bench = evidence.simulator(specs[0])
+    bench = evidence.corrected(specs[0])
     try:
         log = simulate(bench, [make() for _, make in CHOICES], seed=0)
     except (ValueError, FloatingPointError, ArithmeticError):

@@ -78,19 +78,7 @@ class Trust:
 def trust(
     competition: Competition, outcome: Outcome, part_of: Mapping[str, float], classes: Mapping[str, Sequence[str]]
 ) -> dict[str, Trust]:
-    """Return what speaks for each name of the best hypothesis.
-
-    Parameters
-    ----------
-    competition : Competition
-        The library on the log.
-    outcome : Outcome
-        Its hypotheses.
-    part_of : mapping of str to float
-        Each cause's share of what all explain together.
-    classes : mapping of str to sequence of str
-        For each cause the names that cannot be distinguished from it, itself first.
-    """
+    """Return what speaks for each name of the best hypothesis."""
     from scipy.special import expit
 
     found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE

@@ -26,21 +26,6 @@ def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str
     the least that some law of the state could explain. The formula is the sparse sum of a few terms of the state that
     comes closest, found by orthogonal matching pursuit.
 
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    equation : str
-        The equation.
-    z : array, shape (n_windows,)
-        What is left, in units of the noise.
-
-    Returns
-    -------
-    dict
-        ``equation``; ``predictable_share`` of the excess over the noise, held out; ``depends_on``, signals by falling
-        influence; ``peak_hz`` and ``peak_share``, the strongest rhythm; ``formula`` and ``formula_share``.
-
     References
     ----------
     S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by sparse identification of
@@ -64,21 +49,7 @@ def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str
 
 
 def remainder(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
-    """Describe what named causes leave in the equation where they leave most.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    before, after : array, shape (n_windows,)
-        Residuals without and with the causes, in units of the noise.
-
-    Returns
-    -------
-    dict
-        ``equation``; ``share`` of the gap's power beyond the noise, over all equations, that is left; ``rmse`` beyond
-        the noise, in the equation's unit; ``regions``, queries; ``depends_on``, signals by falling influence.
-    """
+    """Describe what named causes leave in the equation where they leave most."""
     room = [max(float(np.sum(np.square(before[p]))) - (p.stop - p.start), 0.0) for p in evidence.parts]
     left = [max(float(np.sum(np.square(after[p]))) - (p.stop - p.start), 0.0) for p in evidence.parts]
     at = int(np.argmax(left))
@@ -164,4 +135,8 @@ def _formula(state: dict[str, np.ndarray], y: np.ndarray, excess: float) -> dict
     chosen = [k for k in np.argsort(-np.abs(fit.coef_)) if fit.coef_[k]]
     text = " ".join(f"{fit.coef_[k]:+.3g} {list(terms)[k]}" for k in chosen)
     share = float(np.clip((float(np.mean(y**2)) - left) / excess, 0.0, 1.0))
-    return {"formula": text, "formula_share": share, "standardised": "x~ is x less its mean, over its deviation"}
+    return {
+        "formula": text,
+        "formula_share": share,
+        "standardised": "x~ is x less its mean, divided by its standard deviation",
+    }

@@ -22,7 +22,7 @@ from .findings import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..several.history import Round
+    from ..several.history import History, Round
     from ..several.result import Change, LogFinding
     from .rivals import Rival
 
@@ -32,7 +32,7 @@ VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
 library explains; no gap beyond the noise; nothing on the log that could be tested."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Diagnosis:
     """The answer to: where does the gap lie, what causes it, how far does it shrink.
 
@@ -78,6 +78,8 @@ class Diagnosis:
         The sets of effects that were refitted, the likeliest first.
     deviations : dict of str to float
         How far the parameters with a tolerance were refitted together with the causes, in tolerances.
+    unexplained : list of str
+        Equations with a part of the gap of which the named causes close less than half.
     not_tested : dict of str to str
         Equations that were left out, and why.
     cannot_show : list of str
@@ -90,6 +92,9 @@ class Diagnosis:
         Causes that changed between logs, the clearest first.
     rounds : list of Round
         What was said after each further log, where this went on from an earlier diagnosis.
+    history : History or None
+        The logs and the simulator, from which `pamid.diagnose` goes on with further logs and `pamid.next_run` designs
+        the next one; ``history.write(folder)`` keeps it.
 
     Examples
     --------
@@ -100,6 +105,8 @@ class Diagnosis:
     >>> found = diagnose(log, nominal, ["leakage"])
     >>> found.verdict, found.causes[0].effects
     ('cause', ('leakage',))
+    >>> print(str(found).splitlines()[0])
+    One cause: leakage
     """
 
     verdict: str
@@ -123,12 +130,14 @@ class Diagnosis:
     signs: dict[str, float] = field(default_factory=dict)
     hypotheses: list[HypothesisFinding] = field(default_factory=list)
     deviations: dict[str, float] = field(default_factory=dict)
+    unexplained: list[str] = field(default_factory=list)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
     rivals: list[Rival] = field(default_factory=list)
     logs: list[LogFinding] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
     rounds: list[Round] = field(default_factory=list)
+    history: History | None = field(default=None, repr=False, compare=False)
 
     @property
     def tested(self) -> bool:
@@ -170,6 +179,7 @@ class Diagnosis:
                 "with_reserve": self.with_reserve,
                 "signs": self.signs,
                 "hypotheses": self.hypotheses,
+                "unexplained": self.unexplained,
                 "not_tested": self.not_tested,
                 "cannot_show": self.cannot_show,
                 "rivals": self.rivals,
@@ -179,6 +189,15 @@ class Diagnosis:
                 "notes": self.notes,
             }
         )
+
+    def __str__(self) -> str:
+        from ...report import answers  # the words are the report's; only printing needs them
+
+        return str(answers(self))
+
+    def __repr__(self) -> str:
+        named = ", ".join(" or ".join(cause.effects) for cause in self.causes)
+        return f"<{type(self).__name__} {self.verdict}{': ' if named else ''}{named}>"
 
     def to_json(self) -> str:
         """Return the content of ``diagnosis.json``."""

@@ -69,15 +69,7 @@ class Rival:
 
 
 def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
-    """Return the explanations that are not out of the question, the likeliest first.
-
-    Parameters
-    ----------
-    competition : Competition
-        The hypotheses about the log.
-    verdict : Verdict
-        What was decided.
-    """
+    """Return the explanations that are not out of the question, the likeliest first."""
     outcome, best = verdict.outcome, verdict.outcome.best
     standing = [h for h in [outcome.base, *outcome.refitted] if _stands(h, best)]
     scored = {h.names: (competition.comparable(h), h) for h in standing}

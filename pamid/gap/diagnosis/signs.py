@@ -27,43 +27,7 @@ LAGS = 8
 def signs_of(
     competition: Competition, outcome: Outcome, part_of: Mapping[str, float], classes: Mapping[str, Sequence[str]]
 ) -> dict[str, dict[str, float]]:
-    """Return the signs of a cause beyond the library for each cause of the best hypothesis, each from 0 to 1.
-
-    Parameters
-    ----------
-    competition : Competition
-        The library on the log.
-    outcome : Outcome
-        Its hypotheses.
-    part_of : mapping of str to float
-        Each cause's share of what all explain together.
-    classes : mapping of str to sequence of str
-        For each cause the names that cannot be distinguished from it, itself first.
-
-    Returns
-    -------
-    dict of str to dict of str to float
-        For each cause, its equation being the one in which it adds most:
-        ``left``: logarithm of what is left in its equation over that of what was there, both in units of noise and
-        inexactness; a half counts as all. What is left of less than a form may be off by says nothing, here and in
-        ``predictable`` and ``coloured``.
-        ``left_of_equation``, ``left_beside``, ``left_of_gap``: share of the power beyond the noise that is left in its
-        equation, in that of a cause in which it is most, and in all; ``unclosed_of_gap`` on runs not fitted.
-        ``elsewhere``: the largest such share of an equation in which no cause adds most, weighed by the logarithm of
-        that equation's gap over its noise.
-        ``predictable``: share of what is left in its equation that a flexible function of the state predicts on other
-        trajectories.
-        ``coloured``: root mean square correlation of what is left there with its own past.
-        ``undone``: how nearly the others add the opposite of what it adds there.
-        ``faint``: logarithm of one over its share among those beside which it acts; a fiftieth counts as all.
-        ``disagreeing``, ``uneven``: spread of its factor over runs, and over halves of the state, beyond chance.
-        ``paced``: the same over slow and fast changes, octave by octave.
-        ``uncertain``: half of the 90 % interval of its factor.
-        ``unsupported``: half of the 90 % interval of its factor over stretches of the log that tell as much about it
-        each, all other parameters free; at 1 it may as well be nothing.
-        ``alike``: number of effects from which it cannot be told; four count as all.
-        ``unclosed``: one less the lower end of the 90 % interval of what is closed of its equation on unseen runs.
-    """
+    """Return the signs of a cause beyond the library for each cause of the best hypothesis, each from 0 to 1."""
     told = _Told(competition, outcome)
     shares = beside(told.main, part_of)
     found = {name: told.signs(name, shares[name], classes[name]) for name in outcome.best.fit.spec}
@@ -85,13 +49,6 @@ def beside(main: Mapping[str, int], part_of: Mapping[str, float]) -> dict[str, f
     """Return each cause's share of what those explain that act most in the same equation.
 
     What imitates or mends the form of another acts where that does; causes of other equations say nothing about it.
-
-    Parameters
-    ----------
-    main : mapping of str to int
-        The equation in which each cause adds most.
-    part_of : mapping of str to float
-        Each cause's share of what all explain together.
     """
     whole = dict.fromkeys(main.values(), 0.0)
     for name, part in part_of.items():

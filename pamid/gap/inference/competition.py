@@ -10,30 +10,22 @@ import numpy as np
 
 from ...effects import all_effects
 from ..residuals.protocol import ResidualSource
-from ..settings import (
-    CERTAIN,
-    CLOSE,
-    CLOSE_SHARE,
-    EXCESS,
-    FORM_SMOOTH,
-    GRID,
-    KEPT,
-    MOST_CAUSES,
-    OF_ITS_OWN,
-    TOLERANCE,
-)
+from ..settings import CERTAIN, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, OF_ITS_OWN
 from .discrepancy import has_form
-from .gauss_newton import Fit, joined, slots_of
-from .hypotheses import Hypothesis, Outcome, Screen, Single, contenders, degenerate
-from .sensitivity import Template, relinearised, templates
+from .first_order import FirstOrder, closed_share, excess_of
+from .gauss_newton import joined
+from .hypotheses import Hypothesis, Outcome, Screen, Single, degenerate
+from .sensitivity import Template
+from .so_far import INTERRUPTED, causes_so_far, stopped
 from .subsets import Subset, Subsets
-from .worth import Worth
 
 ROUNDS = 3
 """Most times that the search begins anew from a set that it came upon at its end."""
+LARGE = 4
+"""Effects from which sets that differ in one alone are not refitted one after the other: each is a dozen runs."""
 
 
-class Competition(Worth):
+class Competition(FirstOrder):
     """The hypotheses about one log.
 
     Parameters
@@ -44,6 +36,8 @@ class Competition(Worth):
         Effects that may be named.
     progress : callable, optional
         Called with a text at each step.
+    known : mapping of str to sequence of Template, optional
+        The templates of effects on this evidence, where they are known already.
     """
 
     def __init__(
@@ -51,83 +45,61 @@ class Competition(Worth):
         evidence: ResidualSource,
         library: Sequence[str],
         progress: Callable[[str], None] | None = None,
+        known: Mapping[str, Sequence[Template]] | None = None,
     ) -> None:
-        super().__init__(evidence)
-        self.library, self.say = list(library), progress or (lambda _: None)
-        known = all_effects()
-        self.templates: list[Template] = []
-        for name in library:
-            self.say(f"sensitivity to {name}")
-            self.templates += templates(evidence, known[name])
-        self.further = float(np.log(max(len(self.usable), 1)))
+        super().__init__(evidence, library, progress, known)
         self._done: dict[frozenset[str], Hypothesis] = {frozenset(): self.base}
-
-    @property
-    def usable(self) -> list[str]:
-        """The effects that change something on this log."""
-        return list(dict.fromkeys(t.effect for t in self.templates))
+        self.interrupted = False
+        self._told = self.base
 
     # --- search -------------------------------------------------------------------------------------------------
     def run(self) -> Outcome:
         """Let sets of effects compete, from the linearised library to exact refits about the best."""
         return self.refit(self.screen())
 
-    def screen(self) -> Screen:
-        """Score every set of effects to first order, and return those that are worth an exact refit."""
-        if not self.templates:
-            return Screen(None, {}, [])
-        about = self._about(self.base)
-        found = contenders(about.grow(MOST_CAUSES), about.fit(()).score)
-        if self.evidence.bends:
-            found = [*self._close_singles(about), *(s for s in found if len(s.templates) > 1)]
-        return Screen(about, self._singles(about), found)
-
-    def _close_singles(self, about: Subsets) -> list[Subset]:
-        """Return the effects that may each be the cause, as far as a model of first order can say.
-
-        Where residuals are simulated, that errs for large effects. By how much is seen at the best of them.
-        """
-        gains = about.gains(about.fit(()))
-        best: dict[str, int] = {}
-        for t in np.argsort(-gains, kind="stable"):
-            if gains[t] > 0.0:
-                best.setdefault(self.templates[t].effect, int(t))
-        found = sorted((about.fit((t,)) for t in list(best.values())[: 4 * KEPT]), key=lambda s: -s.score)
-        if not found:
-            return []
-        gain = max(found[0].score - about.fit(()).score, 0.0)
-        reach = CLOSE + (CLOSE_SHARE + self._bent(found[0])) * gain
-        return [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
-
-    def _bent(self, subset: Subset) -> float:
-        """Return by what share of its contribution a set differs from its model of first order, up to all of it."""
-        evidence, m = self.evidence, self.evidence.J.shape[1]
-        template = self.templates[subset.templates[0]]
-        straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]
-        deviations = dict(zip(evidence.free, map(float, subset.x[:m]), strict=True))
-        there = evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
-        apart, size = float(np.linalg.norm(there - straight)), float(np.linalg.norm(straight))
-        return min(1.0, apart / max(size, 1e-300))
+    @property
+    def notes(self) -> list[str]:
+        """What a reader must know of the search."""
+        return [INTERRUPTED] if self.interrupted else []
 
     def enough(self, h: Hypothesis) -> bool:
         """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""
         wide = 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1))
         return bool(np.all(h.left <= wide))
 
-    def _hopeless(self, about: Subsets, subset: Subset, nothing: float) -> bool:
-        """Tell whether a set explains too little to be a gap, between the points of its grid, too."""
-        price = sum(about.cost[self.templates[t].effect] for t in subset.templates)
-        return (subset.score - nothing + price) / GRID - price <= self.evidence.least_gain
-
     def refit(self, screen: Screen) -> Outcome:
-        """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes."""
-        best, about = self.base, screen.about
-        if about is None:
+        """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes.
+
+        Where that is interrupted, the best set so far stands, with what was tried in the place of its causes.
+        """
+        if screen.about is None:
             return Outcome(self.base, self.base, {})
-        nothing = about.fit(()).score
-        for subset in self._promising(about, screen.contenders):
+        try:
+            if self.interrupted:
+                for subset in screen.contenders[:1]:
+                    self._refitted(screen.about, subset, self.base)
+                raise KeyboardInterrupt
+            best = self._begun(screen.about, screen.contenders)
+            best, alternatives = self._settled(best)
+        except KeyboardInterrupt as stop:
+            stopped(stop)
+            self.interrupted = True
+            usable = [h for h in self._done.values() if not any(degenerate(h.fit, n) for n in h.fit.spec)]
+            some = sorted(usable, key=self.comparable)[-KEPT:]
+            best = max([*some, self._told], key=self._ranked)
+            alternatives = {name: self._in_place(best, name) for name in best.fit.spec}
+        return self._outcome(best, screen.singles, alternatives)
+
+    def _begun(self, about: Subsets, contenders: Sequence[Subset]) -> Hypothesis:
+        """Refit the sets of effects that may be the best, and return that one."""
+        best, nothing = self.base, about.fit(()).score
+        tried: list[frozenset[str]] = []
+        for subset in self._promising(about, contenders):
             if len(subset.templates) > 1 and self.evidence.bends and best.fit.spec and self.enough(best):
                 break
+            names = frozenset(self.templates[t].effect for t in subset.templates)
+            if self.evidence.bends and len(names) >= LARGE and any(len(names - other) < 2 for other in tried):
+                continue  # one effect more or less, or another in its place, is tried about the best set anyway
             if best is self.base and not self.evidence.bends and self._hopeless(about, subset, nothing):
                 continue
             # What one effect explains exactly may need several to first order.
@@ -140,12 +112,19 @@ class Competition(Worth):
                 if alone and best is not self.base:
                     behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0)
                 trial = self._refitted(about, subset, self.base, behind=behind)
+                tried.append(names)
                 best = max(best, self._purged(trial), key=self._ranked)
+                self._tell(best)
+        return best
+
+    def _settled(self, best: Hypothesis) -> tuple[Hypothesis, dict[str, list[Hypothesis]]]:
+        """Return the best set near one, with what may stand in the place of its causes."""
         for left in reversed(range(ROUNDS)):
             best = self._pruned(self._merged(self._improved(best)))
             if best.fit.spec:
                 best = max(best, self.hypothesis(self.fitter.refine(best.fit.spec, near=best.fit.x)), key=self._ranked)
                 self._done[best.names] = best
+            self._tell(best)
             alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
             # One in the place of a cause may turn out to be the better one.
             least = self._ranked(best)[1]
@@ -156,18 +135,17 @@ class Competition(Worth):
         if (certain := self._pruned(best, CERTAIN)) is not best:
             best = certain
             alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
-        return self._outcome(best, screen.singles, alternatives)
+        return best, alternatives
+
+    def _tell(self, best: Hypothesis) -> None:
+        """Say what the best set is so far, where that is news."""
+        if best is not self._told and best.fit.spec:
+            room = excess_of(self.evidence, self.base.fit.z)
+            self.say(causes_so_far(list(best.fit.spec), closed_share(excess_of(self.evidence, best.fit.z), room)))
+        self._told = best
 
     def only(self, outcome: Outcome, classes: Mapping[str, Collection[str]]) -> Outcome:
-        """Return what the competition would have come to with some effects of its best set alone.
-
-        Parameters
-        ----------
-        outcome : Outcome
-            What it came to.
-        classes : mapping of str to collection of str
-            The effects to keep, each with those that stand in its place as alternatives.
-        """
+        """Return what the competition would have come to with some effects of its best set alone."""
 
         def kept(h: Hypothesis, also: str) -> Hypothesis:
             spec = {k: v for k, v in h.fit.spec.items() if k in classes or k == also}
@@ -189,66 +167,13 @@ class Competition(Worth):
 
     def _exactly(self, singles: Mapping[str, Single]) -> dict[str, Single]:
         """Return what effects that were refitted alone explain; to first order that of large ones is too little."""
-        room = _excess(self.evidence, self.base.fit.z)
+        room = excess_of(self.evidence, self.base.fit.z)
         alone = {next(iter(h.names)): h for h in self._done.values() if len(h.names) == 1}
         return {
-            name: Single(h.score - self.base.score, _closed(_excess(self.evidence, h.fit.z), room))
+            name: Single(h.score - self.base.score, closed_share(excess_of(self.evidence, h.fit.z), room))
             for name, h in alone.items()
             if name in singles
         }
-
-    def _singles(self, about: Subsets) -> dict[str, Single]:
-        """Return what each effect explains by itself."""
-        start = about.fit(())
-        gains = about.gains(start)
-        found: dict[str, Single] = {}
-        room = _excess(self.evidence, about.unweighted(start))
-        for t in np.argsort(-gains, kind="stable"):
-            name = self.templates[t].effect
-            if name not in found:
-                left = _excess(self.evidence, about.unweighted(about.fit((int(t),)))) if gains[t] > 0 else room
-                found[name] = Single(float(gains[t]) - about.cost[name], _closed(left, room))
-        return found
-
-    def _about(self, h: Hypothesis, without: frozenset[str] = frozenset(), inexact: bool = True) -> Subsets:
-        """Return the subsets of the library about a hypothesis, some of its effects taken out, forms exact or not."""
-        evidence, fit = self.evidence, h.fit
-        spec = {k: v for k, v in fit.spec.items() if k not in without}
-        z = evidence.tangent(spec, fit.x)
-        m = evidence.J.shape[1]
-        fixed, precision = [evidence.slopes(spec, fit.x)], [np.full(m, TOLERANCE)]
-        lower, upper = [self.fitter.low], [self.fitter.high]
-        if spec:
-            slots = slots_of(spec)
-            phi = np.array([spec[name][p.name] for name, p in slots])
-            D, low, high = self.fitter.jacobian(slots, phi, z, fit.x)
-            smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales))
-            smooth = smooth if inexact else smooth[:, :0]
-            fixed += [D, smooth]
-            bound = np.full(smooth.shape[1], 2.0 * FORM_SMOOTH)
-            lower, upper = [*lower, low, -bound], [*upper, high, bound]
-            precision += [np.zeros(D.shape[1]), np.full(smooth.shape[1], FORM_SMOOTH**-2)]
-        n = len(evidence.z0)
-        cost = {
-            name: 0.5 * float(np.log(max(n, 2))) - evidence.prior(name) + (self.further if self.chosen(spec) else 0.0)
-            for name in self.usable
-        }
-        weights = h.weights.copy()
-        for i, part in enumerate(evidence.parts):
-            # The scale of each equation is fitted anew for every set; what is left is each window's own weight.
-            weights[part] *= h.fit.scales[i] ** 2 / max(float(self.fitter.weights[i]), 1e-12)
-        return Subsets(
-            z,
-            np.column_stack(fixed),
-            np.concatenate(lower),
-            np.concatenate(upper),
-            np.concatenate(precision),
-            relinearised(evidence, self.templates, spec),
-            cost,
-            evidence.parts,
-            weights,
-            self.fitter.weights,
-        )
 
     def _refitted(
         self, about: Subsets, subset: Subset, at: Hypothesis, keep: Sequence[str] = (), behind: float = -np.inf
@@ -318,19 +243,7 @@ class Competition(Worth):
         return max([at, *self._neighbours(at, without, 2, 0.4)], key=self._ranked)
 
     def _neighbours(self, at: Hypothesis, out: frozenset[str], most: int, margin: float = 1.0) -> list[Hypothesis]:
-        """Refit the most promising sets with one effect more, some effects taken away first.
-
-        Parameters
-        ----------
-        at : Hypothesis
-            The set to begin from.
-        out : frozenset of str
-            Effects to take away.
-        most : int
-            Most sets to refit.
-        margin : float, default=1.0
-            How far below what was taken away a set may be to first order, as a share of `CLOSE`.
-        """
+        """Refit the most promising sets with one effect more, some effects taken away first."""
         found = self._tried(at, out, most, margin, self._about(at, out))
         if any(has_form(name) for name in at.fit.spec if name not in out):
             # What an inexact form may call for may as well be a law of its own: then it has fewer parameters.
@@ -348,7 +261,7 @@ class Competition(Worth):
         known: frozenset[str] = frozenset(),
     ) -> list[Hypothesis]:
         """Refit the sets of `_neighbours` that are most promising in the light of some subsets."""
-        keep = [name for name in at.fit.spec if name not in out]
+        keep, gain = [name for name in at.fit.spec if name not in out], at.score - self.base.score
         nothing = about.fit(())
         gains = about.gains(nothing)
         place: dict[str, int] = {}
@@ -369,7 +282,9 @@ class Competition(Worth):
                 found.append(self._done[frozenset({*keep, name})])
                 continue
             self.say(f"refit with {name}")
-            found.append(self._refitted(about, about.fit((place[name],)), at, keep))
+            # What promises far less than what is there, once it is laid where it would begin, is not followed.
+            behind = at.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0) if self.evidence.bends else -np.inf
+            found.append(self._refitted(about, about.fit((place[name],)), at, keep, behind))
         return found
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
@@ -446,6 +361,11 @@ class Competition(Worth):
             key = others | {twin}
             near = self._refined({**{k: spec[k] for k in others}, twin: start}, best)
             self._done[key] = replace(near, score=best.score)
+        return self._in_place(best, name)
+
+    def _in_place(self, best: Hypothesis, name: str) -> list[Hypothesis]:
+        """Return the sets that were refitted with other effects in the place of one of the best set's, and that one."""
+        others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)
@@ -458,14 +378,3 @@ def _unsettled(spec: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
     for name, p in settled:
         out[name][p.name] = 0.5
     return out if settled else None
-
-
-def _closed(left: float, room: float) -> float:
-    """Return the share of an excess that is gone."""
-    return float(np.clip(1.0 - left / room, 0.0, 1.0)) if room > 0 else 0.0
-
-
-def _excess(evidence: ResidualSource, z: np.ndarray) -> float:
-    """Return by how much residuals exceed their noise, over all equations."""
-    raw = np.square(evidence.raw(z))
-    return sum(max(float(np.sum(raw[part])) - (part.stop - part.start), 0.0) for part in evidence.parts)

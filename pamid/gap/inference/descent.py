@@ -82,48 +82,7 @@ def descend(
     enough: float = 0.3,
     behind: float = -np.inf,
 ) -> RobustFit:
-    """Maximise the likelihood of residuals over numbers that they bend with.
-
-    Parameters
-    ----------
-    at : callable
-        From numbers, shape (n,), to residuals in units of their noise, shape (n_windows,).
-    slopes : callable
-        From numbers to the derivative of the residuals, shape (n_windows, n).
-    x : array, shape (n,)
-        Where to begin.
-    bounds : callable
-        From numbers to the bounds of the next step.
-    parts : sequence of slice
-        The windows of each equation.
-    weights : array, shape (n_equations,)
-        What a window of each equation counts for.
-    rounds : int
-        Most steps.
-    prior : Prior
-        What is expected of the numbers.
-    enough : float, default=0.3
-        Gain in log-likelihood below which a step is the last.
-    behind : float, optional
-        Likelihood that a step must promise to first order to be taken.
-
-    Returns
-    -------
-    RobustFit
-        Where it ended; its residuals are exact.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.inference.descent import Bounds, Prior, descend
-    >>> t, noise = np.linspace(0.0, 3.0, 50), np.random.default_rng(0).standard_normal(50)
-    >>> y = 100.0 * np.exp(-0.8 * t) + noise
-    >>> bounds = Bounds.of(np.zeros(1), np.full(1, 5.0))
-    >>> found = descend(lambda x: y - 100.0 * np.exp(-x * t), lambda x: (100.0 * t * np.exp(-x * t))[:, None],
-    ...                 np.array([3.0]), lambda x: bounds, [slice(0, 50)], np.ones(1), 20, Prior.none(1))
-    >>> round(float(found.x[0]), 2)
-    0.8
-    """
+    """Maximise the likelihood of residuals over numbers that they bend with."""
 
     def there(x: np.ndarray) -> RobustFit:
         z = at(x)

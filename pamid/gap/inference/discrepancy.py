@@ -85,15 +85,7 @@ class Discrepancy:
         return max(float(np.sqrt(np.mean(np.square(raw[part])))) for part in self.evidence.parts)
 
     def width(self, fit: Fit, times: float = 1.0) -> np.ndarray | None:
-        """Return the standard deviation of each window, in units of its noise; None where nothing is inexact.
-
-        Parameters
-        ----------
-        fit : Fit
-            A set of effects with their values.
-        times : float, default=1.0
-            How much more inexact than usual the forms are.
-        """
+        """Return the standard deviation of each window, in units of its noise; None where nothing is inexact."""
         variance = np.zeros(len(self.evidence.z0))
         for name, d in self.contributions(fit).items():
             if not has_form(name):
@@ -110,17 +102,6 @@ class Discrepancy:
         What tolerances and the parameters of the other effects could say of its contribution is taken off; the rest is
         a share of what those of inexact form among them add to the same equation, or of the gap where they undo each
         other, infinite where they add nothing.
-
-        Parameters
-        ----------
-        fit : Fit
-            A set of effects with their values.
-        name : str
-            One of them.
-        D : array, shape (n_windows, n_columns)
-            Sensitivities to the parameters of the others.
-        gap : array, shape (n_windows,)
-            Residuals without any effect.
         """
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
         rough = [d for k, d in direct.items() if k != name and has_form(k)]
@@ -179,15 +160,7 @@ def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:
 
 
 def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
-    """Return how far what windows hold is from its exponentially weighted past, for several ages.
-
-    Parameters
-    ----------
-    x : array, shape (n_windows,)
-        A value at each window.
-    evidence : ResidualSource
-        The log; no past reaches over the border of a run or an equation.
-    """
+    """Return how far what windows hold is from its exponentially weighted past, for several ages."""
     sequence = lanes(evidence)
     order = np.lexsort((evidence.time, sequence))
     starts = np.flatnonzero(np.diff(sequence[order], prepend=-1))

@@ -84,15 +84,7 @@ class Flexible:
         return self._bases[equation]
 
     def remainder(self, equation: str, z: np.ndarray) -> Remainder:
-        """Return what a flexible function predicts of residuals, from trajectory to trajectory.
-
-        Parameters
-        ----------
-        equation : str
-            The equation.
-        z : array, shape (n_windows,)
-            Residuals of all equations, in units of their noise.
-        """
+        """Return what a flexible function predicts of residuals, from trajectory to trajectory."""
         part = self.evidence.parts[self.evidence.equations.index(equation)]
         B, r = self.basis(equation), z[part]
         size = max(float(np.median(np.abs(r))) / 0.6745, 1e-12)

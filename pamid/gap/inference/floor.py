@@ -18,6 +18,7 @@ LAGS = (0.02, 0.1, 0.5, 2.0)
 """Ages of the past signals that the learner reads, s."""
 FOLDS = 5
 _ROWS = 12_000
+_AT_ONCE = 64  # templates, so that they take little memory; the answer is the same for any number
 _CLEARLY = 0.05  # share of the power by which the other sense must explain more
 
 
@@ -48,11 +49,6 @@ def measured_noise(evidence: SignalEvidence) -> float:
 
     It is the larger one of two: what neighbouring samples of the residual say, the noise of the inputs included, since
     that comes through the model; and what runs that repeat each other say, which no model of these signals predicts.
-
-    Parameters
-    ----------
-    evidence : SignalEvidence
-        The log.
     """
     pairs = [difference for a, b in repeats(evidence) if (difference := _between(evidence, a, b)) is not None]
     if not pairs:
@@ -93,27 +89,20 @@ def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:
 
 FEWEST = 20
 """Windows below which two runs are too short to say what repeats."""
+MOST = 0.5
+"""Share of the power that the best effect may leave for a forest to be asked for the rest alone."""
 LEAST_VALUES = 200
 """Windows below which a forest learns nothing that a single effect does not."""
 
 
-def explainable(evidence: SignalEvidence, found: Iterable[Template], noise: float, seed: int = 0) -> Learned:
+def explainable(
+    evidence: SignalEvidence, found: Iterable[Template], noise: float, seed: int = 0, enough: float = 0.0
+) -> Learned:
     """Return what a flexible learner leaves of a residual on held-out trajectories: how much could be explained at all.
 
     The learner is a boosted forest on the same signals, their past and the path since the last reversal; or the best
     single effect of the library; or the forest on what that effect leaves. Trajectories are held out, or stretches of
     time where there are less than three.
-
-    Parameters
-    ----------
-    evidence : SignalEvidence
-        The log.
-    found : iterable of Template
-        The library's templates.
-    noise : float
-        Standard deviation of a window's noise, in the target's unit.
-    seed : int, default=0
-        Seed of the learner.
     """
     value = evidence.value
     if len(value) < 20:
@@ -121,9 +110,13 @@ def explainable(evidence: SignalEvidence, found: Iterable[Template], noise: floa
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
-    if len(value) >= LEAST_VALUES:
-        X = _features(evidence)
-        choices += [r - _forest(X, r, folds, seed) for r in (value, single)]
+    least = min(float(np.mean(np.square(r))) for r in choices)
+    if len(value) >= LEAST_VALUES and least > (enough * noise) ** 2:
+        X, rests = _features(evidence), [single]
+        # Beside an effect that explains most there is little that a forest alone would say better.
+        if float(np.mean(np.square(single))) > MOST * float(np.mean(np.square(choices[0]))):
+            rests.append(value)
+        choices += [r - _forest(X, r, folds, seed) for r in rests]
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
     power, least = float(np.mean(np.square(value))), float(np.mean(np.square(left)))
     share = (power - least) / max(power - noise**2, 1e-300) if power > noise**2 else 0.0
@@ -167,16 +160,44 @@ def _explained(value: np.ndarray, columns: np.ndarray, t: Template, rows: np.nda
 
 
 def _best_effect(evidence: SignalEvidence, found: Iterable[Template], folds: np.ndarray) -> np.ndarray:
+    """Return what the effect that predicts most on held-out folds predicts there."""
+    some, rows = list(found), [np.flatnonzero(folds == k) for k in np.unique(folds)]
     best, least = np.zeros(len(evidence.value)), np.inf
-    for t in found:
-        columns, predicted = t.columns * evidence.noise[:, None], np.zeros(len(evidence.value))
-        for k in np.unique(folds):
-            test = folds == k
-            predicted[test] = _explained(evidence.value, columns, t, ~test)[test]
-        left = float(np.mean(np.square(evidence.value - predicted)))
-        if left < least:
-            best, least = predicted, left
+    for size in {t.columns.shape[1]: None for t in some}:
+        alike = [t for t in some if t.columns.shape[1] == size]
+        for at in range(0, len(alike), _AT_ONCE):
+            predicted = _held_out(evidence, alike[at : at + _AT_ONCE], rows)
+            left = np.mean(np.square(evidence.value - predicted), axis=1)
+            k = int(np.argmin(left))
+            if left[k] < least:
+                best, least = predicted[k], float(left[k])
     return best
+
+
+def _held_out(evidence: SignalEvidence, some: Sequence[Template], rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return what templates with as many columns predict of rows when fitted to the others, shape (n, n_windows)."""
+    A = -np.stack([t.columns for t in some]) * evidence.noise[:, None]
+    lower, upper = np.array([t.lower for t in some]), np.array([t.upper for t in some])
+    inner = [np.swapaxes(A[:, r], 1, 2) @ A[:, r] for r in rows]
+    along = [np.swapaxes(A[:, r], 1, 2) @ evidence.value[r] for r in rows]
+    out = np.zeros(A.shape[:2])
+    for k, r in enumerate(rows):
+        # What acts in one fold alone is exactly nothing in the others: nothing is taken off a sum of all.
+        G, b = (np.sum([v for j, v in enumerate(each) if j != k], axis=0) for each in (inner, along))
+        if len(rows) == 1:
+            G, b = np.zeros_like(inner[0]), np.zeros_like(along[0])
+        out[:, r] = np.einsum("krm,km->kr", A[:, r], _all_bounded(G, b, lower, upper))
+    return out
+
+
+def _all_bounded(G: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return the solutions of many small problems as `bounded` does."""
+    size = np.sqrt(np.maximum(np.einsum("kii->ki", G), 1e-300))
+    C = G / (size[:, :, None] * size[:, None, :]) + 1e-11 * np.eye(G.shape[1])
+    x = np.linalg.solve(C, (b / size)[..., None])[..., 0] / size
+    for k in np.flatnonzero(np.any((x < lower) | (x > upper), axis=1)) if G.shape[1] > 1 else ():
+        x[k] = bounded(G[k], b[k], lower[k], upper[k])
+    return np.asarray(np.clip(x, lower, upper))
 
 
 def _features(evidence: SignalEvidence) -> np.ndarray:
@@ -207,11 +228,16 @@ def _forest(X: np.ndarray, y: np.ndarray, folds: np.ndarray, seed: int) -> np.nd
 
     out = np.zeros(len(y))
     step = max(1, len(y) // _ROWS)
-    leaf = int(np.clip(len(y) // 100, 5, 30))
+    leaf, bins = int(np.clip(len(y) // 100, 5, 30)), int(np.clip(len(y) // 5, 32, 255))
     for k in np.unique(folds):
         train = np.flatnonzero(folds != k)[::step]
         learner = HistGradientBoostingRegressor(
-            max_iter=60, max_leaf_nodes=15, min_samples_leaf=leaf, early_stopping=False, random_state=seed
+            max_iter=60,
+            max_leaf_nodes=15,
+            min_samples_leaf=leaf,
+            max_bins=bins,
+            early_stopping=False,
+            random_state=seed,
         )
         out[folds == k] = learner.fit(X[train], y[train]).predict(X[folds == k])
     return out

@@ -94,29 +94,7 @@ class Fitter:
         widening: np.ndarray | None = None,
         J: np.ndarray | None = None,
     ) -> RobustFit:
-        """Fit tolerances and further columns to residuals.
-
-        Parameters
-        ----------
-        z0 : array, shape (n_windows,)
-            Residuals, in units of their noise.
-        D : array, shape (n_windows, n_columns), optional
-            Further sensitivities.
-        lower, upper : array, shape (n_columns,), optional
-            Bounds of their coefficients.
-        prior : array, shape (n_columns,), optional
-            Precision of a Gaussian prior about 0 for each.
-        iterations : int, default=4
-            Most rounds of reweighting.
-        start : array, shape (n_free,), optional
-            Deviations of the tolerances to begin from.
-        soft : array, shape (n_windows,), optional
-            Factors by which the noise of each window is widened, the same for all that are compared.
-        widening : array, shape (n_windows,), optional
-            Further such factors that belong to what is fitted, and cost likelihood.
-        J : array, shape (n_windows, n_free), optional
-            Sensitivities to the tolerances, by default those without effects.
-        """
+        """Fit tolerances and further columns to residuals."""
         J, cost = self.evidence.J if J is None else J, 0.0
         if widening is not None:
             soft = widening if soft is None else soft * widening
@@ -196,23 +174,7 @@ class Fitter:
         near: np.ndarray | None = None,
         behind: float = -np.inf,
     ) -> Fit:
-        """Fit everything, beginning from a spec.
-
-        Parameters
-        ----------
-        spec : mapping
-            Effects with values to begin from.
-        steps : int, default=6
-            Most steps.
-        gain : float, default=0.3
-            A step that adds less to the likelihood is the last.
-        least : float, optional
-            Likelihood without what is tried: a fit that stays far below it after three steps is given up.
-        near : array, shape (n_free,), optional
-            Deviations of the tolerances to begin from.
-        behind : float, optional
-            Likelihood that a fit must promise to first order to be continued, where each residual is a run.
-        """
+        """Fit everything, beginning from a spec."""
         x = np.zeros(self.n) if near is None else near
         found, x = self._refined(spec, x, steps, gain, least, behind)
         for _ in range(ROUNDS - 1):
@@ -293,7 +255,7 @@ class Fitter:
         def at(y: np.ndarray) -> np.ndarray:
             return turned(evidence.z(named(y), dict(zip(evidence.free, map(float, y[:n]), strict=True))))
 
-        about = getattr(evidence, "about", np.zeros(n))
+        about = evidence.about
         prior = Prior(np.concatenate([-about, 0.0 * phi]), np.concatenate([np.full(n, TOLERANCE), 0.0 * phi]))
         start = np.concatenate([x, phi])
         s = descend(at, slopes, start, bounds, evidence.parts, self.weights, rounds, prior, gain, behind)

@@ -45,23 +45,7 @@ def occam(
     values: Sequence[float],
     gain: float,
 ) -> float:
-    """Return what the parameters of an effect cost, a logarithm of likelihood.
-
-    Parameters
-    ----------
-    D : array, shape (n_windows, n_parameters)
-        Sensitivities to the effect's parameters, at the fit.
-    J : array, shape (n_windows, n_free)
-        Sensitivities to what has a tolerance, which may take up the effect.
-    weights : array, shape (n_windows,)
-        What each window counts for at the fit.
-    parameters : sequence of Parameter
-        The parameters.
-    values : sequence of float
-        Their values.
-    gain : float
-        What the effect gains in likelihood.
-    """
+    """Return what the parameters of an effect cost, a logarithm of likelihood."""
     n, k = D.shape
     if k < 2:
         return 0.5 * float(np.log(max(n, 2))) * k
@@ -74,21 +58,7 @@ def occam(
 
 
 def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> float:
-    """Return what the parameters of an effect cost where the curvature of the likelihood is known.
-
-    Parameters
-    ----------
-    H : array, shape (n_parameters, n_parameters)
-        Curvature of the likelihood, tolerances projected out.
-    n : float
-        Windows.
-    parameters : sequence of Parameter
-        The parameters.
-    values : sequence of float
-        Their values.
-    gain : float
-        What the effect gains in likelihood.
-    """
+    """Return what the parameters of an effect cost where the curvature of the likelihood is known."""
     one, k = 0.5 * float(np.log(max(n, 2))), len(H)
     if k < 2:
         return one * k
@@ -98,19 +68,7 @@ def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: S
 
 
 def possible(H: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> np.ndarray:
-    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size.
-
-    Parameters
-    ----------
-    H : array, shape (n_parameters, n_parameters)
-        Curvature of the likelihood, tolerances projected out.
-    parameters : sequence of Parameter
-        The parameters.
-    values : sequence of float
-        Their values.
-    gain : float
-        What the effect gains in likelihood.
-    """
+    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size."""
     curvature = np.maximum(np.diag(H), 0.0)
     with np.errstate(divide="ignore"):
         amplitude = np.where(curvature > 0.0, np.sqrt(2.0 * max(gain, 1.0) / np.maximum(curvature, 1e-300)), 0.0)

@@ -67,8 +67,11 @@ class Template:
 
 def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
     """Return an effect's templates; none if it changes no equation that the log allows."""
-    if not evidence.touched([effect.name]):
-        return []
+    return laid(evidence, effect) if evidence.touched([effect.name]) else []
+
+
+def laid(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
+    """Return the same without asking first whether it changes anything."""
     linear = [p for p in effect.parameters if p.linear]
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
@@ -102,17 +105,7 @@ def _columns(
 
 
 def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec) -> list[Template]:
-    """Return templates as they are beside effects that stand: a muscle that cannot push shows where others would push.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    found : sequence of Template
-        The templates about no effect.
-    spec : mapping
-        The effects that stand.
-    """
+    """Return templates beside given effects: a muscle that cannot push shows where others would push."""
     reach = evidence.reach(spec) if spec else None
     if reach is None:
         return list(found)

@@ -47,17 +47,6 @@ def library_test(
     drawn anew; the largest score over the whole library is then compared with its distribution under such draws. The
     tail beyond the draws is that of a Gumbel distribution, the limit of a maximum.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        The log.
-    fit : Fit
-        The simulator refitted without effects.
-    found : iterable of Template
-        The library's templates.
-    random_state : RandomState
-        Draws the signs.
-
     References
     ----------
     C. F. J. Wu, "Jackknife, bootstrap and other resampling methods in regression analysis", The Annals of Statistics

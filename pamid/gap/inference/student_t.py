@@ -48,17 +48,7 @@ class RobustFit(NamedTuple):
 
 
 def scale(z: np.ndarray, least: float = 1.0, start: float | None = None) -> float:
-    """Return the maximum-likelihood scale of t-distributed residuals, such that Gaussian noise of width 1 has 1.
-
-    Parameters
-    ----------
-    z : array
-        Residuals.
-    least : float, default=1.0
-        The scale is at least this.
-    start : float, optional
-        A guess to begin from.
-    """
+    """Return the maximum-likelihood scale of t-distributed residuals, such that Gaussian noise of width 1 has 1."""
     if not len(z):
         return least
     z2 = z * z / GAUSSIAN**2
@@ -77,19 +67,7 @@ def scale(z: np.ndarray, least: float = 1.0, start: float | None = None) -> floa
 def loglik(
     z: np.ndarray, parts: Sequence[slice], weights: np.ndarray | None = None, start: np.ndarray | None = None
 ) -> tuple[float, np.ndarray]:
-    """Return the log-likelihood of residuals in units of their noise, and the scale of each equation.
-
-    Parameters
-    ----------
-    z : array, shape (n_windows,)
-        The residuals, equation after equation.
-    parts : sequence of slice
-        The windows of each equation.
-    weights : array, shape (n_equations,), optional
-        What a window of each equation counts for, less than one where neighbours repeat each other.
-    start : array, shape (n_equations,), optional
-        Guesses of the scales.
-    """
+    """Return the log-likelihood of residuals in units of their noise, and the scale of each equation."""
     total, scales = 0.0, np.ones(len(parts))
     for k, part in enumerate(parts):
         s = scales[k] = scale(z[part], start=None if start is None else float(start[k]))
@@ -111,32 +89,7 @@ def solve(
     iterations: int = 4,
     start: np.ndarray | None = None,
 ) -> RobustFit:
-    """Maximise the likelihood of ``z0 + A x`` over bounded coefficients.
-
-    Parameters
-    ----------
-    z0 : array, shape (n_windows,)
-        Residuals at x = 0, in units of their noise.
-    A : array, shape (n_windows, n_columns)
-        Sensitivities.
-    lower, upper : array, shape (n_columns,)
-        Bounds.
-    parts : sequence of slice
-        The windows of each equation.
-    weights : array, shape (n_equations,), optional
-        What a window of each equation counts for.
-    prior : array, shape (n_columns,), optional
-        Precision of a Gaussian prior about 0 for each column; 0 for none.
-    iterations : int, default=4
-        Most rounds of reweighting.
-    start : array, shape (n_columns,), optional
-        Coefficients to begin from.
-
-    Returns
-    -------
-    RobustFit
-        The best round.
-    """
+    """Maximise the likelihood of ``z0 + A x`` over bounded coefficients."""
     k = A.shape[1]
     prior = np.zeros(k) if prior is None else prior
     start = np.clip(np.zeros(k) if start is None else start, lower, upper)
@@ -211,17 +164,7 @@ def form_cost(
 
 
 def bounded(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Minimise ½ xᵀHx − gᵀx within bounds, by an active set on the scaled problem.
-
-    Parameters
-    ----------
-    H : array, shape (k, k)
-        Positive semidefinite.
-    g : array, shape (k,)
-        Right-hand side.
-    lower, upper : array, shape (k,)
-        Bounds, lower ≤ 0 ≤ upper or any interval.
-    """
+    """Minimise ½ xᵀHx − gᵀx within bounds, by an active set on the scaled problem."""
     k = len(g)
     size = np.sqrt(np.maximum(np.diag(H), 1e-300))
     C, b = H / np.outer(size, size) + 1e-11 * np.eye(k), g / size

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,6 +59,14 @@ class Subset:
     score: float
     scales: np.ndarray
     left: np.ndarray
+
+
+class _Alike(NamedTuple):
+    """Templates with as many columns: their places, that number, and the products of each one's columns."""
+
+    places: np.ndarray
+    size: int
+    blocks: np.ndarray
 
 
 class Subsets:
@@ -111,10 +120,8 @@ class Subsets:
             if self.library
             else np.zeros((len(z), 0))
         )
-        self._blocks = [
-            np.array([self.columns[p, c].T @ self.columns[p, c] for p in parts]).reshape(len(parts), n, n)
-            for c, n in zip(self.places, sizes, strict=True)
-        ]
+        self._begins, self._lower, self._upper = ends[:-1], [t.lower for t in library], [t.upper for t in library]
+        self._alike = [self._kind(np.flatnonzero(np.equal(sizes, n)), n) for n in sorted(set(sizes))]
         self._own = np.array([self.columns[p].T @ self.z[p] for p in parts])
         self._own_fixed = np.array([self.fixed[p].T @ self.z[p] for p in parts])
         self._products: dict[int, np.ndarray] = {}
@@ -123,6 +130,14 @@ class Subsets:
         self._bare = self._scales(np.array([float(self.z[p] @ self.z[p]) for p in parts]))
         # Scales that begin where tolerances have not been fitted yet come down slowly.
         self._bare = self.fit((), rounds=10 * ROUNDS).scales
+
+    def _kind(self, places: np.ndarray, size: int) -> _Alike:
+        columns = self._begins[places][:, None] + np.arange(size)
+        blocks = np.empty((len(self.parts), len(places), size, size))
+        for e, part in enumerate(self.parts):
+            A = self.columns[part][:, columns]
+            blocks[e] = A.transpose(1, 2, 0) @ A.transpose(1, 0, 2)
+        return _Alike(places, size, blocks)
 
     # --- one set ----------------------------------------------------------------------------------------------
     def fit(self, templates: tuple[int, ...], near: Subset | None = None, rounds: int = ROUNDS) -> Subset:
@@ -163,15 +178,7 @@ class Subsets:
         """Return what templates would add to a set, the others' coefficients free: gains in log-likelihood.
 
         A coefficient that has come to its bound stays there: what is beyond a tolerance is not taken up by it.
-
-        Parameters
-        ----------
-        subset : Subset
-            The set.
-        only : sequence of int, optional
-            The templates; all by default.
         """
-        chosen = range(len(self.library)) if only is None else only
         c = self.share / subset.scales**2
         columns = [k for t in subset.templates for k in range(self.places[t].start, self.places[t].stop)]
         GST = np.tensordot(c, self._across, 1)
@@ -195,28 +202,45 @@ class Subsets:
         slope = slope - (still / size) @ projected
         out = np.zeros(len(self.library))
         outside: list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
-        for k in chosen:
-            place, t = self.places[k], self.library[k]
-            own = np.tensordot(c, self._blocks[k], 1)
-            S = own - weighted[:, place].T @ projected[:, place]
-            diagonal = own.diagonal()
-            usable = S.diagonal() > 1e-6 * diagonal
-            if not usable.any():
+        for kind in self._alike:
+            k = kind.places if only is None else np.intersect1d(kind.places, np.asarray(only, dtype=int))
+            if not len(k):
                 continue
-            S = S[np.ix_(usable, usable)] + 1e-9 * np.diag(diagonal[usable])
-            g, low, high = slope[place][usable], t.lower[usable], t.upper[usable]
-            if len(g) == 1:
-                y = np.clip(-g / S[0, 0], low, high)
-            else:
-                y = np.linalg.solve(S, -g)
-                if np.any(y < low) or np.any(y > high):
-                    outside.append((k, S, g, low, high))
-            out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
+            columns = self._begins[k][:, None] + np.arange(kind.size)
+            own = np.tensordot(c, kind.blocks[:, np.searchsorted(kind.places, k)], 1)
+            S = own - weighted[:, columns].transpose(1, 2, 0) @ projected[:, columns].transpose(1, 0, 2)
+            outside += self._gained(out, k, S, own, slope[columns])
         # What bounds take away matters only for those that would be chosen without them.
-        for k, S, g, low, high in sorted(outside, key=lambda v: -out[v[0]])[: 8 * KEPT]:
+        for at, S, g, low, high in sorted(outside, key=lambda v: (-out[v[0]], v[0]))[: 8 * KEPT]:
             y = bounded(S, -g, low, high)
-            out[k] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
+            out[at] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
         return out
+
+    def _gained(
+        self, out: np.ndarray, places: np.ndarray, S: np.ndarray, own: np.ndarray, slope: np.ndarray
+    ) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Write the gains of templates of one size into an array; return those that leave their bounds."""
+        diagonal = np.einsum("kii->ki", own)
+        usable = np.einsum("kii->ki", S) > 1e-6 * diagonal
+        outside = []
+        for mask in np.unique(usable, axis=0):
+            if not mask.any():
+                continue
+            of = np.flatnonzero(np.all(usable == mask, axis=1))
+            T = S[of][:, mask][:, :, mask]
+            at = np.arange(T.shape[1])
+            T[:, at, at] += 1e-9 * diagonal[of][:, mask]
+            g = slope[of][:, mask]
+            low, high = (np.array([v[k][mask] for k in places[of]]) for v in (self._lower, self._upper))
+            if T.shape[1] == 1:
+                y = np.clip(-g / T[:, 0], low, high)
+            else:
+                y = np.linalg.solve(T, -g[..., None])[..., 0]
+                left = np.flatnonzero(np.any((y < low) | (y > high), axis=1))
+                outside += [(int(places[of[j]]), T[j], g[j], low[j], high[j]) for j in left]
+            found = np.sum(g * y, axis=1) + 0.5 * np.einsum("ki,kij,kj->k", y, T, y)
+            out[places[of]] = np.maximum(0.0, -found)
+        return outside
 
     def _bounds(self, templates: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the coefficients of a set."""
@@ -238,17 +262,7 @@ class Subsets:
 
     # --- all sets ---------------------------------------------------------------------------------------------
     def grow(self, most: int, start: tuple[int, ...] = (), barred: frozenset[str] = frozenset()) -> list[Subset]:
-        """Return sets of up to so many effects, the best score first, one for each set of names.
-
-        Parameters
-        ----------
-        most : int
-            Most effects of a set.
-        start : tuple of int
-            Templates to begin from.
-        barred : frozenset of str
-            Effects that may not be added.
-        """
+        """Return sets of up to so many effects, the best score first, one for each set of names."""
         first = self.fit(start)
         found: dict[frozenset[str], Subset] = {self._names(start): first}
         beam = [first]

@@ -77,7 +77,7 @@ class Worth:
 
     def _unlikely(self, fit: Fit) -> float:
         """Return what deviations within the tolerances cost."""
-        x = fit.x + getattr(self.evidence, "about", 0.0)
+        x = fit.x + self.evidence.about
         return 0.5 * TOLERANCE * float(x @ x)
 
     def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:

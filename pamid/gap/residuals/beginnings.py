@@ -36,27 +36,7 @@ class Beginning(NamedTuple):
 
 
 def without_beginnings(z: np.ndarray, columns: Sequence[np.ndarray], block: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return residuals without what unknown beginnings explain, and what that freedom costs.
-
-    Parameters
-    ----------
-    z : array, shape (n,)
-        Residuals, in units of the noise and white.
-    columns : sequence of array, shape (n,)
-        What each beginning adds by one standard deviation, likewise.
-    block : array of int, shape (n,)
-        Run and muscle of each, from 0 on; amounts differ from one to the next.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.residuals.beginnings import without_beginnings
-    >>> decay = 50.0 * np.exp(-np.arange(100) / 20.0)
-    >>> left, cost = without_beginnings(np.concatenate([0.3 * decay, -0.7 * decay]), [np.tile(decay, 2)],
-    ...                                 np.repeat([0, 1], 100))
-    >>> bool(np.max(np.abs(left)) < 0.02), round(cost)
-    (True, 10)
-    """
+    """Return residuals without what unknown beginnings explain, and what that freedom costs."""
     k, n = len(columns), int(block.max(initial=-1)) + 1
     B = np.column_stack(columns)
     H = np.empty((n, k, k))

@@ -75,6 +75,8 @@ class Evidence(Straight):
     """
 
     exact = True
+    lasting = ("rest_length", "rest_diameter", "braid_angle", "initial_contraction", "pulley_radius", "inertia")
+    """Lengths, angles and masses; valves, friction and gas may change from day to day."""
     bends = False
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
     least_gain = LEAST_GAIN
@@ -205,7 +207,7 @@ class Evidence(Straight):
         p = self.params
         return p.replace(**{k: p.get(k) * (1.0 + p.tolerance[k] * v) for k, v in deviations.items()})
 
-    def simulator(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> BenchParameters:
+    def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> BenchParameters:
         """Return the simulator with effects added and parameters changed by multiples of their tolerances."""
         params = self.deviated(deviations or {})
         return params.replace(effects=(*params.effects, *((name, dict(v)) for name, v in spec.items())))
@@ -219,22 +221,17 @@ class Evidence(Straight):
         """Tell whether an equation that is tested reads a channel."""
         return any(channel in self._equations[e].channels for e in self.equations)
 
+    @property
+    def nuisances(self) -> np.ndarray:
+        """What is unknown of this log alone: nothing that its windows show."""
+        return np.zeros((len(self.z0), 0))
+
     def z(
         self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
     ) -> np.ndarray:
-        """Return the residuals under a changed simulator, in units of the noise and white.
-
-        Parameters
-        ----------
-        spec : mapping
-            Effects with their values.
-        deviations : mapping, optional
-            Changes of parameters, in tolerances.
-        equations : sequence of str, optional
-            Equations to evaluate, those that the effects change by default; None for all.
-        """
+        """Return the residuals under a changed simulator, in units of the noise and white."""
         wanted = self.equations if equations is None else (list(equations) or self.touched(spec))
-        model = Model(self.simulator(spec, deviations), settled=True, noise=False)
+        model = Model(self.corrected(spec, deviations), settled=True, noise=False)
         out = np.empty(len(self.noise)) if equations is None else self._raw0.copy()
         for slot, residual in self._residuals(model, wanted):
             out[slot] = residual.value.ravel() / self.noise[slot]
@@ -253,15 +250,7 @@ class Evidence(Straight):
                 yield slice(slots[0].start, slots[-1].stop), residual
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there.
-
-        Parameters
-        ----------
-        spec : mapping
-            Effects with their values.
-        x : array, shape (n_free,)
-            Deviations of the parameters, in tolerances.
-        """
+        """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there."""
         deviations = dict(zip(self.free, map(float, x), strict=True))
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self._tangents:
@@ -349,7 +338,7 @@ class Evidence(Straight):
             return None
         key = repr(lags)
         if self._widening[0] != key:
-            self._widening = (key, np.maximum(self._noise_under(self.simulator(lags)), 1.0))
+            self._widening = (key, np.maximum(self._noise_under(self.corrected(lags)), 1.0))
         return self._widening[1]
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
@@ -357,18 +346,11 @@ class Evidence(Straight):
 
         A gain undone, or a smaller volume to differentiate, makes residuals smaller and their noise with them: of
         thousands of windows, that alone would count as evidence. What lags widen is left to `widening`.
-
-        Parameters
-        ----------
-        spec : mapping
-            Effects with their values.
-        x : array, shape (n_free,)
-            Deviations of the parameters, in tolerances.
         """
         instant = {name: values for name, values in spec.items() if not _lags(name)}
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
         if key not in self._spreads:
-            params = self.simulator(instant, dict(zip(self.free, map(float, x), strict=True)))
+            params = self.corrected(instant, dict(zip(self.free, map(float, x), strict=True)))
             self._spreads = {**dict(list(self._spreads.items())[-5:]), key: self._noise_under(params)}
         return self._spreads[key]
 

@@ -21,7 +21,7 @@ known as near."""
 PIECES = 8
 """Pieces of a step in which what effects make of a held input is followed: the mean of a lag of half a step is exact to
 2e-3."""
-NOTE = "Inputs go on from row to row: held over each step, as a controller's are, they explain the log less well."
+NOTE = "Inputs are interpolated between rows: held over each step, like a controller's, they explain the log less well."
 
 
 def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
@@ -30,15 +30,6 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
     Lines let a sine of the angular frequency :math:`\omega` keep the share
     :math:`\mathrm{sinc}^2 \approx 1 - (\omega h)^2 / 12`, means over m pieces of a step of them
     :math:`1 - (\omega h / m)^2 / 24`; the second difference, which is :math:`-(\omega h)^2 u`, makes up for both.
-
-    Parameters
-    ----------
-    u : array, shape (n_inputs, n)
-        Inputs at the rows.
-    starts : array of int
-        First row of each run.
-    substeps : int
-        Pieces of a step.
     """
     out = u.copy()
     bend = u[:, 2:] - 2.0 * u[:, 1:-1] + u[:, :-2]
@@ -53,24 +44,6 @@ def go_in_lines(held: np.ndarray, lines: np.ndarray, counts: Sequence[int], othe
 
     What lines would change is looked for in the differences from window to window, where inputs that jump stand out and
     motion does not: it is there as a whole, or it is not.
-
-    Parameters
-    ----------
-    held, lines : array, shape (n_windows,)
-        Residuals with inputs that are held over each step, and that go in lines.
-    counts : sequence of int
-        How many windows each equation has.
-    others : array, shape (n_windows, n_others)
-        What parameters within tolerances do.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.residuals.between_rows import go_in_lines
-    >>> rng = np.random.default_rng(0)
-    >>> rest, jumps, none = 0.1 * rng.standard_normal(400), rng.standard_normal(400), np.zeros((400, 0))
-    >>> go_in_lines(rest + jumps, rest, [400], none), go_in_lines(rest, rest - jumps, [400], none)
-    (True, False)
     """
     found, wanted, beside = [], [], []
     ends = np.cumsum([0, *counts])
@@ -100,19 +73,6 @@ def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bo
 
     What a lag makes of a held input goes on within the step: held at its first value it would come half a step late,
     and would not commute with a lag of what is read.
-
-    Parameters
-    ----------
-    place : Placement
-        The effect at its port.
-    made : Effect
-        The same with its values.
-    u : array, shape (n,)
-        The input at the rows.
-    log : PortLog
-        The log.
-    held : bool
-        Whether inputs are held over each step.
     """
     if not held or not made.n_states or made.sampled:
         return place.drive(made, u, log.dt, log.starts)
@@ -126,20 +86,6 @@ def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tupl
 
     Whether an input acts from the row on that holds it, goes on to the next one, or was read while the last one acted
     is no cause of a gap.
-
-    Parameters
-    ----------
-    inputs : sequence of str
-        Names of the inputs.
-    u : array, shape (n_inputs, n)
-        Inputs at the rows.
-    log : PortLog
-        The log.
-
-    Yields
-    ------
-    str, array of shape (n_inputs, n)
-        What is changed, and the inputs with it.
     """
     change = 0.25 * (after(u, log) - before(u, log))
     for k, name in enumerate(inputs):
@@ -150,30 +96,14 @@ def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tupl
 
 
 def before(x: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return each row's predecessor within its run; the first row stays.
-
-    Parameters
-    ----------
-    x : array, shape (n_signals, n)
-        Signals at the rows.
-    log : PortLog
-        The log.
-    """
+    """Return each row's predecessor within its run; the first row stays."""
     at = np.arange(log.n) - 1
     at[log.starts] = log.starts
     return x[:, at]
 
 
 def after(x: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return each row's successor within its run; the last row stays.
-
-    Parameters
-    ----------
-    x : array, shape (n_signals, n)
-        Signals at the rows.
-    log : PortLog
-        The log.
-    """
+    """Return each row's successor within its run; the last row stays."""
     at = np.arange(log.n) + 1
     for _, b in log.spans:
         at[b - 1] = b - 1

@@ -21,24 +21,7 @@ _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 
 def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> list[str]:
-    """Return notes on a log; raise where nothing could be ranked.
-
-    Parameters
-    ----------
-    log : BenchLog
-        The log.
-    params : BenchParameters
-        The simulator.
-    moving : bool, default=True
-        Whether something has to move in it; beside logs of motion a joint at rest tells of offsets, leaks and loads.
-
-    Raises
-    ------
-    MissingColumnError
-        The log allows no equation.
-    ExcitationError
-        Neither angle nor pressure moves.
-    """
+    """Return notes on a log; raise where nothing could be ranked."""
     from ...equations.evaluate import allowed_equations
     from ...errors import MissingColumnError
 
@@ -58,19 +41,17 @@ def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> lis
         )
     notes = unit_doubts(log, params)
     if len(log.trajectories) == 1:
-        notes.append(
-            "The log has one trajectory only: intervals over trajectories cannot be given, and nothing is held out."
-        )
+        notes.append("The log has only one run: there are no intervals over runs, and nothing is held out.")
     if not params.tolerance:
         notes.append(
-            "The simulator file states no tolerances: its parameters count as exact, and a parameter that is a little "
+            "The simulator file has no tolerances: its parameters count as exact, and a parameter that is slightly "
             "off shows as a gap. Add a [tolerance] table."
         )
     lost = float(log.table[[c for c in log.table.columns if c != "trajectory"]].isna().any(axis=1).mean())
     if lost:
         notes.append(
-            f"{100 * lost:.1f} % of the rows have a missing value: windows average what is there, and are left out "
-            "where too little is."
+            f"{100 * lost:.1f} % of the rows have a missing value: windows average the readings that exist, and are "
+            "left out if too few exist."
         )
     notes += [f"Not looked at: {why}." for why in skipped.values()]
     return notes
@@ -122,14 +103,10 @@ def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 def notes_on(evidence: Evidence) -> list[str]:
     """Return notes on what the windows of a log say."""
-    notes = [
-        "The noise floor rests on the differences between neighbouring samples of each channel, not on repeated runs."
-    ]
+    notes = ["The noise floor is estimated from the differences between neighbouring samples, not from repeated runs."]
     intervals = sorted({f"{1e3 * run.dt:.3g} ms" for run in evidence.runs})
     if len(intervals) > 1:
-        notes.append(
-            f"The log mixes sampling intervals: {', '.join(intervals)}. Each trajectory is compared with its own."
-        )
+        notes.append(f"The log mixes sampling intervals: {', '.join(intervals)}. Each run is compared at its own.")
     rows = sum(len(run.time) for run in evidence.runs)
     unread = sum(
         float(1.0 - b.given.mean()) * len(r.time) for r in evidence.runs for b in r.stretch.bridges.get("q", ())
@@ -137,13 +114,13 @@ def notes_on(evidence: Evidence) -> list[str]:
     if unread:
         notes.append(
             f"{100 * unread / rows:.1f} % of the samples are missing at the log's own rate, or come between its steps. "
-            "Short holes are bridged, and what that adds to the noise is counted."
+            "Short gaps are bridged, which adds to the noise."
         )
     speeds = [np.abs(run.smooth("q", 1)[:, 0]) for run in evidence.runs]
     moving = sum(bool(v[: max(1, len(v) // 100)].min() > _RESTING * v.max()) for v in speeds if len(v))
     if moving:
         notes.append(
-            f"{moving} of {len(speeds)} runs begin in motion. Creep, hysteresis and heat remember what came before, "
-            "which this log does not hold: such causes may come out as unknown. Record runs that begin at rest."
+            f"{moving} of {len(speeds)} runs begin in motion. Creep, hysteresis and heat depend on what came before, "
+            "which is not in this log: such causes may be answered with unknown. Record runs that begin at rest."
         )
     return notes

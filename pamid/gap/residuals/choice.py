@@ -19,11 +19,6 @@ def motion_is_hidden(found: DirectEvidence) -> bool:
     """Tell whether noise, steps or the time between rows hide the motion of positions from row to row.
 
     The paths that motions add up to still show it then.
-
-    Parameters
-    ----------
-    found : DirectEvidence
-        The equations held against the log.
     """
     return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
 

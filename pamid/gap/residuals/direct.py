@@ -22,6 +22,7 @@ from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest, resting_rows
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
+from ...simulators.links import Link
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     JointPort,
@@ -37,7 +38,8 @@ from .along import changed, wide
 from .balance import Balance
 from .between_rows import NOTE, after, driven, go_in_lines, timings
 from .kinematic import ACCURACY, bent, both_measured, nuisances
-from .ports import Active, PortWindows
+from .port_windows import PortWindows
+from .ports import Active
 from .states import integral, pairs_of, roles_of
 from .tolerances import SMALL, rms
 from .turned import Instants, Turned, turned
@@ -89,7 +91,8 @@ class DirectEvidence(UndoneEvidence):
         if simulator.form == "ode":
             at = self._some()
             self.pushes = pushes_of(simulator, *at, self._steps)
-            self.joints: list[JointPort] = joints_of(simulator, self.pairs, self.pushes)
+            found = joints_of(simulator, self.pairs, self.pushes)  # of a speed alone the integral is the path
+            self.joints: list[JointPort] = [j if j.position in log.channels else j._replace(position="") for j in found]
             self.feeds = fed_by(simulator, *at)
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
         else:
@@ -119,7 +122,7 @@ class DirectEvidence(UndoneEvidence):
 
     @property
     def _steps(self) -> np.ndarray:
-        """Changes of the inputs that count as small."""
+        """Changes of inputs that count as small."""
         return 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
 
     @property
@@ -302,17 +305,18 @@ class DirectEvidence(UndoneEvidence):
             out[a:b] = differentiate(x[a:b], log.t[a:b], tuning=self._tuning[name], warn=False)[1]
         return out
 
-    def _path(self, name: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the path of a joint without turns that are noise; of a speed alone its integral."""
-        key, of = f"{name}.steady", self.speeds.get(name, name)
-        as_read = np.array_equal(table[of], self._table[of])
-        if as_read and key in self._table:
+    def _path(self, name: str, table: Mapping[str, np.ndarray], link: Link | None) -> np.ndarray:
+        """Return the path of a joint, or across two, without turns that are noise; of speeds alone their integral."""
+        key, sources = f"{name}.steady", (name,) if link is None else link.sources[name]
+        of = [self.speeds.get(n, n) for n in sources]
+        if (as_read := all(np.array_equal(table[n], self._table[n]) for n in of)) and key in self._table:
             return self._table[key]
-        if of != name:
-            path = integral(table[of], self.log)
-        else:
-            sigma = self.channel_noise(name) if name in self.log.channels else 0.0
-            path = steady_path(table[name], self.log.starts, sigma, max(self.n, 5))
+        ratios = (1.0,) if link is None else (1.0, -link.ratio)
+        paths = [table[n] if n == o else integral(table[o], self.log) for n, o in zip(sources, of, strict=True)]
+        path = np.sum([r * x for r, x in zip(ratios, paths, strict=True)], axis=0)
+        if of == list(sources):
+            noise = [r * self.channel_noise(n) for r, n in zip(ratios, of, strict=True) if n in self.log.channels]
+            path = steady_path(path, self.log.starts, float(np.linalg.norm(noise)), max(self.n, 5))
         if as_read:
             self._table[key] = path
         return path
@@ -345,11 +349,7 @@ class DirectEvidence(UndoneEvidence):
         pushed = pushed + 0.0
         for place, made in active:
             if place.acts:
-                force = self._force(place, made, table)
-                if place.enters == "input":
-                    pushed[simulator.inputs.index(place.at)] += force
-                else:
-                    place.add(made, force, simulator.states, added)
+                place.push(made, self._force(place, made, table), simulator, (log.t, x, u, p), pushed, added)
         if simulator.form == "algebraic":
             return self._windowed(active, readings, np.zeros((0, 0)), x, self._outputs(x, pushed, p))
         rates = self._total_rates(x, u, pushed, p, restored)
@@ -360,9 +360,11 @@ class DirectEvidence(UndoneEvidence):
 
         assert isinstance(place, Placement)
         log, found = self.log, dict(table)
+        if place.link is not None:
+            found |= place.link.across(found)
         for role, name in place.follows.items():
             if role == "position" and (place.effect.path_dependent or name not in found):
-                found[name] = self._path(name, table)
+                found[name] = self._path(name, found, place.link)
         s = place.signals(found, log.t)
         memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)  # type: ignore[attr-defined]
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)  # type: ignore[arg-type]

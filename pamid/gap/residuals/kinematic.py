@@ -29,38 +29,12 @@ ACCURACY = 1e-3
 
 
 def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
-    """Return the velocities by positions where the log holds both.
-
-    Parameters
-    ----------
-    pairs : mapping of str to str
-        Velocities by positions.
-    log : PortLog
-        The log.
-    """
+    """Return the velocities by positions where the log holds both."""
     return {x: v for x, v in pairs.items() if x in log.channels and v in log.channels}
 
 
 def bent(v: np.ndarray) -> np.ndarray:
-    """Return what steps lack that bend as much as is likely, κ being 1.5; as much again is the most.
-
-    Parameters
-    ----------
-    v : array, shape (n_rows,)
-        The velocity of one run.
-
-    Returns
-    -------
-    array, shape (n_rows - 1,)
-        An eighth of the second difference about each step.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.gap.residuals.kinematic import bent
-    >>> 8.0 * bent(np.array([0.0, 1.0, 4.0, 9.0, 16.0]))  # the first and last steps as their neighbours
-    array([2., 2., 2., 2.])
-    """
+    """Return what steps lack that bend as much as is likely, κ being 1.5; as much again is the most."""
     if len(v) < 4:
         return np.zeros(max(len(v) - 1, 0))
     inner = (v[3:] - v[2:-1] - v[1:-2] + v[:-3]) / 16.0
@@ -68,19 +42,7 @@ def bent(v: np.ndarray) -> np.ndarray:
 
 
 def nuisances(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """Return what half a step between two clocks, and the bend of a velocity in a step, do to the windows.
-
-    Parameters
-    ----------
-    v : array, shape (n_rows,)
-        The velocity.
-    log : PortLog
-        The log.
-    n : int
-        Samples in a window.
-    firsts : sequence of array of int
-        For each run where its windows begin.
-    """
+    """Return what half a step between two clocks, and the bend of a velocity in a step, do to the windows."""
     runs = [(v[a:e], first) for (a, e), first in zip(log.spans, firsts, strict=True)]
     return {
         "skew": np.concatenate([average(0.5 * np.diff(x), n, 2, first) for x, first in runs]),

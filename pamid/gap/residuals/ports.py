@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations, pairwise
+from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...effects import all_effects
 from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError, UnknownOptionError
-from ...signals.paths import play, reversals
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes, placements
+from ...simulators.between import ends_of
+from ...simulators.catalogue import placements, port_effects
 from ...simulators.commuting import commuting_paths, twins_of
+from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
 from ..settings import DECIDED, LEAST_GAIN
+from .beside import Beside
+from .linked import Paths
+from .port_windows import PortWindows
 from .protocol import STATE, Spec
+from .remembered import Remembered
+from .repeats import pieces, repeats
 from .settled import Settled
 from .single import UNTURNED, memory_of
-from .states import integral
 from .tolerances import SMALL, Tolerances, differ, rms
 from .whitening import Whitening, smoothed
 
@@ -35,45 +40,14 @@ REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""
 NEAR = 12
 """Windows to either side over which the noise of one is averaged."""
-LAGS = 3
-"""Neighbouring windows whose noise is distinguished."""
-MOST_KEPT = 600
+MOST_KEPT = 256 * 2**20
+"""Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
 _LEAST = 1e-6
-ALIKE, NEARLY = 0.05, 0.5
-"""Most that an input, and a reading, of two runs may differ, as a share of its spread in the log, for them to repeat
-each other: initial states differ, and are fitted or known anyway."""
 FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
-FEW, PIECES = 3, 8
-"""Trajectories below which pieces of them take their place, and how many of those there are in all."""
 
-
-class PortWindows(NamedTuple):
-    """The windows of one equation.
-
-    Parameters
-    ----------
-    equation : str
-        Its name: the port at which it looks.
-    unit : str
-        Unit of its residual.
-    first : array of int
-        Rows of the log at which the windows begin.
-    centre : array of int
-        Rows at their centres.
-    measured : array
-        What was measured, in the equation's unit.
-    """
-
-    equation: str
-    unit: str
-    first: np.ndarray
-    centre: np.ndarray
-    measured: np.ndarray
-
-
-class PortEvidence(Tolerances, Settled, ABC):
+class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals come about.
@@ -110,14 +84,15 @@ class PortEvidence(Tolerances, Settled, ABC):
     twins: Mapping[str, str] = MappingProxyType({})
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
+    one_sided = True
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
         self.windows: list[PortWindows] = []
-        self._kept: dict[str, np.ndarray] = {}
+        self._kept = Remembered(MOST_KEPT)
         self._touches: dict[str, list[str]] = {}
         self.notes: list[str] = list(log.notes)
-        self.placements: dict[str, Placement] = {}
+        self.placements = {}
         self.joints: list[JointPort] = []
         self.feeds: dict[str, str] = {}
         self.given = simulator
@@ -146,7 +121,9 @@ class PortEvidence(Tolerances, Settled, ABC):
         plain = self._residual([], self.simulator.numbers)
         self._refuse_not_finite(plain)
         gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
-        self.placements = placements(self.simulator, self._survey(gaps))
+        self.sizes = self._surveyed(gaps)
+        self.placements = placements(self.simulator, self.sizes)
+        self._there = frozenset(self.placements)
         self._own = self._made_own()
         self.twins = self._twins()
         self.value = self._residual(self._own, self.simulator.numbers)
@@ -155,26 +132,49 @@ class PortEvidence(Tolerances, Settled, ABC):
         self._measure_noise()
         self.weights = 1.0 / self.memory
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
-        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self._survey(gaps).time != 1.0 else 0.3
+        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self.sizes.time != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
-            self._again()
-            self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
-            self._kept.clear()
-            self.z0 = self._whitening.white(self.value / self.noise)
-            self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
-            self.curved = self.curved or differ(straight, self.J)
+            self._begun(straight)
+
+    def _begun(self, straight: np.ndarray) -> None:
+        """Take residuals and slopes from where the parameters now begin."""
+        self._again()
+        self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
+        self._kept.clear()
+        self.z0 = self._whitening.white(self.value / self.noise)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
+        self.curved = self.curved or differ(straight, self.J)
+
+    # --- the simulator with causes ---------------------------------------------------------------------------
+    def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
+        """Return the simulator with its own effects and others, parameters changed by multiples of tolerances."""
+        numbers = dict(zip(self.simulator.parameters, self.numbers(deviations), strict=True))
+        kept = []
+        for name, values in spec.items():
+            place = self.placements[name]
+            outward = place.outward(values)
+            if isinstance(made := place.made(outward), FIXED):
+                numbers[place.at] = made.adjust({"value": numbers[place.at]})["value"]
+            else:
+                kept.append((place.name, place.port, outward))
+        return self.simulator.with_({k: float(v) for k, v in numbers.items()}, [*self.simulator.effects, *kept])
+
+    def deviated(self, deviations: Mapping[str, float]) -> Simulator:
+        """Return the simulator as given, its parameters changed by multiples of their tolerances."""
+        numbers = self.numbers(deviations)
+        return self.given.with_(dict(zip(self.given.parameters, map(float, numbers), strict=True)))
 
     def _refuse_not_finite(self, residual: np.ndarray) -> None:
         bad = np.flatnonzero(~np.isfinite(residual))
         if len(bad):
             run = self.trajectories[int(self.run[bad[0]])]
             raise SimulatorRunError(
-                f"The simulator gives no finite numbers in {len(bad):,} of {len(residual):,} windows, first at "
-                f"{self.time[bad[0]]:.4g} s of '{run}'.",
+                f"The simulator returns values that are not finite in {len(bad):,} of {len(residual):,} windows, first "
+                f"at {self.time[bad[0]]:.4g} s of '{run}'.",
                 "finite rates and outputs wherever the log has readings",
-                "Look at its parameters and their units, or leave those rows out.",
+                "Check its parameters and their units, or leave those rows out.",
             )
 
     def _twins(self) -> dict[str, str]:
@@ -190,10 +190,11 @@ class PortEvidence(Tolerances, Settled, ABC):
     def _refuse_nowhere(self, name: str, where: str) -> None:
         """Raise if an effect of the simulator's own is at no port of it."""
         known = {*(p.name for p in self.simulator.ports), *self.simulator.parameters, *(j.name for j in self.joints)}
-        if where not in known:
+        between = port_effects()[name][0] == "link" and ends_of(where) is None
+        if between or where not in known:
             can = list(dict.fromkeys(p.port for p in self.placements.values() if p.name == name)) or sorted(known)
             raise UnknownOptionError(
-                f"The effect {name} is at {where!r}, which is no port of the simulator.",
+                f"The effect {name} is at {where!r}, which is {'one port' if between else 'no port of the simulator'}.",
                 f"one of {', '.join(can)}",
                 "Correct 'at' under [[effects]].",
             )
@@ -215,14 +216,6 @@ class PortEvidence(Tolerances, Settled, ABC):
         self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
         """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
-
-    @abstractmethod
-    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
-        """Return the sizes of the signals."""
-
-    @abstractmethod
-    def signals(self) -> dict[str, np.ndarray]:
-        """Return all signals at each row of the log, by name."""
 
     @abstractmethod
     def roles(self, equation: str) -> dict[str, str]:
@@ -274,7 +267,7 @@ class PortEvidence(Tolerances, Settled, ABC):
         remembers, and that many windows count as one.
         """
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
-        for pair in self._repeats():
+        for pair in repeats(self.log, self.simulator.inputs):
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
                     memory = memory_of(spread, np.zeros(len(spread), int)) if len(spread) > 8 else 1.0
@@ -302,47 +295,20 @@ class PortEvidence(Tolerances, Settled, ABC):
         _, one, two = np.intersect1d(*at, return_indices=True)
         return part.start + mine[0][one], part.start + mine[1][two]
 
-    def _repeats(self) -> list[tuple[int, int]]:
-        """Return the pairs of runs that were driven alike over the same time and went much the same way."""
-        log, found = self.log, []
-        driven = {k: ALIKE for k in self.simulator.inputs if k in log.channels}
-        limits = {k: driven.get(k, NEARLY) * float(np.std(x)) for k, x in log.channels.items() if np.std(x) > 0.0}
-        for i, j in combinations(range(len(log.spans)), 2):
-            (a, b), (c, d) = log.spans[i], log.spans[j]
-            n = min(b - a, d - c)
-            apart = {k: log.channels[k][a : a + n] - log.channels[k][c : c + n] for k in limits}
-            if n >= 0.8 * max(b - a, d - c) and all(rms(apart[k]) <= most for k, most in limits.items()):
-                found.append((i, j))
-        return found
-
     def _whiten(self) -> None:
         """See how the noise of neighbouring windows is related."""
         self._whitening = Whitening()
         for part in self.parts:
-            d = self._drawn[:, part] / self.noise[part]
-            power = float(np.mean(np.square(d))) if d.size else 0.0
-            if power <= 0.0:
-                continue
-            correlations = []
-            for lag in range(1, min(LAGS, d.shape[1] - 1) + 1):
-                same = self.run[part][lag:] == self.run[part][:-lag]
-                r = float(np.mean((d[:, lag:] * d[:, :-lag])[:, same])) / power if same.any() else 0.0
-                band = np.zeros(d.shape[1])
-                band[: d.shape[1] - lag] = np.where(same, r if abs(r) > 0.03 else 0.0, 0.0)
-                correlations.append(band)
-            self._whitening.add(part, correlations, 1)
+            self._whitening.learn(part, self._drawn[:, part] / self.noise[part], self.run[part])
 
     def remember(self, left: Sequence[np.ndarray]) -> None:
-        """Take what a flexible learner leaves in each equation for how long its noise remembers.
-
-        Parameters
-        ----------
-        left : sequence of array
-            For each equation what is left of its residual.
-        """
+        """Take what a flexible learner leaves in each equation for how long its noise remembers."""
         for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
             if len(rest) > 8:
-                memory = max(float(self.memory[k]), memory_of(self._whitened(rest, part), self.run[part]))
+                memory = max(
+                    float(self.memory[k]),
+                    memory_of(self._whitening.only(part, rest / self.noise[part], len(self.value)), self.run[part]),
+                )
                 self.weights[k] = 1.0 / memory
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step
@@ -353,15 +319,9 @@ class PortEvidence(Tolerances, Settled, ABC):
         for equation, part in zip(self.equations, self.parts, strict=True):
             self.noise[part] *= times.get(equation, 1.0)
             self._drawn[:, part] *= times.get(equation, 1.0)
-        self._kept.clear()
         self._laid.clear()
         self.z0 = self._whitening.white(self.value / self.noise)
         self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
-
-    def _whitened(self, rest: np.ndarray, part: slice) -> np.ndarray:
-        whole = np.zeros(len(self.value))
-        whole[part] = rest / self.noise[part]
-        return self._whitening.white(whole)[part]
 
     # --- the protocol ---------------------------------------------------------------------------------------
     def pieces(self) -> tuple[np.ndarray, int]:
@@ -370,17 +330,7 @@ class PortEvidence(Tolerances, Settled, ABC):
         Where a log holds one or two trajectories they are cut into pieces of equal length, each several times as long
         as what is left there remembers.
         """
-        n = len(self.trajectories)
-        if n >= FEW:
-            return self.block, n
-        out = np.zeros_like(self.block)
-        for run, (first, stop) in enumerate(self.log.spans):
-            length = (stop - first) * self.log.dt
-            count = int(np.clip(length / max(self.stretch, 1e-300), 1, PIECES // n))
-            mine = self.block == run
-            out[mine] = run * (PIECES // n) + np.clip(self.time[mine] / length * count, 0, count - 1).astype(int)
-        found, labels = np.unique(out, return_inverse=True)
-        return labels.reshape(out.shape), len(found)
+        return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
 
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
@@ -412,18 +362,31 @@ class PortEvidence(Tolerances, Settled, ABC):
         """Return the residuals under effects and changed parameters, in units of the noise and white."""
         if not spec and not any((deviations or {}).values()):
             return self.z0.copy()
-        key = repr(({k: dict(v) for k, v in spec.items()}, dict(deviations or {})))
-        if key not in self._kept:
-            if len(self._kept) > MOST_KEPT:
-                self._kept.clear()
-            found = self._exactly(self.active(spec), deviations or {})
-            self._kept[key] = self._whitening.white(found / self.noise)
-        return self._kept[key].copy()
+        known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
+        found = self._kept.get(repr(known), lambda: self._bare(self.active(spec), deviations or {}))
+        return self._whitening.white(self._finite(found + self._skewed(deviations or {})) / self.noise)
+
+    def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
+        """Return the deviations under which residuals have to be asked for anew: what clocks do is straight."""
+        return {k: v for k, v in deviations.items() if v and k not in self.skews}
+
+    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
+        """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
+        moved = {k: v for k, v in self._named(step).items() if v}
+        if moved.keys() <= self.skews.keys():
+            return self._whitening.white(sum(self.skews[k] * v for k, v in moved.items()) / self.noise)
+        return super()._nudged(x, step, active)
 
     def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
         """Return the residuals under effects and changed parameters, in the units of their equations."""
+        return self._finite(self._bare(active, deviations) + self._skewed(deviations))
+
+    def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
+        """Return the same without what clocks do; not finite where the simulator is not."""
         with np.errstate(all="ignore"):
-            found = self._residual(active, self.numbers(deviations)) + self._skewed(deviations)
+            return self._residual(active, self.numbers(deviations))
+
+    def _finite(self, found: np.ndarray) -> np.ndarray:
         return np.where(np.isfinite(found), found, 1e3 * self.noise)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
@@ -438,6 +401,14 @@ class PortEvidence(Tolerances, Settled, ABC):
                 self._touches[name] = self._touched(name) if name in self.placements else []
             found |= set(self._touches[name])
         return [e for e in self.equations if e in found]
+
+    def touches(self, name: str, columns: Sequence[np.ndarray]) -> None:
+        """Take what changes of an effect do to the residuals for which equations it changes: nothing is run for it."""
+        size = np.zeros(len(self.noise))
+        for found in columns:
+            size = np.maximum(size, np.max(np.abs(self.raw(found)), axis=1, initial=0.0))
+        parts = zip(self.equations, self.parts, strict=True)
+        self._touches[name] = [e for e, part in parts if np.any(size[part] > 1e-9)]
 
     def _touched(self, name: str) -> list[str]:
         place = self.placements[name]
@@ -463,25 +434,6 @@ class PortEvidence(Tolerances, Settled, ABC):
         ):
             return min(prior, UNTURNED)
         return prior
-
-    def _turns(self, path: str) -> bool:
-        """Tell whether a path turns back at least once a run."""
-        if path not in self._turning:
-            x = self._path_of(path)
-            slack = 0.01 * float(np.ptp(x))  # what a sensor's noise turns is no turn
-            turns = [len(reversals(play(x[a:b], slack))) - 2 for a, b in self.log.spans if b - a > 1]
-            self._turning[path] = sum(turns) >= len(self.log.spans)
-        return self._turning[path]
-
-    def _path_of(self, name: str) -> np.ndarray:
-        """Return the path that an effect at a joint follows: a position, or the integral of a speed alone."""
-        signals = self.signals()
-        return signals[name] if name in signals else integral(signals[self.speeds[name]], self.log)
-
-    @property
-    def speeds(self) -> dict[str, str]:
-        """The speeds of the joints that have no position, by the names of their paths."""
-        return {f"{j.name}.path": j.velocity for j in self.joints if not j.position}
 
     @property
     def state(self) -> dict[str, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -61,6 +61,10 @@ class PredictedEvidence(StretchEvidence):
         self._responses: dict[int, Response] = {}
         self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
+    def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
+        """Return all deviations: initial states are fitted to each anew."""
+        return dict(deviations)
+
     def _predict(
         self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
     ) -> list[np.ndarray]:
@@ -86,8 +90,9 @@ class PredictedEvidence(StretchEvidence):
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] = driven(place, made, u[k], log, not self.lines)
             elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
-                k, u = simulator.inputs.index(place.at), u.copy()
-                u[k] += self._force(place, made)
+                u = u.copy()
+                none = np.zeros((0, log.n))
+                place.push(made, self._force(place, made), simulator, (log.t, none, u, p), u, none)
         return Drive(u, p, active, self.lines)
 
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
@@ -120,13 +125,13 @@ class PredictedEvidence(StretchEvidence):
     def _force(self, place: Placement, made: Effect) -> np.ndarray:
         """Return what an effect adds to an input along the log."""
         log, found = self.log, dict(self.log.channels)
+        for name in place.sources() - set(found):
+            found[name] = integral(found[self.speeds[name]], log)
+        if place.link is not None:
+            found |= place.link.across(found)
         for role, name in place.follows.items():
-            if role == "position":
-                if name not in found:
-                    joint = next(j for j in self.joints if f"{j.name}.path" == name)
-                    found[name] = integral(found[joint.velocity], log)
-                elif place.effect.path_dependent:
-                    found[name] = steady_path(found[name], log.starts, self.sigma.get(name, 0.0), max(self.n, 5))
+            if role == "position" and name not in self.speeds and place.effect.path_dependent:
+                found[name] = steady_path(found[name], log.starts, self.sigma.get(name, 0.0), max(self.n, 5))
         s = place.signals(found, log.t)
         memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)

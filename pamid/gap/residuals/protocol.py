@@ -58,6 +58,8 @@ class ResidualSource(Protocol):
         Effects that act alike, each by the other's name: no log of this simulator tells them apart.
     curved : bool
         Whether tolerances are so wide that what parameters do differs within them: `slopes` are then other than `J`.
+    one_sided : bool
+        Whether `side` is the place of a window's equation, not a muscle.
     """
 
     equations: list[str]
@@ -81,8 +83,23 @@ class ResidualSource(Protocol):
     bends: bool
     curved: bool
     twins: Mapping[str, str]
+    one_sided: bool
     least_gain: float
     decisive: float
+
+    @property
+    def lasting(self) -> Collection[str]:
+        """The free parameters that stay from one day to the next, such as lengths and masses."""
+        ...
+
+    @property
+    def about(self) -> np.ndarray:
+        """Where the deviations of the free parameters begin, in tolerances."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Tell whether there is something here that an effect can act at."""
+        ...
 
     @property
     def state(self) -> dict[str, np.ndarray]:

@@ -22,17 +22,7 @@ def with_rates(signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> 
 
 
 def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
-    """Return the rate of a signal within each run, over `RATE_WINDOW`.
-
-    Parameters
-    ----------
-    x : array, shape (n_samples,)
-        The signal.
-    codes : array of int, shape (n_samples,)
-        Run of each row; contiguous.
-    dt : float
-        Sampling interval, s.
-    """
+    """Return the rate of a signal within each run, over `RATE_WINDOW`."""
     out = np.zeros(len(x))
     borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     for a, b in pairwise(borders):

@@ -32,6 +32,11 @@ class Remembered:
         self.most_bytes, self._size = most_bytes, 0
         self._kept: OrderedDict[Hashable, np.ndarray] = OrderedDict()
 
+    def clear(self) -> None:
+        """Forget everything."""
+        self._kept.clear()
+        self._size = 0
+
     def get(self, key: Hashable, make: Callable[[], np.ndarray]) -> np.ndarray:
         """Return the array of a key, made where it is not remembered; it is shared, so nobody writes to it."""
         if key in self._kept:

@@ -89,19 +89,17 @@ class Response:
 
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inputs amid each step, and what effects add to the rates themselves."""
-        before, simulator = self.before, self.simulator
+        before = self.before
         u = drive.u[:, before].copy()
         if drive.lines:
             whole = drawn(drive.u, self.log.starts, 1)
             u = 0.5 * (whole[:, before] + whole[:, before + 1])
         added = np.zeros((len(x), len(before)))
+        at = self.log.t[before], x[:, before], u.copy(), drive.p[:, before]
         for place, made in drive.acting:
             force = self._force(place, made, x, drive.u)
             force = 0.5 * (force[before] + force[before + 1])
-            if place.enters == "input":
-                u[simulator.inputs.index(place.at)] += force
-            else:
-                place.add(made, force, simulator.states, added)
+            place.push(made, force, self.simulator, at, u, added)
         return u, added
 
     def _rates(self, drive: Drive, moved: np.ndarray | None = None) -> np.ndarray:
@@ -159,15 +157,7 @@ class Response:
         return np.clip(step, -_MOST, _MOST), np.clip(integral, -_MOST, _MOST) * dt
 
     def to(self, drive: Drive, start: np.ndarray | None = None) -> np.ndarray:
-        """Return by how much the states change under another drive, shape (n_states, n).
-
-        Parameters
-        ----------
-        drive : Drive
-            Inputs, parameters and forces.
-        start : array, shape (n_states, n_stretches), optional
-            Changes of the initial states.
-        """
+        """Return by how much the states change under another drive, shape (n_states, n)."""
         return self._followed(
             self._change(drive), np.zeros((len(self.x), len(self.firsts))) if start is None else start
         )

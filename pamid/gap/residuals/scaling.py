@@ -92,21 +92,7 @@ class Scaling:
 def scaling_of(
     table: Table, residual: np.ndarray, run_length: float, interval: float, position: float, equation: str = "force"
 ) -> Scaling:
-    """Return the units in which a log looks like that of a muscle.
-
-    Parameters
-    ----------
-    table : mapping of str to array
-        Signals by role.
-    residual : array
-        Measured minus modelled.
-    run_length, interval : float
-        Typical length of a run and sampling interval, s.
-    position : float
-        What counts as a strain of one.
-    equation : str, default="force"
-        What the target is.
-    """
+    """Return the units in which a log looks like that of a muscle."""
     size = float(np.sqrt(np.mean(np.square(residual)))) if len(residual) else 0.0
     usual = _RUNS[0] <= run_length <= _RUNS[1] and interval <= 0.02
     top = float(np.max(np.abs(table["pressure"]))) if "pressure" in table and len(table["pressure"]) else 0.0

@@ -30,7 +30,8 @@ from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED
 from .between_rows import NOTE, go_in_lines, timings
-from .ports import Active, PortWindows
+from .port_windows import PortWindows
+from .ports import Active
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Spec
 from .response import Drive

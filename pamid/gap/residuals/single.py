@@ -149,15 +149,7 @@ class SignalEvidence(Straight):
         self._path: np.ndarray | None = None
 
     def assume(self, noise: float, left: np.ndarray | None = None) -> None:
-        """Take a level for the noise, and what a learner leaves of the residual for how long it remembers.
-
-        Parameters
-        ----------
-        noise : float
-            Standard deviation of a window's noise, in the target's unit; no less than that from sample to sample.
-        left : array, shape (n_windows,), optional
-            A residual without what a flexible learner predicts of it.
-        """
+        """Take a level for the noise, and what a learner leaves of the residual for how long it remembers."""
         size = float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else 1.0
         self.noise = np.full(len(self.first), max(self.channel, noise, 1e-4 * size, 1e-300))
         self.z0 = self.value / self.noise

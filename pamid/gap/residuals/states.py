@@ -12,20 +12,7 @@ from ...simulators.structure import JointPort, kinematic_pairs, some_instants, s
 
 
 def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
-    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    log : PortLog
-        The log.
-
-    Returns
-    -------
-    dict of str to str, or None
-        Velocity by position, for those that are not logged themselves.
-    """
+    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all."""
     if simulator.form == "algebraic":
         return {}
     if simulator.form != "ode":

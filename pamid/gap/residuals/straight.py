@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -15,7 +15,18 @@ class Straight:
 
     J: np.ndarray
     curved = False
+    one_sided = False
     twins: Mapping[str, str] = MappingProxyType({})
+    lasting: Collection[str] = ()
+
+    @property
+    def about(self) -> np.ndarray:
+        """Where the deviations of the free parameters begin, in tolerances: at the simulator as given."""
+        return np.zeros(self.J.shape[1])
+
+    def has(self, name: str) -> bool:
+        """Tell whether there is something here that an effect can act at."""
+        return True
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter."""

@@ -70,19 +70,7 @@ class Turned(NamedTuple):
 def turned(
     simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
 ) -> Turned | None:
-    """Return what turns residuals of rates: into forces where the inertia is known, else as drives act; None as is.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    equations : sequence of (int, int, str)
-        Place, row among the states and name of each equation of motion.
-    joints : sequence of JointPort
-        The joints.
-    at : Instants
-        The centres of the windows.
-    """
+    """Return what turns residuals of rates: into forces where the inertia is known, else as drives act; None as is."""
     found = by_inertia(simulator, [k for k, _, _ in equations], at.x)
     if found is not None or simulator.form != "ode":
         return found
@@ -90,17 +78,7 @@ def turned(
 
 
 def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Turned | None:
-    """Return the map to the forces of all joints; None where the simulator does not know its inertia.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    equations : list of int
-        Places of its equations of motion.
-    x : array, shape (n_states, n_windows)
-        The states in the windows.
-    """
+    """Return the map to the forces of all joints; None where the simulator does not know its inertia."""
     inertia = simulator.inertia(x) if equations else None
     return None if inertia is None else Turned(equations, inertia, True)
 
@@ -108,19 +86,7 @@ def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Tur
 def by_drives(
     simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
 ) -> Turned | None:
-    """Return the map that leaves what an input lacks in the equation of its joint; None where nothing is shared.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    equations : sequence of (int, int, str)
-        Place, row of the rates and name of each equation of motion.
-    joints : sequence of JointPort
-        The joints.
-    at : Instants
-        The windows.
-    """
+    """Return the map that leaves what an input lacks in the equation of its joint; None where nothing is shared."""
     through = {j.name: j.through for j in joints if j.through in simulator.inputs}
     driven = [k for k, (_, _, name) in enumerate(equations) if name in through]
     if not driven or len(equations) < 2:

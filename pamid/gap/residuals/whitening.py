@@ -25,6 +25,9 @@ TRUSTED = 0.97, 0.8, 0.4
 """Share of the covariance that is counted on, less where it is none: a lag undone reaches beyond neighbours. The
 rest of the noise is independent, of converters and models."""
 
+LAGS, SHARED = 3, 0.03
+"""Neighbouring windows whose noise is distinguished, and the correlation below which they share none."""
+
 
 class Whitening:
     """The Cholesky factors of the noise of all equations."""
@@ -32,19 +35,22 @@ class Whitening:
     def __init__(self) -> None:
         self._factors: list[tuple[slice, np.ndarray]] = []
 
-    def add(self, part: slice, correlations: list[np.ndarray], step: int) -> None:
-        """Add an equation whose noise is shared by neighbours.
+    def learn(self, part: slice, drawn: np.ndarray, run: np.ndarray) -> None:
+        """Add an equation whose noise was drawn several times."""
+        power = float(np.mean(np.square(drawn))) if drawn.size else 0.0
+        if power <= 0.0:
+            return
+        correlations = []
+        for lag in range(1, min(LAGS, drawn.shape[1] - 1) + 1):
+            same = run[lag:] == run[:-lag]
+            r = float(np.mean((drawn[:, lag:] * drawn[:, :-lag])[:, same])) / power if same.any() else 0.0
+            band = np.zeros(drawn.shape[1])
+            band[: drawn.shape[1] - lag] = np.where(same, r if abs(r) > SHARED else 0.0, 0.0)
+            correlations.append(band)
+        self.add(part, correlations, 1)
 
-        Parameters
-        ----------
-        part : slice
-            Its windows.
-        correlations : list of array, shape (n_windows,)
-            For each lag the correlation of a window's noise with that of the window so much later; 0 where there is
-            none.
-        step : int
-            Places from a window to the next one of the same run and side.
-        """
+    def add(self, part: slice, correlations: list[np.ndarray], step: int) -> None:
+        """Add an equation whose noise is shared by neighbours."""
         from scipy.linalg import LinAlgError, cholesky_banded
 
         n = part.stop - part.start
@@ -70,6 +76,12 @@ class Whitening:
             out[part] = found.reshape(out[part].shape)
         return out
 
+    def only(self, part: slice, z: np.ndarray, n: int) -> np.ndarray:
+        """Return the residuals of one equation of n windows in all with independent noise."""
+        whole = np.zeros(n)
+        whole[part] = z
+        return self.white(whole)[part]
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them: the inverse of `white`."""
         out = np.array(z, dtype=float)
@@ -84,15 +96,7 @@ class Whitening:
 
 
 def smoothed(power: np.ndarray, near: int) -> np.ndarray:
-    """Return means over neighbours to either side, fewer at the ends.
-
-    Parameters
-    ----------
-    power : array, shape (n,)
-        Values in order.
-    near : int
-        Neighbours to either side.
-    """
+    """Return means over neighbours to either side, fewer at the ends."""
     sums = np.concatenate([[0.0], np.cumsum(power)])
     at = np.arange(len(power))
     low, high = np.maximum(at - near, 0), np.minimum(at + near + 1, len(power))

@@ -42,13 +42,6 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
 
     Windows in which noise hides what is modelled are longer, as long as longer ones tell more of it: N/n windows tell
     N/n times its power over that of their noise.
-
-    Parameters
-    ----------
-    rates : sequence of Rate
-        What the equations say.
-    log : PortLog
-        The log.
     """
     most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
     shortest = most
@@ -66,15 +59,7 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
 
 
 def longest_window(x: np.ndarray, log: PortLog) -> int:
-    """Return the samples of the longest window in which the fastest motion of a signal is not averaged away.
-
-    Parameters
-    ----------
-    x : array, shape (n_rows,)
-        The signal.
-    log : PortLog
-        The log.
-    """
+    """Return the samples of the longest window in which the fastest motion of a signal is not averaged away."""
     frequency = _top_frequency(x, log)
     return max(1, round(1.0 / (PER_PERIOD * frequency * log.dt))) if frequency > 0.0 else log.n
 
@@ -87,33 +72,17 @@ def no_windows(log: PortLog, n: int) -> ShortTrajectoryError:
             f"Readings are missing in {100 * missing:.1f} % of the rows, in each of {longest // n:,} windows of {n} "
             "samples for too long.",
             f"windows without gaps of more than {n // 4} rows",
-            "Fill in what is missing or map columns with fewer gaps.",
+            "Fill in the missing readings or map columns with fewer gaps.",
         )
     return ShortTrajectoryError(
         f"The longest run of the log has {longest} rows, too few for a window of {n} samples.",
-        "longer runs, or runs in which more moves",
+        "longer runs, or runs with more motion",
         "Record longer runs.",
     )
 
 
 def window_noise(noise: float, n: int, order: int, dt: float) -> float:
-    """Return the noise of a derivative over a window.
-
-    Parameters
-    ----------
-    noise : float
-        That of a sample.
-    n, order : int
-        Samples of the window, order of the derivative.
-    dt : float
-        Sampling interval, s.
-
-    Examples
-    --------
-    >>> from pamid.gap.residuals.window_length import window_noise
-    >>> window_noise(1.0, 4, 0, 0.01)  # a mean of four
-    0.5
-    """
+    """Return the noise of a derivative over a window."""
     weights = np.concatenate([kernel(n, order + 1), np.zeros(order)])
     for _ in range(order):
         weights = np.diff(weights, prepend=0.0)

@@ -2,6 +2,17 @@
 
 from .conditions import Conditions, read_conditions
 from .engine import diagnose_logs
+from .go_on import go_on
+from .history import History, read_history
 from .result import Change, LogFinding
 
-__all__ = ["Change", "Conditions", "LogFinding", "diagnose_logs", "read_conditions"]
+__all__ = [
+    "Change",
+    "Conditions",
+    "History",
+    "LogFinding",
+    "diagnose_logs",
+    "go_on",
+    "read_conditions",
+    "read_history",
+]

@@ -19,20 +19,7 @@ saturates in one log and not in another one leaves less."""
 
 
 def check_alike(logs: Mapping[str, Evidence]) -> None:
-    """Raise where logs cannot be of one bench.
-
-    Parameters
-    ----------
-    logs : mapping of str to Evidence
-        The logs by name.
-
-    Raises
-    ------
-    MissingColumnError
-        Two logs have no equation in common.
-    IncompatibleError
-        What is measured differs between two logs by a factor that no bench does.
-    """
+    """Raise where logs cannot be of one bench."""
     for (one, a), (two, b) in combinations(logs.items(), 2):
         if not set(a.equations) & set(b.equations):
             lacks = [f"{x} lacks {', '.join(c)}" for x, c in ((one, _lacks(a, b)), (two, _lacks(b, a))) if c]
@@ -40,7 +27,7 @@ def check_alike(logs: Mapping[str, Evidence]) -> None:
                 f"{' and '.join(lacks)}{': ' * bool(lacks)}{one} allows the equations "
                 f"{', '.join(a.equations) or 'none'}, {two} {', '.join(b.equations) or 'none'}.",
                 "logs with the same columns",
-                "Map the columns of both logs alike; a cause can only be shared where both tell of it.",
+                "Map the columns of both logs in the same way; a cause can only be shared if both logs can show it.",
             )
         for equation in (e for e in a.equations if e in b.equations and e != "joint"):
             first, second = _size(a, equation), _size(b, equation)

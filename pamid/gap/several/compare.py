@@ -25,21 +25,7 @@ Spec = dict[str, dict[str, float]]
 def merged(
     found: Diagnosis, stack: StackedEvidence, competition: Competition, verdict: Verdict, variants: Variants
 ) -> Diagnosis:
-    """Return a diagnosis in which an effect has one name, whichever logs it acts in, and each log its parameters.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        What the inference says, with effects that act in some logs only under names of their own.
-    stack : StackedEvidence
-        The logs.
-    competition : Competition
-        The hypotheses.
-    verdict : Verdict
-        What was decided.
-    variants : Variants
-        Which effect acts where.
-    """
+    """Return a diagnosis in which an effect has one name, whichever logs it acts in, and each log its parameters."""
     best = verdict.outcome.best
     spec = {k: dict(v) for k, v in best.fit.spec.items()} if verdict.named else {}
     fits = [_of_log(stack, k, spec, best.fit.x, variants) for k in range(len(stack.logs))]
@@ -49,7 +35,7 @@ def merged(
         logs.append(LogFinding(log.name, log.day, 0, 0, {}, estimates(log.evidence, fit), deviations))
     changes = [c for name in spec if (c := _change(name, logs, competition, verdict, variants)) is not None]
     last = stack.logs[-1].evidence
-    corrected = last.simulator(fits[-1].spec, dict(zip(last.free, map(float, fits[-1].x), strict=True)))
+    corrected = last.corrected(fits[-1].spec, dict(zip(last.free, map(float, fits[-1].x), strict=True)))
     x = stack.deviations_in(len(stack.logs) - 1, np.array([found.deviations.get(n, 0.0) for n in stack.free]))
     causes = _causes(found.causes, logs, variants)
     one = "class" if causes and len(causes[0].effects) > 1 else "cause"

@@ -7,12 +7,14 @@ import difflib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from ...bench.parameters import NUMBERS, BenchParameters
 from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+from ...simulators.base import Simulator
 from ...toml_files import TomlErrors, read_small_text
 
+S = TypeVar("S", BenchParameters, Simulator)
 _ERRORS = TomlErrors(LogNotFoundError, EmptyLogError, EmptyLogError)
 
 
@@ -36,12 +38,16 @@ class Conditions(NamedTuple):
     numbers: dict[str, float]
     day: str
 
-    def under(self, params: BenchParameters) -> BenchParameters:
+    def under(self, simulator: S) -> S:
         """Return the simulator as it holds for this log."""
-        return params.replace(**self.numbers) if self.numbers else params
+        if not self.numbers:
+            return simulator
+        if isinstance(simulator, BenchParameters):
+            return simulator.replace(**self.numbers)
+        return simulator.with_(self.numbers)
 
 
-def read_conditions(path: str | Path) -> dict[str, Conditions]:
+def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dict[str, Conditions]:
     """Read a table of conditions.
 
     Parameters
@@ -50,6 +56,8 @@ def read_conditions(path: str | Path) -> dict[str, Conditions]:
         A CSV file with a column ``log`` (name of the log, with or without its ending), and any of ``day`` and the
         numbers of a simulator file in SI units, such as ``temperature`` (K) or ``inertia`` (kg m²). An empty cell
         leaves the simulator's number.
+    simulator : Simulator, optional
+        A simulator with ports, whose parameters in their own units then take the place of a bench's numbers.
 
     Returns
     -------
@@ -77,13 +85,14 @@ def read_conditions(path: str | Path) -> dict[str, Conditions]:
         raise MissingColumnError(
             f"{file.name} has the columns {', '.join(header)[:300]}.", "a column 'log'", "Name each row's log."
         )
+    numbers = NUMBERS if simulator is None else tuple(simulator.parameters)
     for k, name in enumerate(header):
-        if name not in ("log", "day", *NUMBERS) or name in header[:k]:
-            close = difflib.get_close_matches(name, [*NUMBERS, "day"], n=2)
+        if name not in ("log", "day", *numbers) or name in header[:k]:
+            close = difflib.get_close_matches(name, [*numbers, "day"], n=2)
             raise UnknownOptionError(
                 f"{file.name} has a column '{name}'{', which is no number of the simulator' * (name not in header[:k])}"
                 f"{' twice' * (name in header[:k])}.",
-                f"log, day, or any of {', '.join(NUMBERS)}",
+                f"log, day, or any of {', '.join(numbers)}",
                 f"Did you mean {' or '.join(close)}?" if close else "Correct or remove it.",
             )
     found: dict[str, Conditions] = {}
@@ -99,6 +108,8 @@ def read_conditions(path: str | Path) -> dict[str, Conditions]:
             )
         stems.add(Path(name).stem)
         found[name] = Conditions(_numbers(cells, file.name, row), cells.get("day", "") or name)
+        if simulator is None and found[name].numbers:
+            BenchParameters.for_muscle("B").replace(**found[name].numbers)  # says which number is out of its range
     return found
 
 
@@ -130,25 +141,17 @@ def _numbers(cells: Mapping[str, str], file: str, row: int) -> dict[str, float]:
             raise ParameterError(
                 f"Row {row} of {file} has {name} = {text[:60]!r}.", "a number in SI units", "Correct the cell."
             ) from None
-    if found:
-        BenchParameters.for_muscle("B").replace(**found)  # says which number is out of its range
     return found
 
 
 def conditions_of(names: Sequence[str], table: Mapping[str, Conditions] | None) -> list[Conditions]:
-    """Return the conditions of logs by their names; without a row each log is a day of its own.
-
-    Raises
-    ------
-    UnknownOptionError
-        A row names none of the logs.
-    """
+    """Return the conditions of logs by their names; without a row each log is a day of its own."""
     table = dict(table or {})
     by_stem = {Path(name).stem: c for name, c in table.items()}
     stems = {Path(name).stem for name in names} | set(names)
     if strange := [name for name in table if name not in stems and Path(name).stem not in stems]:
         raise UnknownOptionError(
-            f"The table of conditions names {', '.join(strange)}, which is none of the logs.",
+            f"The table of conditions names {', '.join(strange)}, which is not one of the logs.",
             f"names of {', '.join(names)}",
             "Correct the column 'log'.",
         )

@@ -13,7 +13,7 @@ from ...equations.log import BenchLog
 from ...errors import IncompatibleError
 from ...signals.readings import run_marks
 from ..diagnosis.answer import answer, untested
-from ..diagnosis.decide import decide
+from ..diagnosis.decide import Verdict, decide
 from ..diagnosis.next_experiment import next_experiment
 from ..diagnosis.result import Diagnosis
 from ..inference.competition import Competition
@@ -23,6 +23,7 @@ from ..settings import MAX_ROWS, SEARCH_ROWS
 from .alike import check_alike
 from .compare import merged
 from .conditions import Conditions, conditions_of
+from .result import LogFinding
 from .stacked import Log, StackedEvidence
 from .variants import Variants
 
@@ -115,24 +116,40 @@ def diagnose_logs(
     if not stack.equations:
         return untested(stack, library, notes)
     with threadpool_limits(1), effects_beside(variants.effects):
-        competition = Competition(searched, variants.library, say)
-        outcome = competition.run()
-        verdict = decide(competition, outcome, random_state)
-        say("measure the closure")
-        found = answer(stack, competition, verdict, notes, random_state, say)
-        say("compare the logs")
-        found = merged(found, stack, competition, verdict, variants)
+        found, verdict = explained(stack, searched, variants, notes, random_state, say)
         last = len(each) - 1
         experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
         found = replace(found, next_experiment=experiment)
     sizes = {n: (len(t), len(t.trajectories)) for n, t in zip(names, tables, strict=True)}
-    return replace(
-        found,
-        logs=[
-            replace(f, rows=sizes[f.log][0], trajectories=sizes[f.log][1], conditions=dict(c.numbers))
-            for f, c in zip(found.logs, held, strict=True)
-        ],
-    )
+    return replace(found, logs=sized(found.logs, sizes, held))
+
+
+def explained(
+    stack: StackedEvidence,
+    searched: StackedEvidence,
+    variants: Variants,
+    notes: list[str],
+    random_state: np.random.RandomState,
+    say: Callable[[str], None],
+) -> tuple[Diagnosis, Verdict]:
+    """Return what several logs say together, each log its parameters and each effect one name, and the decision."""
+    competition = Competition(searched, variants.library, say)
+    outcome = competition.run()
+    verdict = decide(competition, outcome, random_state)
+    say("measure the closure")
+    found = answer(stack, competition, verdict, notes, random_state, say)
+    say("compare the logs")
+    return merged(found, stack, competition, verdict, variants), verdict
+
+
+def sized(
+    logs: Sequence[LogFinding], sizes: Mapping[str, tuple[int, int]], held: Sequence[Conditions]
+) -> list[LogFinding]:
+    """Return what was found of each log, with its rows, its runs and what held for it."""
+    return [
+        replace(f, rows=sizes[f.log][0], trajectories=sizes[f.log][1], conditions=dict(c.numbers))
+        for f, c in zip(logs, held, strict=True)
+    ]
 
 
 def _stack(names: Sequence[str], each: Sequence[Evidence], days: Sequence[str], variants: Variants) -> StackedEvidence:
@@ -146,19 +163,10 @@ def _tables(
     """Return the logs without the readings of stuck sensors, and notes; an error names its log."""
     from ...errors import PamidError
 
+    refuse_twice(logs)
     tables: list[BenchLog] = []
     notes: list[str] = []
-    seen: dict[str, str] = {}
     for (name, log), conditions in zip(logs.items(), held, strict=True):
-        marks = run_marks(log)
-        for run, mark in marks.items():
-            if mark in seen:
-                raise IncompatibleError(
-                    f"{run} of {name} is {seen[mark]} once more, sample by sample.",
-                    "recordings of their own",
-                    "Name each log once: a run that counts twice makes an answer surer than it is.",
-                )
-        seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}
         try:
             # A joint at rest tells of offsets, leaks and loads, beside logs of motion.
             bench_log, last = BenchLog.of(log), name == list(logs)[-1]
@@ -170,3 +178,18 @@ def _tables(
         tables.append(table)
         notes += [f"{name}: {text}" for text in [*told, *stuck]]
     return tables, notes
+
+
+def refuse_twice(logs: Mapping[str, pd.DataFrame]) -> None:
+    """Raise where a run is part of two logs: one that counts twice makes an answer surer than it is."""
+    seen: dict[str, str] = {}
+    for name, log in logs.items():
+        marks = run_marks(log)
+        for run, mark in marks.items():
+            if mark in seen:
+                raise IncompatibleError(
+                    f"{run} of {name} is {seen[mark]} once more, sample by sample.",
+                    "different recordings",
+                    "Name each log once: a run that counts twice makes the confidence too high.",
+                )
+        seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
+from ...simulators.base import Simulator
+from ..engine import diagnose
+from ..simulated import diagnose_simulator
 from .conditions import Conditions, conditions_of
 from .engine import diagnose_logs
 from .history import History
@@ -21,6 +24,7 @@ def go_on(
     logs: Mapping[str, pd.DataFrame],
     *,
     conditions: Mapping[str, Conditions] | None = None,
+    alone: bool = False,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -33,7 +37,10 @@ def go_on(
     logs : mapping of str to DataFrame
         The logs that came, by name.
     conditions : mapping of str to Conditions, optional
-        What held for each; a log without them belongs to the last day of the history.
+        What held for each. Without them a log of a bench belongs to the last day of the history, so that valves and
+        gas are those of its logs; one of any other simulator is a day of its own.
+    alone : bool, default=False
+        Whether a first log by itself is diagnosed as one log, without findings log by log.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
     progress : callable, optional
@@ -68,21 +75,22 @@ def go_on(
         if name in history.logs:
             raise ParameterError(
                 f"The log {name} is part of the earlier diagnosis already.",
-                "logs that came since",
-                "Name further logs only, or give another recording another name.",
+                "new logs only",
+                "Name only the new logs; a different recording needs a different name.",
             )
     held = conditions_of(list(logs), conditions)
-    if history.held:
+    ported = isinstance(history.simulator, Simulator)
+    if history.held and not ported:
         last = list(history.held.values())[-1].day
         given = {**dict(conditions or {})}
         held = [c if c.day != name or given else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
-    found = diagnose_logs(
-        {**history.logs, **logs},
-        history.params,
-        history.library,
-        conditions={**history.held, **dict(zip(logs, held, strict=True))},
-        seed=seed,
-        progress=progress,
-    )
+    every, those = {**history.logs, **logs}, {**history.held, **dict(zip(logs, held, strict=True))}
+    asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
+    more: dict[str, Any] = {} if asked is not every else {"conditions": those}
+    if ported:
+        run: Callable[..., Diagnosis] = diagnose_simulator
+    else:
+        run = diagnose if asked is not every else diagnose_logs
+    found = run(asked, history.simulator, history.library, **more, seed=seed, progress=progress)
     history.add(found, logs, held)
     return found

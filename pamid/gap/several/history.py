@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,10 +24,14 @@ from .conditions import Conditions
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...bench.parameters import BenchParameters
+    from ...effects import Effect
     from ..diagnosis.result import Diagnosis
 
+    AnySimulator = Any
+    """A simulator of the bench, one with ports, or a system: whatever says its identity."""
+
 STATE, LOGS = "state.json", "logs.parquet"
+_TOLD = frozenset(("parameter", "value", "low", "high", "unit"))
 SCHEMA = 2
 _ERRORS = TomlErrors(LogNotFoundError, LogFormatError, LogFormatError)
 _SHOWN = 6
@@ -67,10 +72,10 @@ class History:
 
     Parameters
     ----------
-    params : BenchParameters
+    simulator : BenchParameters, Simulator or System
         The simulator.
     library : list of str
-        Effects that may be causes.
+        Effects that may be causes; at ports their names there, such as ``"viscous_friction"`` at every joint.
     logs : dict of str to DataFrame
         The logs by name.
     held : dict of str to Conditions
@@ -79,14 +84,24 @@ class History:
         What was said after each further log.
     rivals : list of Rival
         Explanations that the last diagnosis left.
+    page : str, default=""
+        The file that a simulator with ports was read from, so that a later command finds it.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters
+    >>> from pamid.gap.several import History
+    >>> History(BenchParameters.for_muscle("B"), ["leakage", "flow_bias"]).rounds
+    []
     """
 
-    params: BenchParameters
+    simulator: AnySimulator
     library: list[str]
     logs: dict[str, pd.DataFrame] = field(default_factory=dict)
     held: dict[str, Conditions] = field(default_factory=dict)
     rounds: list[Round] = field(default_factory=list)
     rivals: list[Rival] = field(default_factory=list)
+    page: str = ""
 
     def add(self, found: Diagnosis, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
         """Take in further logs and what a diagnosis of all of them says.
@@ -103,16 +118,21 @@ class History:
         self.logs |= dict(logs)
         self.held |= dict(zip(logs, held, strict=True))
         self.rounds.append(_round(found, list(logs), seconds(self.logs.values())))
-        found.rounds = list(self.rounds)
+        found.rounds, found.history = list(self.rounds), self
         self.rivals = list(found.rivals)
 
-    def write(self, folder: Path) -> None:
+    def _where(self, folder: Path) -> dict[str, str]:
+        return {"page": os.path.relpath(self.page, folder.resolve())} if self.page else {}
+
+    def write(self, folder: str | Path) -> None:
         """Write what a later diagnosis goes on from into a folder."""
         import pandas as pd
 
+        folder = Path(folder)
+
         state = {
             "schema": SCHEMA,
-            "simulator": _simulator(self.params),
+            "simulator": {**self.simulator.identity(), **self._where(folder)},
             "library": {name: fingerprint(name) for name in self.library},
             "logs": [
                 {"name": name, "day": c.day, "conditions": c.numbers, "rows": len(self.logs[name])}
@@ -127,15 +147,20 @@ class History:
         (folder / STATE).write_text(json.dumps(state, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def read_history(folder: str | Path, params: BenchParameters | None = None) -> History:
+def read_history(
+    folder: str | Path, simulator: AnySimulator | None = None, *, read: Callable[[str], AnySimulator] | None = None
+) -> History:
     """Read what an earlier diagnosis left.
 
     Parameters
     ----------
     folder : path-like
         What ``--out`` of the earlier diagnosis named.
-    params : BenchParameters, optional
+    simulator : BenchParameters, Simulator or System, optional
         The simulator of today, which must be that of the earlier one.
+    read : callable, optional
+        What reads the page of the earlier simulator where none is given and it was none of the bench;
+        `pamid.simulators.read_simulator` by default.
 
     Returns
     -------
@@ -145,18 +170,32 @@ def read_history(folder: str | Path, params: BenchParameters | None = None) -> H
     Raises
     ------
     LogNotFoundError, LogFormatError
-        The folder holds no earlier diagnosis of a bench.
+        The folder holds no earlier diagnosis.
     IncompatibleError
         Simulator or library changed since; the message says what.
-    """
-    from ...bench.parameters import BenchParameters
+    UntrustedCodeError
+        The earlier simulator is code, and there is no trust.
 
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pamid
+    >>> from pamid.bench import sine
+    >>> from pamid.gap.several import read_history
+    >>> bench = pamid.BenchParameters.for_muscle("B")
+    >>> log = pamid.simulate(bench, [sine(2, 10, 800)], effects=["leakage"], seed=0)
+    >>> found = pamid.diagnose(log, bench, ["leakage", "flow_bias"])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     found.history.write(folder)
+    ...     read_history(folder).library
+    ['leakage', 'flow_bias']
+    """
     path = Path(folder)
     if not (path / STATE).is_file() or not (path / LOGS).is_file():
         raise LogNotFoundError(
             f"{path} holds no {STATE if not (path / STATE).is_file() else LOGS}.",
-            "the folder that --out of an earlier 'pamid diagnose' of a bench named",
-            "Name that folder; diagnoses of other systems cannot be gone on from.",
+            "the output folder of an earlier 'pamid diagnose'",
+            "Name that folder.",
         )
     try:
         state = json.loads(read_small_text(path / STATE, "what an earlier diagnosis left", _ERRORS))
@@ -168,41 +207,88 @@ def read_history(folder: str | Path, params: BenchParameters | None = None) -> H
     if not whole:
         raise LogFormatError(
             f"{STATE} or {LOGS} of {path} was changed since, or is of another version.",
-            "both as one diagnosis wrote them",
+            "both files as the same diagnosis wrote them",
             "Diagnose the logs anew.",
         )
     try:
-        then = _parameters(BenchParameters, state["simulator"])
+        then = state["simulator"]
+        page = str(path / then["page"]) if then.get("page") else ""
         held = {str(e["name"]): Conditions(dict(e["conditions"]), str(e["day"])) for e in state["logs"]}
-        rounds = [Round(**r) for r in state["rounds"]]
+        rounds = [_read_round(r) for r in state["rounds"]]
         rivals = [_rival(r) for r in state["rivals"]]
         library = {str(k): str(v) for k, v in state["library"].items()}
-        table = _table(path / LOGS)
+        table = _table(path / LOGS, "kind" not in then)
         logs = {name: table[table["log"] == name].drop(columns="log").reset_index(drop=True) for name in held}
         if not held or any(log.empty for log in logs.values()):
             raise ValueError("a log has no rows")
+        if any(e["rows"] != len(logs[str(e["name"])]) for e in state["logs"]):
+            raise ValueError("a log has another number of rows")
+        now = simulator if simulator is not None else _simulator_of(then, page, read)
+        changed = _changed(then, now.identity(), library)
     except PamidError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
         raise _broken(path, error) from None
-    _refuse(path, then, params, library)
-    return History(then if params is None else params, list(library), logs, held, rounds, rivals)
+    if changed:
+        more = f" and {len(changed) - 6} more" if len(changed) > 6 else ""
+        raise IncompatibleError(
+            f"Since the diagnosis in {path}, {'; '.join(changed[:6])}{more}.",
+            "the simulator and library of the earlier diagnosis, whose posterior is the prior of this one",
+            "Take the earlier simulator, or diagnose all logs anew without --since.",
+        )
+    return History(now, list(library), logs, held, rounds, rivals, page)
+
+
+def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnySimulator] | None) -> AnySimulator:
+    """Return the simulator of an earlier diagnosis: the bench's numbers, or the page that it was read from."""
+    from ...bench.parameters import BenchParameters
+    from ...simulators import read_simulator
+
+    if "kind" not in then:
+        changes = {**then["numbers"], "name": then["name"], "tolerance": then["tolerance"]}
+        return BenchParameters.for_muscle("B").replace(
+            **changes, effects=tuple((n, dict(v)) for n, v in then["effects"])
+        )
+    if not page or not Path(page).is_file():
+        raise LogNotFoundError(
+            f"The simulator of the earlier diagnosis, {page or 'made in Python'}, is not there.",
+            "the file that the earlier diagnosis read",
+            "Name it with --sim.",
+        )
+    return (read or read_simulator)(page)
 
 
 def _broken(path: Path, error: Exception) -> LogFormatError:
     return LogFormatError(
-        f"{path} cannot be gone on from: {type(error).__name__}: {str(error)[:200]}.",
+        f"The diagnosis in {path} cannot be continued: {type(error).__name__}: {str(error)[:200]}.",
         f"{STATE} and {LOGS} as 'pamid diagnose' wrote them",
         "Diagnose the logs anew.",
     )
 
 
+def _read_round(found: Mapping[str, Any]) -> Round:
+    told = Round(**found)
+    for name, said in told.parameters.items():
+        if missing := _TOLD - said.keys():
+            raise KeyError(f"{name} has no {', '.join(sorted(missing))}")
+    return told
+
+
 def _rival(found: Mapping[str, Any]) -> Rival:
-    rival, known = Rival.from_dict(found), all_effects()
+    rival = Rival.from_dict(found)
     for name, values in rival.effects.items():
-        if values.keys() != {p.name for p in known[name].parameters}:
+        known = {p.name for p in effect_class(name).parameters}
+        if not (values.keys() <= known if "@" in name else values.keys() == known):
             raise ValueError(f"{name} has other parameters")
     return rival
+
+
+def effect_class(name: str) -> type[Effect]:
+    """Return the effect of a name: one of the library, or of those at ports with or without the port."""
+    from ...simulators.catalogue import port_effects
+
+    plain, known = name.partition("@")[0], all_effects()
+    return known[plain] if plain in known else port_effects()[plain][1]
 
 
 def _mark(state: Mapping[str, Any], logs: Path) -> str:
@@ -211,8 +297,8 @@ def _mark(state: Mapping[str, Any], logs: Path) -> str:
     return hashlib.sha256(text.encode() + hashlib.sha256(logs.read_bytes()).digest()).hexdigest()
 
 
-def _table(path: Path) -> pd.DataFrame:
-    """Read logs as any log is read: within the memory, and nothing but readings that a sensor can give."""
+def _table(path: Path, bench: bool) -> pd.DataFrame:
+    """Read logs as any log is read: within the memory, and nothing but readings that a bench's sensors can give."""
     from pandas.api.types import is_numeric_dtype
 
     from ...signals.formats.parquet import FORMAT
@@ -221,40 +307,32 @@ def _table(path: Path) -> pd.DataFrame:
     from ...signals.readings import impossible
 
     frame = FORMAT.read(path, LogMapping(), MAX_BYTES)[0][0].frame
+    if lacking := {"trajectory", "time", "log", *(("q",) if bench else ())} - set(frame.columns):
+        raise KeyError(f"the logs have no {', '.join(sorted(lacking))}")
     for name in (str(c) for c in frame.columns if c not in ("trajectory", "log")):
-        if not is_numeric_dtype(frame[name]) or impossible(name, frame[name].to_numpy(dtype=float)).any():
-            raise ValueError(f"{name} holds what is no reading")
+        if not is_numeric_dtype(frame[name]) or (bench and impossible(name, frame[name].to_numpy(dtype=float)).any()):
+            raise ValueError(f"{name} contains values that are not readings")
     return frame
 
 
-def _refuse(path: Path, then: BenchParameters, now: BenchParameters | None, library: Mapping[str, str]) -> None:
-    """Raise if simulator or library are not those of the earlier diagnosis."""
-    changed = []
-    if now is not None and now != then:
-        a, b = _flat(_simulator(then)), _flat(_simulator(now))
-        changed += [
-            f"{k} was {a.get(k, 'not there')} and is {b.get(k, 'not there')}"
-            for k in {**a, **b}
-            if a.get(k) != b.get(k)
-        ]
-    known = all_effects()
+def _changed(then: Mapping[str, Any], now: Mapping[str, Any], library: Mapping[str, str]) -> list[str]:
+    """Return what differs between the simulator and library of an earlier diagnosis and those of today."""
+    a, b = _flat(then), _flat(now)
+    changed = [
+        f"{k} was {a.get(k, 'not there')} and is {b.get(k, 'not there')}" for k in {**a, **b} if a.get(k) != b.get(k)
+    ]
     for name, mark in library.items():
-        if name not in known:
+        try:
+            if fingerprint(name) != mark:
+                changed.append(f"the effect {name} is another one")
+        except KeyError:
             changed.append(f"the effect {name} is no longer there")
-        elif fingerprint(name) != mark:
-            changed.append(f"the effect {name} is another one")
-    if changed:
-        more = f" and {len(changed) - 6} more" if len(changed) > 6 else ""
-        raise IncompatibleError(
-            f"Since the diagnosis in {path}, {'; '.join(changed[:6])}{more}.",
-            "the simulator and library of the earlier diagnosis, whose posterior is the prior of this one",
-            "Take the earlier simulator, or diagnose all logs anew without --since.",
-        )
+    return changed
 
 
 def fingerprint(name: str) -> str:
     """Return a mark of an effect that changes with its parameters or its code."""
-    effect = all_effects()[name]
+    effect = effect_class(name)
     said = [repr(effect.parameters), repr(effect.equations), repr(effect.prior)]
     try:
         said.append(inspect.getsource(effect))
@@ -280,7 +358,7 @@ def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
         main = main_parameter(cause.effects[0], {k: p.value for k, p in cause.parameters.items()})
         p = cause.parameters[main]
         low, high = (v if abs(v) < float("inf") else None for v in p.ci90)
-        parameters[cause.effects[0]] = {
+        parameters[_said(cause.effects[0], cause.where[0] if cause.where else "")] = {
             "parameter": main, "value": p.value, "low": low, "high": high, "unit": p.unit
         }  # fmt: skip
     left = float(found.remainder.get("share", 1.0)) if found.causes else 1.0
@@ -289,28 +367,22 @@ def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
 
 def _confidences(found: Diagnosis) -> dict[str, float]:
     """Return the confidence of the likeliest candidates; each of several causes may be sure by itself."""
-    sure = {c.effect: c.confidence for c in found.candidates[:_SHOWN]}
+    sure = {_said(c.effect, c.where): c.confidence for c in found.candidates[:_SHOWN]}
     for cause in found.causes if found.verdict == "several" else []:
-        total = sum(sure.get(name, 0.0) for name in cause.effects)
-        sure |= {name: cause.confidence * sure[name] / total for name in cause.effects if sure.get(name, 0.0) > 0.0}
+        ports = cause.where or ("",) * len(cause.effects)
+        names = [_said(*at) for at in zip(cause.effects, ports, strict=True)]
+        total = sum(sure.get(name, 0.0) for name in names)
+        sure |= {name: cause.confidence * sure[name] / total for name in names if sure.get(name, 0.0) > 0.0}
     return dict(sorted(sure.items(), key=lambda item: -item[1]))
 
 
-def _simulator(params: BenchParameters) -> dict[str, Any]:
-    return {
-        "name": params.muscle.name,
-        "numbers": params.values(),
-        "tolerance": dict(params.tolerance),
-        "effects": [[name, dict(values)] for name, values in params.effects],
-    }
-
-
-def _parameters(kind: type[BenchParameters], found: Mapping[str, Any]) -> BenchParameters:
-    changes: dict[str, Any] = {**found["numbers"], "name": found["name"], "tolerance": found["tolerance"]}
-    return kind.for_muscle("B").replace(**changes, effects=tuple((n, dict(v)) for n, v in found["effects"]))
+def _said(name: str, where: str) -> str:
+    """Return an effect with its port, if it has one, as text."""
+    return f"{name} at {where}" if where else name
 
 
 def _flat(found: Mapping[str, Any]) -> dict[str, Any]:
     effects = {f"the simulator's effect {n}": v for n, v in found["effects"]}
     tolerance = {f"the tolerance of {n}": v for n, v in found["tolerance"].items()}
-    return {"name": found["name"], **found["numbers"], **tolerance, **effects}
+    ports = {f"the port {n}": v for n, v in found.get("ports", {}).items()}
+    return {"name": found["name"], **found["numbers"], **tolerance, **effects, **ports}

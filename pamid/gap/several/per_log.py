@@ -28,30 +28,12 @@ Estimates = dict[str, dict[str, ParameterEstimate]]
 
 
 def fitted_alone(evidence: Evidence, spec: Mapping[str, Mapping[str, float]], near: np.ndarray) -> Fit:
-    """Return causes refitted to one log, beginning from where the logs together have them.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The log.
-    spec : mapping
-        The causes that act in it, with their values.
-    near : array, shape (n_free,)
-        Deviations of its parameters, in tolerances.
-    """
+    """Return causes refitted to one log, beginning from where the logs together have them."""
     return Fitter(evidence).refine(spec, near=near) if spec else Fitter(evidence).base()
 
 
 def estimates(evidence: Evidence, fit: Fit) -> Estimates:
-    """Return the parameters of a fit with 90 % intervals.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The log.
-    fit : Fit
-        Its causes, refitted to it.
-    """
+    """Return the parameters of a fit with 90 % intervals."""
     from scipy.stats import t as student
 
     fitter, slots, m = Fitter(evidence), slots_of(fit.spec), evidence.J.shape[1]
@@ -90,8 +72,8 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
 
 def main_parameter(effect: str, spec: Mapping[str, float]) -> str:
     """Return the parameter that says how large an effect is: the linear one that is largest beside its typical size."""
-    from ...effects import all_effects
+    from .history import effect_class
 
-    parameters = all_effects()[effect].parameters
+    parameters = [p for p in effect_class(effect).parameters if p.name in spec]
     linear = [p for p in parameters if p.linear] or list(parameters)
     return max(linear, key=lambda p: abs(spec[p.name]) / (abs(p.nominal) or abs(p.upper) or 1.0)).name

@@ -60,6 +60,8 @@ class Change:
         That parameter and its unit.
     evidence : float
         Logarithm of the likelihood ratio to a cause that stays as it is.
+    where : str
+        The port at which it acts, of a simulator with ports.
 
     Examples
     --------
@@ -77,3 +79,4 @@ class Change:
     parameter: str
     unit: str
     evidence: float
+    where: str = ""

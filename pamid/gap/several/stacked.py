@@ -11,17 +11,13 @@ residuals stand below one another; the columns of a day's own parameters are zer
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...effects import Parameter, all_effects
-from ..residuals.bench import Evidence
-from ..residuals.protocol import STATE, Spec
-from ..residuals.straight import Straight
+from ..residuals.protocol import STATE, ResidualSource, Spec
 
-OF_THE_BENCH = ("rest_length", "rest_diameter", "braid_angle", "initial_contraction", "pulley_radius", "inertia")
-"""Parameters that stay from day to day: lengths, angles and masses. Valves, friction and gas need not."""
 KEPT = 1500
 """Residual vectors that are kept: those of the library's grid, which is looked at several times."""
 
@@ -33,18 +29,18 @@ class Log(NamedTuple):
     ----------
     name : str
         Its name.
-    evidence : Evidence
+    evidence : ResidualSource
         Its windows.
     day : str
         Logs of one day share what may change from day to day.
     """
 
     name: str
-    evidence: Evidence
+    evidence: Any
     day: str
 
 
-class StackedEvidence(Straight):
+class StackedEvidence:
     """Several logs as one source of residuals; a `pamid.gap.residuals.protocol.ResidualSource`.
 
     Parameters
@@ -57,15 +53,17 @@ class StackedEvidence(Straight):
         Takes the name of an effect, returns that of the library.
     """
 
-    exact = True
-    bends = False
+    lasting: Collection[str] = ()
 
     def __init__(
         self, logs: Sequence[Log], active: Callable[[str, int], bool], plain: Callable[[str], str] = str
     ) -> None:
         self.logs, self.active, self.plain = list(logs), active, plain
-        sources = [log.evidence for log in self.logs]
-        self.params = sources[-1].params
+        sources: list[ResidualSource] = [log.evidence for log in self.logs]
+        self.exact, self.bends, self.one_sided = sources[0].exact, sources[0].bends, sources[0].one_sided
+        self.curved = any(s.curved for s in sources)
+        first, *others = [s.twins for s in sources]
+        self.twins: Mapping[str, str] = {a: b for a, b in first.items() if all(t.get(a, b) == b for t in others)}
         every = dict.fromkeys(e for s in sources for e in s.equations)
         order = [e for e in sources[0].units if e in every]
         self.equations = [*order, *(e for e in every if e not in order)]
@@ -77,10 +75,10 @@ class StackedEvidence(Straight):
         self.z0 = self._gathered([s.z0 for s in sources])
         self.noise = self._gathered([s.noise for s in sources])
         self.measured = self._gathered([s.measured for s in sources])
-        self.side = self._gathered([s.side for s in sources])
+        self.side = self._gathered([self._sides(s) for s in sources])
         self.time = self._gathered([s.time for s in sources])
         self.log = self._gathered([np.full(len(s.z0), k) for k, s in enumerate(sources)])
-        before = np.cumsum([0, *(len(s.runs) for s in sources)])
+        before = np.cumsum([0, *(int(s.run.max(initial=-1)) + 1 for s in sources)])
         self.run = self._gathered([s.run + b for s, b in zip(sources, before, strict=False)])
         before = np.cumsum([0, *(len(s.trajectories) for s in sources)])
         self.block = self._gathered([s.block + b for s, b in zip(sources, before, strict=False)])
@@ -89,7 +87,7 @@ class StackedEvidence(Straight):
             f"{log.name}: {name}" if several else name for log in self.logs for name in log.evidence.trajectories
         ]
         self._tolerances()
-        self.weights = np.ones(len(self.parts))
+        self.weights = self._weights()
         sharp = {
             e
             for s in sources
@@ -133,7 +131,7 @@ class StackedEvidence(Straight):
         place: dict[str, int] = {}
         for k, log in enumerate(self.logs):
             for j, name in enumerate(log.evidence.free):
-                own = name not in OF_THE_BENCH and len({other.day for other in self.logs}) > 1
+                own = name not in log.evidence.lasting and len({other.day for other in self.logs}) > 1
                 key = f"{name} ({log.day})" if own else name
                 if key not in place:
                     place[key] = len(columns)
@@ -142,11 +140,34 @@ class StackedEvidence(Straight):
                 columns[place[key]][self.places[k]] = log.evidence.J[:, j]
                 self._of[k].append((j, place[key]))
         self.J = np.column_stack(columns) if columns else np.zeros((self.n, 0))
+        self.about = np.zeros(len(columns))
+        for log, columns_of in zip(self.logs, self._of, strict=True):
+            for j, at in columns_of:
+                self.about[at] = log.evidence.about[j]
+
+    def _sides(self, source: ResidualSource) -> np.ndarray:
+        """Return the side of each window; where that is the equation, its place among those of all logs."""
+        if not source.one_sided:
+            return source.side
+        places = np.array([self.equations.index(e) for e in source.equations], dtype=int)
+        return places[source.side]
+
+    def _weights(self) -> np.ndarray:
+        """Return what a window of each equation counts for: the mean over the windows of all logs."""
+        each = self._gathered(
+            [
+                np.concatenate(
+                    [np.full(p.stop - p.start, w) for p, w in zip(s.parts, s.weights, strict=True)] or [s.z0]
+                )
+                for s in (log.evidence for log in self.logs)
+            ]
+        )
+        return np.array([float(np.mean(each[part])) if part.stop > part.start else 1.0 for part in self.parts])
 
     # --- one log of the stack -----------------------------------------------------------------------------------
     def spec_in(self, k: int, spec: Spec) -> dict[str, dict[str, float]]:
         """Return the effects that act in a log, by the library's names where these are unambiguous."""
-        here = [name for name in spec if self.active(name, k)]
+        here = [name for name in spec if self._is_there(name, k)]
         plain = [self.plain(name) for name in here]
         return {p if plain.count(p) == 1 else name: dict(spec[name]) for name, p in zip(here, plain, strict=True)}
 
@@ -188,9 +209,24 @@ class StackedEvidence(Straight):
             ]
         )
 
+    def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each parameter, under effects, at deviations x."""
+        if not self.curved:
+            return self.J
+        out = np.zeros_like(self.J)
+        for k, (log, place) in enumerate(zip(self.logs, self.places, strict=True)):
+            found = log.evidence.slopes(self.spec_in(k, spec), self.deviations_in(k, np.asarray(x, dtype=float)))
+            for j, at in self._of[k]:
+                out[place, at] = found[:, j]
+        return out
+
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others, at deviations x."""
-        return self.tangent(spec, x) - self.tangent(about, x)
+        each = []
+        for k, log in enumerate(self.logs):
+            here, there, mine = self.spec_in(k, spec), self.spec_in(k, about), self.deviations_in(k, np.asarray(x))
+            each.append(np.zeros(len(log.evidence.z0)) if here == there else log.evidence.change(here, there, mine))
+        return self._gathered(each)
 
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
@@ -206,7 +242,15 @@ class StackedEvidence(Straight):
         return [e for e in self.equations if e in found]
 
     def _here(self, names: Collection[str], k: int) -> list[str]:
-        return [name for name in names if self.active(name, k)]
+        return [self.plain(name) for name in names if self._is_there(name, k)]
+
+    def has(self, name: str) -> bool:
+        """Tell whether any log holds what an effect acts at."""
+        return any(self._is_there(name, k) for k in range(len(self.logs)))
+
+    def _is_there(self, name: str, k: int) -> bool:
+        """Tell whether an effect acts in a log, and at something that the log holds."""
+        return self.active(name, k) and self.logs[k].evidence.has(self.plain(name))
 
     def reads(self, channel: str) -> bool:
         """Tell whether an equation that is tested reads a channel."""
@@ -214,7 +258,11 @@ class StackedEvidence(Straight):
 
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the trajectory of each window, which is left out as a whole, and how many there are."""
-        return self.block, len(self.trajectories)
+        each = [log.evidence.pieces() for log in self.logs]
+        if sum(n for _, n in each) <= len(self.trajectories):
+            return self.block, len(self.trajectories)
+        before = np.cumsum([0, *(n for _, n in each)])
+        return self._gathered([piece + b for (piece, _), b in zip(each, before, strict=False)]), int(before[-1])
 
     def freedom(self, spec: Spec) -> float:
         """Return what it costs that the beginnings of runs are unknown."""
@@ -247,13 +295,23 @@ class StackedEvidence(Straight):
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
         effect = all_effects()[name]
-        known = self.logs[0].evidence.prior(self.plain(name))
-        return known if name == self.plain(name) else min(known, float(effect.prior))
+        plain = self.plain(name)
+        known = max(float(log.evidence.prior(plain)) for log in self.logs)
+        return known if name == plain else min(known, float(effect.prior))
 
-    @staticmethod
-    def column(name: str, side: int = 0) -> str:
+    def column(self, name: str, side: int = 0) -> str:
         """Return the name under which a reader knows a signal of the state."""
-        return Evidence.column(name, side)
+        source = self.logs[0].evidence
+        if source.one_sided and side < len(self.equations):
+            asked = self.equations[side]
+            source = next(log.evidence for log in self.logs if asked in log.evidence.equations)
+            side = source.equations.index(asked)
+        return str(source.column(name, side))
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return the signals that all logs hold, at the centre of each window."""
+        each = [{k: v[log.evidence.centre] for k, v in log.evidence.signals().items()} for log in self.logs]
+        return {name: self._gathered([s[name] for s in each]) for name in each[0] if all(name in s for s in each)}
 
     @property
     def state(self) -> dict[str, np.ndarray]:

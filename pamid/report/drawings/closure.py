@@ -44,18 +44,6 @@ def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
     """Draw how the mean square error of an equation falls as the causes are added.
 
     Squares add up where root mean squares do not, so that the bars are shares of the mean square error.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    equation : str, optional
-        Its equation; that of the first cause, or of the first closure, by default.
-
-    Returns
-    -------
-    Figure
-        The waterfall.
     """
     closure = chosen_closure(d, equation)
     quantity = residual(closure.equation, closure.unit)

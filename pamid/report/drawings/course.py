@@ -25,24 +25,7 @@ def course_figure(
     trajectory: str | None = None,
     limits: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw what was measured in a run, and what the simulator says without and with the causes.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    equation : str, optional
-        Its equation; the one with most of the gap by default.
-    trajectory : str, optional
-        The run; the most telling one by default.
-    limits : (float, float), optional
-        Lower and upper end of the axis, in the unit shown, so that several runs have one scale.
-
-    Returns
-    -------
-    Figure
-        Three lines over time; the title tells the fits.
-    """
+    """Draw what was measured in a run, and what the simulator says without and with the causes."""
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ..quantities import residual, signal
 from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of, usable
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -26,6 +26,7 @@ _ACROSS = {
     "joint_modelled": ("q", "eps"),
     "torque": ("q",),
 }
+_NOT_STATE = ("trajectory", "time", "equation", "side", "measured", "before", "after", "noise")
 _MOST = 1500  # windows drawn of one run
 _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
 
@@ -36,24 +37,7 @@ def loop_figure(
     trajectory: str | None = None,
     limits: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the residual of a run over the state and over time.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    equation : str, optional
-        Its equation; the one with most of the gap by default.
-    trajectory : str, optional
-        The run; the most telling one by default.
-    limits : (float, float), optional
-        Ends of the residual's axis in the unit shown, so that several runs have one scale.
-
-    Returns
-    -------
-    Figure
-        The loop above, the same over time below.
-    """
+    """Draw the residual of a run over the state and over time."""
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = _first_stretch(of_trajectory(d, equation, trajectory))
@@ -86,7 +70,17 @@ def _across(part: pd.DataFrame, equation: str) -> str:
             x = part[name].to_numpy(dtype=float)
             if float(np.nanmax(x) - np.nanmin(x)) > _STILL.get(name, 0.0):
                 return name
-    return "time"
+    ports = [str(c) for c in part.columns if c not in _NOT_STATE and pd.api.types.is_numeric_dtype(part[c])]
+    moved = [name for name in ports if usable(part, name)]
+    return max(moved, key=lambda name: _explained(part, name), default="time")
+
+
+def _explained(part: pd.DataFrame, name: str) -> float:
+    """Return the share of an error's variance that lies between tenths of a signal's range of ranks."""
+    x, error = (pd.Series(part[column].to_numpy(dtype=float)) for column in (name, "before"))
+    tenths = (x.rank(method="first", pct=True) * 10).round()
+    spread = float(error.var(ddof=0))
+    return float(error.groupby(tenths).transform("mean").var(ddof=0)) / spread if spread > 0.0 else 0.0
 
 
 def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple[str, ...]) -> None:

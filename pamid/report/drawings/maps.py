@@ -45,22 +45,7 @@ def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]
 
 
 def map_figure(d: Diagnosis, equation: str | None = None, x: str | None = None, y: str | None = None) -> Figure:
-    """Draw the mean residual over two signals, without and with the causes.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    equation : str, optional
-        Its equation; the one with most of the gap by default.
-    x, y : str, optional
-        Signals of the windows; the most telling ones by default.
-
-    Returns
-    -------
-    Figure
-        Two maps with one scale.
-    """
+    """Draw the mean residual over two signals, without and with the causes."""
     equation = chosen_equation(d, equation)
     if x is None or y is None:
         pairs = axes_of(d, equation)

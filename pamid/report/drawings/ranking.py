@@ -14,20 +14,7 @@ if TYPE_CHECKING:
 
 
 def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
-    """Draw the confidence in each of the likeliest candidates.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    most : int, default=10
-        Candidates that are drawn.
-
-    Returns
-    -------
-    Figure
-        A bar for each, those of the answer in colour.
-    """
+    """Draw the confidence in each of the likeliest candidates."""
     candidates = sorted(d.candidates, key=lambda c: -c.confidence)[:most]
     told = answer_names(d)
     with style():

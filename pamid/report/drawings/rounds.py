@@ -19,18 +19,7 @@ _MOST = 4
 
 
 def rounds_figure(d: Diagnosis) -> Figure:
-    """Draw confidences, the interval of the first cause's main parameter and the remainder, round by round.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        A diagnosis that went on from earlier ones.
-
-    Returns
-    -------
-    Figure
-        Three panels over the time recorded, s.
-    """
+    """Draw confidences, the interval of the first cause's main parameter and the remainder, round by round."""
     rounds = d.rounds
     seconds = np.array([r.seconds for r in rounds])
     last = rounds[-1].confidences

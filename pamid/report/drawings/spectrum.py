@@ -26,20 +26,7 @@ _RUNS = 60  # runs that a spectrum looks at
 
 
 def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
-    """Draw the amplitude spectrum of an equation's residual.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        What to draw.
-    equation : str, optional
-        Its equation; the one with most of the gap by default.
-
-    Returns
-    -------
-    Figure
-        The square root of the power density over frequency, with the band that holds most of the gap shaded.
-    """
+    """Draw the amplitude spectrum of an equation's residual."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     equation = chosen_equation(d, equation)
@@ -85,13 +72,7 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
 
 
 def spectra(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return frequencies in Hz and the power densities before, after and of the noise, averaged over runs.
-
-    Raises
-    ------
-    ShortTrajectoryError
-        No run is long enough.
-    """
+    """Return frequencies in Hz and the power densities before, after and of the noise, averaged over runs."""
     from matplotlib.mlab import psd
 
     runs = part["trajectory"].unique()
@@ -145,23 +126,6 @@ def worse_bands(d: Diagnosis, equation: str) -> list[tuple[float, float, float]]
 
     A band counts where the mean power after exceeds that before, and the noise, by more than two standard deviations of
     a spectral estimate.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        Where causes were added.
-    equation : str
-        Its equation.
-
-    Returns
-    -------
-    list of (float, float, float)
-        Empty where the error shrinks at all frequencies.
-
-    Raises
-    ------
-    ShortTrajectoryError
-        No run is long enough for a spectrum.
     """
     part = d.windows[d.windows["equation"] == equation]
     frequency, before, after, noise = spectra(part)

@@ -44,8 +44,8 @@ class HowFarSection(Section):
             self.picture(
                 closure_figure(d, name),
                 name,
-                f"The mean square {RESIDUALS.get(name, name)}, on runs that the fit had not seen: before, what the "
-                "causes take away, after, and how much of that is noise.",
+                f"The mean square {RESIDUALS.get(name, name)} on unseen runs: before, the part that each cause "
+                "removes, after, and how much of that is noise.",
             )
             for name in with_gap
         ]

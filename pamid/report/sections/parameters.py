@@ -61,7 +61,7 @@ def _rows(parameters: Mapping[str, ParameterEstimate]) -> list[dict[str, str]]:
         {
             "name": name.replace("_", " "),
             "value": amount(p.value, p.unit),
-            "ci": span(*p.ci90, p.unit) + (", at the end of what is physical" if p.at_bound else ""),
+            "ci": span(*p.ci90, p.unit) + (", at its physical limit" if p.at_bound else ""),
         }
         for name, p in parameters.items()
     ]

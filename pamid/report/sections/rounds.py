@@ -24,9 +24,9 @@ class RoundsSection(Section):
         """Return the picture and a row a round."""
         d = self.diagnosis
         caption = (
-            "Confidence of the likeliest effects, the first cause's main parameter with its 90 % interval, and what "
+            "Confidence of the likeliest effects, the first cause's main parameter with its 90 % interval, and the "
         )
-        caption += "the named causes leave of the gap, over the time recorded."
+        caption += "share of the gap that remains, over the recorded time."
         rows = []
         for k, r in enumerate(d.rounds, start=1):
             first = next(iter(r.confidences), "")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pamid._discovery import modules
+from pamid._plugins import left_out, plugins
 from pamid.errors import EmptyLogError, LogFormatError
 
 if TYPE_CHECKING:
@@ -38,12 +39,15 @@ class RawTable:
         Whether the columns have names of their own.
     head : dict
         Single values beside the table, such as ``kp`` in a JSON log.
+    lost : tuple of str
+        What of the file is not in the table, each a clause, such as "its last message is cut off".
     """
 
     frame: pd.DataFrame
     variable: str | None = None
     named: bool = True
     head: dict[str, Any] = field(default_factory=dict)
+    lost: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,20 +76,7 @@ class Format:
 
 
 def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
-    """Return the position of the column that names each row's trajectory: what stands there is text, not a number.
-
-    Parameters
-    ----------
-    columns : iterable
-        Names of the columns, or their positions where the file names none.
-    mapping : LogMapping
-        May name the column.
-
-    Returns
-    -------
-    int or None
-        None where there is none.
-    """
+    """Return the position of the column that names each row's trajectory: what stands there is text, not a number."""
     labels = [str(c) if isinstance(c, str) else c for c in columns]
     wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
     if isinstance(wanted, int):
@@ -94,68 +85,42 @@ def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
 
 
 def flat_columns(schema: Any, mapping: LogMapping) -> list[str]:
-    """Return the columns of an Arrow schema that can be signals or name runs; nested and binary ones stay closed."""
+    """Return the columns of an Arrow schema that can be signals or name runs; lists but of numbers stay closed."""
     import pyarrow as pa
+
+    def closed(kind: Any) -> bool:
+        is_list = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
+        number = is_list and (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type))
+        return bool(pa.types.is_nested(kind) and not number)
 
     of_names = names_column(schema.names, mapping)
     flat = [
         field.name
         for k, field in enumerate(schema)
-        if not pa.types.is_nested(field.type) and (k == of_names or not pa.types.is_binary(field.type))
+        if not closed(field.type) and (k == of_names or not pa.types.is_binary(field.type))
     ]
     return list(dict.fromkeys(flat))
 
 
 @cache
 def all_formats() -> tuple[Format, ...]:
-    """List every format that a module of this package defines.
-
-    Returns
-    -------
-    tuple of Format
-        In the order in which they are tried.
-    """
+    """List every format that a module of this package or an installed plug-in defines."""
     found = [getattr(module, "FORMAT", None) for module in modules(__name__)]
+    for source, thing in plugins("pamid.readers", "a pamid.signals.formats.Format"):
+        if isinstance(thing, Format):
+            found.append(thing)
+        else:
+            left_out(source, repr(thing), "a pamid.signals.formats.Format")
     return tuple(sorted((f for f in found if isinstance(f, Format)), key=lambda f: (f.order, f.name)))
 
 
 def known_extensions() -> tuple[str, ...]:
-    """List the endings of all formats.
-
-    Returns
-    -------
-    tuple of str
-        Such as ``(".csv", ".parquet", ...)``.
-
-    Examples
-    --------
-    >>> from pamid.signals.formats import known_extensions
-    >>> ".csv" in known_extensions()
-    True
-    """
+    """List the endings of all formats."""
     return tuple(sorted({e for f in all_formats() for e in f.extensions}))
 
 
-def format_of(path: Path) -> Format:
-    """Tell a file's format by its content, and hold it against its name.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file that is not empty.
-
-    Returns
-    -------
-    Format
-        The format.
-
-    Raises
-    ------
-    EmptyLogError
-        If the file holds nothing, or blanks alone.
-    LogFormatError
-        If the content is of no known format, or of another than the name says.
-    """
+def format_of(path: Path, encoding: str | None = None) -> Format:
+    """Tell a file's format by its content, and hold it against its name."""
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     if not head.strip():
@@ -166,6 +131,8 @@ def format_of(path: Path) -> Format:
         if candidate.recognises(head):
             return candidate
     by_content = next((f for f in all_formats() if f.recognises(head)), None)
+    if by_content is None and encoding is not None:
+        by_content, named = next(f for f in all_formats() if ".csv" in f.extensions), []
     if by_content is None:
         raise LogFormatError(
             f"{path.name} holds binary data that no reader knows (it begins with {head[:8]!r}).",

@@ -18,6 +18,23 @@ if TYPE_CHECKING:
 
 _CHUNK = 2**24
 _SHOWN = 60
+_WIDE = (
+    "utf-16",
+    "utf16",
+    "utf-32",
+    "utf32",
+    "utf_16",
+    "utf_32",
+    "u16",
+    "u32",
+    "utf-7",
+    "big5",
+    "shift",
+    "gb",
+    "cp9",
+    "euc",
+)
+"""Encodings in which a byte of a delimiter may be part of another letter."""
 
 
 class _Counts:
@@ -42,22 +59,7 @@ class _Counts:
 
 
 def require_fields(path: Path, layout: Layout) -> None:
-    """Raise where a row has more or fewer fields than the header, or than most rows where there is none.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    layout : Layout
-        How it is laid out.
-
-    Raises
-    ------
-    LogFormatError
-        With the first such line, its number of fields, and how many there are.
-    TruncatedLogError
-        If only the last row is short: the file was cut off.
-    """
+    """Raise where a row has more or fewer fields than the header, or than most rows where there is none."""
     found = _counted(path, layout)
     if not found.odd:
         return
@@ -82,7 +84,7 @@ def require_fields(path: Path, layout: Layout) -> None:
 
 def _counted(path: Path, layout: Layout) -> _Counts:
     found = _Counts(layout)
-    if layout.encoding != "utf-16" and layout.delimiter != " " and layout.delimiter.isascii():
+    if not layout.encoding.lower().startswith(_WIDE) and layout.delimiter != " " and layout.delimiter.isascii():
         for lines, counts in _plain(path, layout):
             if counts is None:
                 break  # quotes, behind which a delimiter or an end of line is part of a field

@@ -12,42 +12,14 @@ _ALIKE = 3  # rows that have to look like samples before the first of them count
 
 
 class Heading(NamedTuple):
-    """The rows above the samples.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the columns, with the unit in brackets where a row of units names one.
-    rows : int
-        How many rows stand above the samples, names and units among them.
-    """
+    """The rows above the samples."""
 
     names: tuple[str, ...]
     rows: int
 
 
 def heading_of(rows: Sequence[Sequence[str]], is_value: Callable[[str], bool]) -> Heading | None:
-    """Find names below a preamble, and units below names.
-
-    Parameters
-    ----------
-    rows : sequence of sequences of str
-        The first rows of the file, cut into fields without blanks and quotes.
-    is_value : callable
-        Whether a field is a number or stands for a missing one.
-
-    Returns
-    -------
-    Heading or None
-        None where the first row holds the names, or the table has none: nothing but the plain way is needed then.
-
-    Examples
-    --------
-    >>> from pamid.signals.formats._heading import heading_of
-    >>> rows = [["Log", "rig"], ["Zeit", "Druck", "Kraft"], ["s", "bar", "N"], *(["0", "1", "2"] for _ in range(5))]
-    >>> heading_of(rows, str.isdigit)
-    Heading(names=('Zeit [s]', 'Druck [bar]', 'Kraft [N]'), rows=3)
-    """
+    """Find names below a preamble, and units below names."""
     width = Counter(len(row) for row in rows).most_common(1)[0][0]
     if width < 2:
         return None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pamid.errors import DuplicateColumnError, EmptyLogError, LogFormatError, MappingError
 
+from ._encoding import encoding_of
 from ._heading import heading_of
 
 if TYPE_CHECKING:
@@ -24,25 +25,7 @@ _COMMENT = "#"
 
 
 class Layout(NamedTuple):
-    """How to read a text table.
-
-    Parameters
-    ----------
-    encoding : str
-        Of the file.
-    delimiter : str
-        Between fields; a blank stands for any white space.
-    names : tuple of str or None
-        Names of the columns; None where the file names none.
-    width : int
-        Fields of a row.
-    begins : int
-        Lines before the first row of samples.
-    decimal : str
-        Point or comma.
-    ends_with_delimiter : bool
-        Whether rows have a delimiter behind their last field.
-    """
+    """How to read a text table."""
 
     encoding: str
     delimiter: str
@@ -54,28 +37,8 @@ class Layout(NamedTuple):
 
 
 def layout_of(path: Path, mapping: LogMapping) -> Layout:
-    """Find how a text table is laid out, from its first rows and what the mapping says.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    mapping : LogMapping
-        May give delimiter, decimal and header.
-
-    Returns
-    -------
-    Layout
-        The layout.
-
-    Raises
-    ------
-    EmptyLogError
-        The file holds no rows.
-    DuplicateColumnError
-        Two columns carry one name.
-    """
-    encoding = encoding_of(path)
+    """Find how a text table is laid out, from its first rows and what the mapping says."""
+    encoding = mapping.encoding or encoding_of(path)
     lines = _first_lines(path, encoding)
     above = len(list(itertools.takewhile(lambda line: _is_comment(line) or not line.strip(), lines)))
     comments, rest = lines[:above], lines[above:]
@@ -131,28 +94,8 @@ def _given(delimiter: str | None) -> str | None:
     return delimiter
 
 
-def encoding_of(path: Path) -> str:
-    """Tell the encoding of a text file by its first bytes."""
-    with path.open("rb") as stream:
-        head = stream.read(65_536)
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    try:
-        head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:
-            return "latin-1"
-    return "utf-8-sig"
-
-
 def numbered_rows(lines: Iterable[str], delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Split lines into rows of fields; blank lines are passed over.
-
-    Yields
-    ------
-    tuple of int and list of str
-        Number of the row's last line, from 1, and its fields.
-    """
+    """Split lines into rows of fields; blank lines are passed over."""
     if delimiter == " ":
         for number, line in enumerate(lines, start=1):
             if line.strip():

@@ -28,23 +28,7 @@ _HEAD = 4096
 
 
 class Variable(NamedTuple):
-    """One variable of a file.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    kind : str
-        ``"number"``, or the MATLAB class of what is no plain real array (``"struct"``, ``"cell"``, ``"opaque"``, ...).
-    shape : tuple of int
-        Declared shape; empty where the class has none.
-    start : int
-        Where its data element begins in the file, bytes.
-    stored : int
-        Bytes that it takes in the file.
-    packed : bool
-        Whether it is compressed.
-    """
+    """One variable of a file."""
 
     name: str
     kind: str
@@ -63,23 +47,7 @@ class _Head(NamedTuple):
 
 
 def contents(path: Path) -> list[Variable]:
-    """List the variables of a MATLAB 5 file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    list of Variable
-        In the order of the file.
-
-    Raises
-    ------
-    TruncatedLogError
-        If an element reaches beyond the end of the file, or its header makes no sense.
-    """
+    """List the variables of a MATLAB 5 file."""
     size = path.stat().st_size
     found = []
     with path.open("rb") as stream:
@@ -102,32 +70,8 @@ def contents(path: Path) -> list[Variable]:
     return found
 
 
-def load(path: Path, variable: Variable, max_bytes: int) -> Any:
-    """Read one variable.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    variable : Variable
-        One of its `contents`: a plain array, text, a cell of texts, or a struct of these.
-    max_bytes : int
-        Largest number of bytes to unfold.
-
-    Returns
-    -------
-    ndarray, or dict of ndarrays
-        The array in its MATLAB shape; for text one entry a row; for a struct its fields of numbers and text.
-
-    Raises
-    ------
-    TruncatedLogError
-        If its lengths do not fit together.
-    HostileLogError
-        If it unfolds to more than `max_bytes`.
-    LogFormatError
-        If it is an array of structs.
-    """
+def load(path: Path, variable: Variable, max_bytes: int, refused: list[str] | None = None) -> Any:
+    """Read one variable."""
     with path.open("rb") as stream:
         order = _byte_order(stream, path)
         stream.seek(variable.start + 8)
@@ -141,7 +85,7 @@ def load(path: Path, variable: Variable, max_bytes: int) -> Any:
                 "Split the log, or raise max_bytes if the file can be trusted.",
             )
     if variable.kind == "struct":
-        return _struct(body, order, path, variable.name)
+        return _struct(body, order, path, variable.name, [] if refused is None else refused)
     if variable.kind in ("char", "cell"):
         return _texts(body, order, path)
     return _array(body, order, path)
@@ -241,7 +185,7 @@ def _characters(body: bytes, head: _Head, order: str, path: Path) -> list[str]:
     return ["".join(units[k::rows]) for k in range(rows)]
 
 
-def _struct(body: bytes, order: str, path: Path, name: str) -> dict[str, np.ndarray]:
+def _struct(body: bytes, order: str, path: Path, name: str, refused: list[str]) -> dict[str, np.ndarray]:
     head = _head(body, order, path)
     if math.prod(head.shape) != 1:
         raise LogFormatError(
@@ -263,6 +207,8 @@ def _struct(body: bytes, order: str, path: Path, name: str) -> dict[str, np.ndar
                 own = _head(inner, order, path)
                 if own.mx_class in _NUMERIC and not own.is_complex:
                     fields[key] = _array(inner, order, path)
+                elif own.mx_class in _NUMERIC:
+                    refused.append(f"{name}.{key}")
                 elif own.mx_class in (_CELL, _CHAR) and math.prod(own.shape) > 1:
                     fields[key] = _texts(inner, order, path)
     except (struct.error, IndexError):

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pamid.errors import EmptyLogError, HostileLogError
 
 from . import RawTable
+from ._lists import LONGEST
 
 if TYPE_CHECKING:
     from ..mapping import LogMapping
 
-_DEEPEST, _LONGEST = 6, 64
-"""Fields within fields, and numbers of one list, that become columns."""
+_NUMBERED = re.compile(r"^(.*)\[(\d+)\]$")
+_DEEPEST = 6
+"""Fields within fields that become columns."""
 Topic = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times, s, shape (n,), and the fields at them, each of shape (n,)."""
 
@@ -30,17 +33,7 @@ class Messages:
         self._rows: dict[str, list[dict[str, float]]] = {}
 
     def add(self, topic: str, stamp: int, said: Any) -> None:
-        """Add a message.
-
-        Parameters
-        ----------
-        topic : str
-            Its topic.
-        stamp : int
-            When it was logged, ns.
-        said : object
-            What it says: fields by name or as attributes.
-        """
+        """Add a message."""
         self._first = stamp if self._first is None else self._first
         self._times.setdefault(topic, []).append((stamp - self._first) * 1e-9)
         self._rows.setdefault(topic, []).append(dict(_numbers(said, "", 0)))
@@ -60,29 +53,6 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
 
     Numbers of other topics are interpolated between their messages, and missing before the first and after the last;
     rows at which a topic that the mapping names has none are left out.
-
-    Parameters
-    ----------
-    topics : mapping of str to (array, mapping)
-        Times and fields of each topic.
-    mapping : LogMapping
-        Names the columns that are wanted.
-    path : Path
-        The file, for messages.
-    max_bytes : int
-        Largest table.
-
-    Returns
-    -------
-    RawTable
-        The table; times count from the first message of all.
-
-    Raises
-    ------
-    EmptyLogError
-        No topic holds a number twice.
-    HostileLogError
-        The table would be too large.
     """
     import pandas as pd
 
@@ -91,6 +61,7 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
         raise EmptyLogError(f"{path.name} holds no topic with numbers.", "messages with numbers", "Record topics.")
     base = max(kept, key=lambda name: len(kept[name][0]))
     t = np.unique(kept[base][0])
+    lost = list(_out_of_step(kept[base][0], base))
     size = 8.0 * len(t) * sum(len(fields) for _, fields in kept.values())
     if size > max_bytes:
         raise HostileLogError(
@@ -99,19 +70,50 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
             "Split the log, or raise max_bytes if the file can be trusted.",
         )
     wanted = {source.column for source in mapping.signals.values()}
+    kept = {name: (times, _as_numbered(name, fields, wanted)) for name, (times, fields) in kept.items()}
     for name, (times, fields) in kept.items():
         if any(_column(name, field) in wanted for field in fields):
             t = t[(t >= np.min(times)) & (t <= np.max(times))]
     first = min(float(times[0]) for times, _ in kept.values())
     columns: dict[str, Any] = {"time": t - first}
+    bridged: dict[str, int] = {}
     for name, (times, fields) in kept.items():
         order = np.argsort(times, kind="stable")
         for field, values in fields.items():
             known = np.isfinite(values[order])
             if known.any():
+                if not known.all() and (not wanted or _column(name, field) in wanted):
+                    bridged[_column(name, field)] = len(known) - int(known.sum())
                 x = np.interp(t, times[order][known], values[order][known], left=np.nan, right=np.nan)
                 columns[_column(name, field)] = x
-    return RawTable(pd.DataFrame(columns))
+    if bridged:
+        worst = max(bridged, key=bridged.__getitem__)
+        lost.append(
+            f"messages lack numbers of {len(bridged)} columns, up to {bridged[worst]} of {worst}, bridged linearly"
+        )
+    return RawTable(pd.DataFrame(columns), lost=tuple(lost))
+
+
+def _out_of_step(times: np.ndarray, topic: str) -> Iterator[str]:
+    """Say what is wrong with the stamps of the topic whose messages are the rows."""
+    if again := len(times) - len(np.unique(times)):
+        yield f"{again} messages of {topic} bear the stamp of another one, and one of each stamp is kept"
+    if back := int(np.sum(np.diff(times) < 0.0)):
+        yield f"the stamps of {topic} go back {back} times, and its messages are sorted by them"
+
+
+def _as_numbered(
+    topic: str, fields: Mapping[str, np.ndarray], wanted: Collection[str | int | None]
+) -> Mapping[str, np.ndarray]:
+    """Return the fields, those of joints by the number of their place as well where a mapping asks for that."""
+    found = dict(fields)
+    for name in wanted:
+        match = _NUMBERED.match(str(name).removeprefix(f"{topic}."))
+        if match and _column(topic, match[0]) == name and match[0] not in found:
+            places = [f for f in fields if f.startswith(f"{match[1]}[")]
+            if int(match[2]) < len(places):
+                found[match[0]] = fields[places[int(match[2])]]
+    return found
 
 
 def _column(topic: str, field: str) -> str:
@@ -125,12 +127,33 @@ def _numbers(said: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
     elif depth >= _DEEPEST:
         return
     elif isinstance(said, dict):
+        called = _joints(said)
         for key, value in said.items():
-            yield from _numbers(value, f"{name}.{key}" if name else str(key), depth + 1)
+            yield from _numbers(_by_name(value, called), f"{name}.{key}" if name else str(key), depth + 1)
+    elif isinstance(said, _Places):
+        for place, value in zip(said.names, said.values, strict=True):
+            yield from _numbers(value, f"{name}[{place}]", depth + 1)
     elif isinstance(said, (list, tuple, np.ndarray)):
-        for k, value in enumerate(said[:_LONGEST]):
+        for k, value in enumerate(said[:LONGEST]):
             yield from _numbers(value, f"{name}[{k}]", depth + 1)
     elif (fields := getattr(said, "__dataclass_fields__", getattr(said, "__slots__", None))) is not None:
-        for key in fields:
-            if not key.startswith("_"):
-                yield from _numbers(getattr(said, key), f"{name}.{key}" if name else key, depth + 1)
+        yield from _numbers({k: getattr(said, k) for k in fields if not k.startswith("_")}, name, depth)
+
+
+class _Places(NamedTuple):
+    """Numbers whose places have names, such as those of joints."""
+
+    names: list[str]
+    values: list[Any]
+
+
+def _joints(said: dict[str, Any]) -> list[str]:
+    """Return the names that a message such as JointState gives the places of its lists, whose order may change."""
+    names = said.get("name", said.get("joint_names"))
+    listed = isinstance(names, list | tuple) and all(isinstance(n, str) for n in names)
+    return [str(n) for n in names] if listed and names and len(set(names)) == len(names) else []
+
+
+def _by_name(value: Any, names: list[str]) -> Any:
+    fits = names and isinstance(value, list | tuple | np.ndarray) and len(value) == len(names) <= LONGEST
+    return _Places(names, list(value)) if fits and not any(isinstance(v, str) for v in value) else value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,26 +21,7 @@ MAX_FOLD = 1_100
 
 
 def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_bytes: int) -> None:
-    """Raise if a variable declares more than may be unfolded.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    name : str
-        The variable.
-    shape : iterable of int
-        Its declared shape.
-    stored : int
-        Bytes in which it can be stored at most.
-    max_bytes : int
-        Largest number of bytes to unfold.
-
-    Raises
-    ------
-    HostileLogError
-        If the declared size is beyond `max_bytes` or cannot be in the file.
-    """
+    """Raise if a variable declares more than may be unfolded."""
     declared = 8.0
     for n in shape:
         declared *= max(int(n), 0)
@@ -53,29 +34,7 @@ def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_b
 
 
 def select(path: Path, names: list[str], pattern: str | None, zero_run: str | None) -> list[str]:
-    """Choose the variables that hold trajectories.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    names : list of str
-        Its numeric variables.
-    pattern : str or None
-        Pattern of `LogMapping.trajectories`.
-    zero_run : str or None
-        The variable of the zero run, which is no trajectory.
-
-    Returns
-    -------
-    list of str
-        In natural order; all but the zero run without a pattern.
-
-    Raises
-    ------
-    MappingError
-        If nothing matches.
-    """
+    """Choose the variables that hold trajectories."""
     chosen = [n for n in names if n != zero_run and (pattern is None or fnmatch.fnmatchcase(n, pattern))]
     if pattern is not None and not chosen:
         raise MappingError(
@@ -93,38 +52,14 @@ def select(path: Path, names: list[str], pattern: str | None, zero_run: str | No
 
 
 def natural(text: str) -> list[Any]:
-    """Sort key under which ``Test9`` comes before ``Test10``.
-
-    Parameters
-    ----------
-    text : str
-        A name.
-
-    Returns
-    -------
-    list
-        Its parts, with numbers as numbers.
-    """
+    """Sort key under which ``Test9`` comes before ``Test10``."""
     import re
 
     return [(1, int(t), "") if t.isdigit() else (0, 0, t) for t in re.split(r"(\d+)", text) if t]
 
 
 def as_frame(value: Any, name: str) -> pd.DataFrame | None:
-    """Turn an array of at most two dimensions, or a dict of vectors, into a frame.
-
-    Parameters
-    ----------
-    value : ndarray or dict
-        A variable; rows are samples.
-    name : str
-        Its name, for the column of a vector.
-
-    Returns
-    -------
-    DataFrame or None
-        None where it is no table (a scalar, a cube).
-    """
+    """Turn an array of at most two dimensions, or a dict of vectors, into a frame."""
     import pandas as pd
 
     if isinstance(value, Mapping):
@@ -144,23 +79,10 @@ def as_frame(value: Any, name: str) -> pd.DataFrame | None:
     return None
 
 
-def tables(variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str, Any]) -> list[RawTable]:
-    """Arrange variables into tables: matrices and structs are tables each, vectors of one length form one together.
-
-    Parameters
-    ----------
-    variables : mapping of str to ndarray or dict
-        The chosen variables.
-    pattern_given : bool
-        Whether the mapping names the variables: each is then a table of its own.
-    head : dict
-        Single values beside the tables.
-
-    Returns
-    -------
-    list of RawTable
-        The tables.
-    """
+def tables(
+    variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str, Any], lost: Sequence[str] = ()
+) -> list[RawTable]:
+    """Arrange variables into tables: matrices and structs are tables each, vectors of one length form one together."""
     import pandas as pd
 
     result: list[RawTable] = []
@@ -171,6 +93,8 @@ def tables(variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str,
             continue
         frame = as_frame(value, name)
         if frame is None:
+            if np.ndim(value) > 2:
+                lost = [*lost, f"'{name}' (an array of {np.ndim(value)} dimensions) left out"]
             continue
         if frame.shape[1] == 1 and not pattern_given and not isinstance(value, Mapping):
             vectors[name] = frame.iloc[:, 0].to_numpy()
@@ -182,4 +106,10 @@ def tables(variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str,
         columns = {k: v for k, v in vectors.items() if len(v) == length}
         if not result or "time" in columns:
             result = [RawTable(pd.DataFrame(columns), head=head)]
+            others = {k: len(v) for k, v in vectors.items() if length // 2 < len(v) < length}
+            if others:
+                said = ", ".join(f"'{k}' ({n} rows, others {length})" for k, n in list(others.items())[:4])
+                lost = [*lost, f"{said} left out"]
+    for table in result[:1]:
+        table.lost = tuple(lost)
     return result

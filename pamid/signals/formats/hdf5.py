@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 
+_REFUSED = "links, data in other files and complex numbers are not read: save plain real arrays"
+_SHOWN = 4
+
+
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read the numeric data sets; a group of vectors is a table, links to other files and objects stay closed."""
     import h5py
@@ -52,7 +56,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "Save or copy the log again.",
         ) from None
     zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
-    return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
+    lost = [f"{', '.join(refused[:_SHOWN])} left out ({_REFUSED})"] if refused else []
+    return tables(values, pattern_given=mapping.trajectories is not None, head={}, lost=lost), zero
 
 
 def is_matlab(path: Path, file: h5py.File) -> bool:
@@ -117,17 +122,34 @@ def _children(group: h5py.Group) -> dict[str, Any]:
     return own
 
 
+def _links(group: h5py.Group) -> list[str]:
+    """Return the members of a group that are links, which stay closed."""
+    import h5py
+
+    return [n for n in group if not isinstance(group.get(n, getlink=True), h5py.HardLink) and not n.startswith("#")]
+
+
+def _refused(item: Any) -> str:
+    """Return what of a data set keeps its numbers from being read; empty where nothing does."""
+    if _is_virtual(item):
+        return "virtual" if item.is_virtual else "external"
+    return "complex" if item.dtype.kind == "c" else ""
+
+
 def collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int) -> None:
     """Note numeric data sets by their path; a group that holds only vectors is one table."""
     import h5py
 
     if depth > 8:
         return
+    refused.extend(f"'{prefix}{name}' (a link)" for name in _links(group))
     for name, item in _children(group).items():
         path = f"{prefix}{name}"
         if isinstance(item, h5py.Dataset):
-            if _is_virtual(item) or not _numeric(item.dtype):
-                refused.append(f"'{path}' ({item.dtype})")
+            if kind := _refused(item):
+                refused.append(f"'{path}' ({kind})")
+            elif not _numeric(item.dtype):
+                continue
             else:
                 found[path] = item
         elif isinstance(item, h5py.Group):
@@ -140,6 +162,10 @@ def collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list
                 and not any(isinstance(v, h5py.Group) for v in inner.values())
             ):
                 found[path] = usable
+                kinds = {k: kind for k, v in inner.items() if (kind := _refused(v))} | dict.fromkeys(
+                    _links(item), "a link"
+                )
+                refused.extend(f"'{path}/{k}' ({kind})" for k, kind in kinds.items())
             else:
                 collect(item, f"{path}/", found, refused, depth + 1)
 

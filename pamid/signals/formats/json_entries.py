@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pamid.errors import HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
+from pamid.errors import DuplicateColumnError, HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
 
 from . import Format, RawTable
 
@@ -25,7 +26,9 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "Convert it to parquet, or raise max_bytes.",
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
+        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_of_pairs)
+    except DuplicateColumnError as error:
+        raise DuplicateColumnError(f"{path.name}: {error.found}", error.expected, error.remedy) from None
     except (ValueError, RecursionError) as error:  # a ValueError also of numbers of thousands of digits
         raise TruncatedLogError(
             f"{path.name} is not whole JSON: {error}.", "a whole JSON file", "Export or copy the log again."
@@ -48,6 +51,16 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     frame = _frame(entries, path)
     scalar = [c for c in frame.columns if not frame[c].map(lambda v: isinstance(v, list | dict)).any()]
     return [RawTable(frame[scalar], head=head)], None
+
+
+def _of_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object, none of whose keys stands in it twice: the later one would replace the earlier."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        counted = Counter(k for k, _ in pairs)
+        twice = counted.most_common(1)[0][0]
+        raise DuplicateColumnError(f"an object has the key {twice[:60]!r} twice.", "each key once", "Rename one.")
+    return found
 
 
 def _frame(entries: Any, path: Path) -> pd.DataFrame:

@@ -36,9 +36,12 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     wanted = [*chosen, *of_names, *([mapping.zero_run] if mapping.zero_run else [])]
     for name in wanted:
         require_size(path, name, listing[name].shape, listing[name].stored, max_bytes)
-    values = {name: load(path, listing[name], max_bytes) for name in wanted}
+    complex_ones = [name for name, v in listing.items() if v.kind == "complex"]
+    values = {name: load(path, listing[name], max_bytes, complex_ones) for name in wanted}
+    shown = ", ".join(f"'{name}'" for name in complex_ones[:4])
+    lost = [f"{shown} left out (complex numbers are not read: save real parts)"] if complex_ones else []
     zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
-    return tables(values, pattern_given=mapping.trajectories is not None, head={}), zero
+    return tables(values, pattern_given=mapping.trajectories is not None, head={}, lost=lost), zero
 
 
 def _names_variable(listing: dict[str, Variable], mapping: LogMapping, path: Path) -> list[str]:

@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pamid.errors import MissingDependencyError, TruncatedLogError
+from pamid.errors import MissingDependencyError
 
 from . import Format, RawTable
+from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
 
 if TYPE_CHECKING:
@@ -17,29 +18,26 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARK = b"\x89MCAP0\r\n"
+_WHOLE = "a whole MCAP file of JSON or ROS 2 messages"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read all topics as one table: columns ``/topic.field``, times those at which messages were logged."""
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError:
         raise MissingDependencyError(
             "mcap is not installed.", "the package mcap", "Install it: pip install 'pamid[robot]'."
         ) from None
-    found = Messages()
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream)
-            for schema, channel, message in reader.iter_messages():
-                found.add(channel.topic, message.log_time, _decoded(channel.message_encoding, schema, message.data))
-    except (McapError, ValueError, TypeError, KeyError, OSError, EOFError, RecursionError) as error:
-        raise TruncatedLogError(
-            f"{path.name} is damaged or cut off: {type(error).__name__}: {str(error)[:120]}.",
-            "a whole MCAP file of JSON or ROS 2 messages",
-            "Copy the log again.",
-        ) from None
+    found, count = Messages(), 0
+    with foreign_reader(path, _WHOLE), path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        for schema, channel, message in reader.iter_messages():
+            found.add(channel.topic, message.log_time, _decoded(channel.message_encoding, schema, message.data))
+            count += 1
+        said = summary.statistics.message_count if summary is not None and summary.statistics is not None else None
+        require_all(path, count, said, _WHOLE)
     return [joined(found.topics(), mapping, path, max_bytes)], None
 
 

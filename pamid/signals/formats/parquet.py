@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pamid.errors import HostileLogError, TruncatedLogError
 
 from . import Format, RawTable, flat_columns
+from ._lists import unfolded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +32,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
                     "Split the log, or raise max_bytes if the file can be trusted.",
                 )
             table = file.read(columns=flat_columns(schema, mapping))
-            frame = table.replace_schema_metadata(None).to_pandas()
+            frame = frame_of(table, path)
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, HostileLogError):
             raise
@@ -41,6 +42,15 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "Export or copy the log again.",
         ) from None
     return [RawTable(frame)], None
+
+
+def frame_of(table: Any, path: Path) -> pd.DataFrame:
+    """Return rows of a parquet file as a table of numbers and names."""
+    from ..robots import places_of
+
+    lists = any(str(field.type).startswith(("list", "fixed_size_list", "large_list")) for field in table.schema)
+    frame = table.replace_schema_metadata(None).to_pandas()
+    return unfolded(frame, places_of(path)) if lists else frame
 
 
 FORMAT = Format("parquet", (".parquet", ".pq"), lambda head: head[:4] == b"PAR1", read)

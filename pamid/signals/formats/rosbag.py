@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sqlite3
-import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pamid.errors import LogFormatError, MissingDependencyError, TruncatedLogError
+from pamid.errors import LogFormatError, MissingDependencyError
 
 from . import Format, RawTable
+from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
 
 if TYPE_CHECKING:
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARKS = b"#ROSBAG V2.0", b"SQLite format 3\0"
+_WHOLE = "a whole recording with messages of known types"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -26,8 +26,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     Of ROS 2 a recording is a folder: its ``.db3`` stands for all of it.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, TypesysError, get_typestore
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise MissingDependencyError(
             "rosbags is not installed.", "the package rosbags", "Install it: pip install 'pamid[robot]'."
@@ -39,21 +39,15 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "the whole folder of a recording of ROS 2",
             "Copy the folder, and name its .db3.",
         )
-    found = Messages()
-    try:
+    found, count = Messages(), 0
+    with foreign_reader(path, _WHOLE):
         # Bags of ROS 2 before Iron do not say what their messages hold: those of the common packages are known.
         with AnyReader([path.parent if two else path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            said = reader.message_count
             for connection, stamp, data in reader.messages():
                 found.add(connection.topic, stamp, reader.deserialize(data, connection.msgtype))
-    except (
-        AnyReaderError, TypesysError, sqlite3.Error, struct.error, ValueError, TypeError, KeyError, IndexError, OSError,
-        EOFError, AssertionError, RecursionError, MemoryError,
-    ) as error:  # fmt: skip
-        raise TruncatedLogError(
-            f"{path.name} is damaged or cut off: {type(error).__name__}: {str(error)[:120]}.",
-            "a whole recording with messages of known types",
-            "Copy the log again.",
-        ) from None
+                count += 1
+        require_all(path, count, said, _WHOLE)
     return [joined(found.topics(), mapping, path, max_bytes)], None
 
 

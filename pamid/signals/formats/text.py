@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 from pamid.errors import ColumnTypeError, EmptyLogError, HostileLogError, LogFormatError
 
 from . import Format, RawTable, names_column
+from ._encoding import encoding_by
 from ._fields import require_fields
 from ._layout import MISSING, layout_of
+from ._lists import unfolded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +28,8 @@ _NO_NUMBER = (
     "N/A", "NA", "NULL", "NaN", "None", "n/a", "nan", "nan(ind)", "null",
 )  # fmt: skip
 _SHOWN = 40
+_FOREIGN = 0.05
+_NUMBERLIKE = re.compile(r"(^|\s)[+-]?\d+[.,]?\d*(\s|$)")
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -50,10 +55,15 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "a text table",
             "Export the log again, or set delimiter in the mapping.",
         ) from None
+    if of_names is not None:
+        names: Any = _with_blanks(frame.iloc[:, of_names], path, layout, of_names)
+        frame.isetitem(of_names, names)
     for position in range(layout.width):
         column = frame.iloc[:, position]
         if position != of_names and not pd.api.types.is_numeric_dtype(column.dtype):
             frame.isetitem(position, _numbers(column, layout.decimal, mapping.thousands, path))
+    if layout.names is not None:
+        frame = unfolded(frame)
     return [RawTable(frame, named=layout.names is not None)], None
 
 
@@ -86,6 +96,33 @@ def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
     return frame
 
 
+def _with_blanks(names: pd.Series, path: Path, layout: Layout, position: int) -> pd.Series:
+    """Return the names of runs with the blanks in front of them where these alone keep two runs apart."""
+    import pandas as pd
+
+    if layout.delimiter == " " or not _blanks_in_front(path, layout):
+        return names
+    with path.open(encoding=layout.encoding, newline="") as stream:
+        rows = list(csv.reader(itertools.islice(stream, layout.begins, None), delimiter=layout.delimiter))
+    written = [row[position] for row in rows if len(row) > max(position, 1)]
+    if len(written) != len(names) or len(set(written)) == len({text.lstrip() for text in written}):
+        return names
+    return pd.Series(written, index=names.index, dtype="str")
+
+
+def _blanks_in_front(path: Path, layout: Layout) -> bool:
+    """Tell whether a field may begin with a blank."""
+    wide = "utf-16-le" if layout.encoding.startswith("utf-16") else "utf-8"
+    sought = [f"{mark} ".encode(wide) for mark in (layout.delimiter, "\n")]
+    rest = b""
+    with path.open("rb") as stream:
+        while piece := stream.read(2**22):
+            if any(text in rest + piece for text in sought):
+                return True
+            rest = piece[-4:]
+    return False
+
+
 def _numbers(column: pd.Series, decimal: str, thousands: str | None, path: Path) -> Any:
     """Turn a column that pandas left as text into numbers where it is meant as numbers."""
     import pandas as pd
@@ -108,6 +145,8 @@ def _numbers(column: pd.Series, decimal: str, thousands: str | None, path: Path)
                 f"If they carry thousands points, set thousands = '{mark}' in the mapping.",
             )
         return column
+    if not numbers.notna().any() and not _NUMBERLIKE.search(" ".join(text[bad].head(1000))):
+        return column  # remarks: words here and there, and no number
     row = int(bad.to_numpy().argmax())
     hint = (
         "If these are thousands points, set thousands = '.' in the mapping."
@@ -130,20 +169,12 @@ def _without_thousands(text: pd.Series, decimal: str, thousands: str) -> pd.Seri
 
 
 def _recognises(head: bytes) -> bool:
-    if not head.strip():
+    if not head.strip() or head.startswith((b"PAR1", b"\x89HDF", b"PK\x03\x04", b"\x1f\x8b", b"\x80\x04", b"\x80\x05")):
         return False
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return True
-    if b"\x00" in head or head.startswith((b"PAR1", b"\x89HDF", b"PK\x03\x04", b"\x1f\x8b", b"\x80\x04", b"\x80\x05")):
-        return False
-    try:
-        head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:
-            start = head[:4096]
-            control = any(b < 32 and b not in (9, 10, 11, 12, 13, 27) for b in start)
-            return not control and sum(b > 127 for b in start) <= 0.05 * len(start)
-    return True
+    found = encoding_by(head)
+    if found == "latin-1" and sum(b > 127 for b in head[:4096]) > _FOREIGN * len(head[:4096]):
+        return b"\n" in head and any(b in head for b in b"0123456789")
+    return bool(found)
 
 
 FORMAT = Format("text (CSV)", (".csv", ".txt", ".tsv", ".dat", ".log", ".asc"), _recognises, read, order=9)

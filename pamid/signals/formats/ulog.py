@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import struct
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import MissingDependencyError, TruncatedLogError
+from pamid.errors import MissingDependencyError
 
 from . import Format, RawTable
+from ._foreign import foreign_reader
 from ._topics import joined
 
 if TYPE_CHECKING:
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARK = b"ULog\x01\x12\x35"
+_HEADER = 16
+_KINDS = frozenset(bytes([k]) for k in b"BFIMPQARDLCSO")
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -28,20 +33,44 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         raise MissingDependencyError(
             "pyulog is not installed.", "the package pyulog", "Install it: pip install 'pamid[robot]'."
         ) from None
-    try:
+    topics = {}
+    with foreign_reader(path, "a whole ULog"):
         log = ULog(str(path))
-        topics = {}
         for data in log.data_list:
             times = np.asarray(data.data["timestamp"], dtype=float) * 1e-6
             fields = {k: np.asarray(v, dtype=float) for k, v in data.data.items() if k != "timestamp"}
             topics[f"{data.name}_{data.multi_id}" if data.multi_id else data.name] = times, fields
-    except (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, MemoryError) as error:
-        raise TruncatedLogError(
-            f"{path.name} is damaged or cut off: {type(error).__name__}: {str(error)[:120]}.",
-            "a whole ULog",
-            "Copy the log again.",
-        ) from None
-    return [joined(topics, mapping, path, max_bytes)], None
+    table = joined(topics, mapping, path, max_bytes)
+    read = sum(len(times) for times, _ in topics.values())
+    return [replace(table, lost=(*_lost(path, log, read), *table.lost))], None
+
+
+def _lost(path: Path, log: Any, read: int) -> list[str]:
+    """Return what a ULog has lost: messages behind a cut, damaged ones, and those that its recorder dropped."""
+    data, ends, told = _messages(path)
+    said = []
+    if not ends:
+        said.append("its last message is cut off, and what came behind it is lost (copy the log again)")
+    if log.file_corruption or told or data != read:
+        count = f"{data - read} of {data} messages of data" if data > read else "some messages"
+        said.append(f"{count} are damaged and left out")
+    if log.dropouts:
+        lost = sum(float(d.duration) for d in log.dropouts)
+        said.append(f"its recorder dropped messages {len(log.dropouts)} times, for {lost:.0f} ms in all")
+    return said
+
+
+def _messages(path: Path) -> tuple[int, bool, bool]:
+    """Count the messages of data in a ULog; tell whether the last one is whole, and whether a kind is unknown."""
+    count, odd, size = 0, False, path.stat().st_size
+    with path.open("rb") as stream:
+        at = stream.seek(_HEADER)
+        while len(head := stream.read(3)) == 3:
+            length, kind = struct.unpack("<Hc", head)
+            count += kind == b"D"
+            odd |= kind not in _KINDS
+            at = stream.seek(length, 1)
+    return count, not head and at == size, odd
 
 
 FORMAT = Format("ULog", (".ulg", ".ulog"), lambda head: head.startswith(_MARK), read)

@@ -1,0 +1,40 @@
+"""Estimators take the data frames of polars and pyarrow: each public method that reads X gets pandas' instead."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+from pamid.signals.frames import as_pandas, is_foreign
+
+
+class TakesFrames:
+    """Base of estimators whose methods of X take data frames of other libraries.
+
+    Its own methods and those of mixins of this package are wrapped, so none is forgotten; scikit-learn's call them.
+    A warning's ``stacklevel`` counts the wrapper.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for name in [n for n in dir(cls) if not n.startswith("_")]:
+            method = inspect.getattr_static(cls, name)
+            if inspect.isfunction(method) and _reads_table(method):
+                setattr(cls, name, _of_any_frame(method))
+
+
+def _reads_table(method: Callable[..., Any]) -> bool:
+    """Tell whether a method of this package has X as first parameter and is not wrapped yet."""
+    own = method.__module__.startswith("pamid.") and not getattr(method, "takes_frames", False)
+    return own and [*inspect.signature(method).parameters][1:2] == ["X"]
+
+
+def _of_any_frame(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def taking_frames(self: Any, X: Any, *args: Any, **kwargs: Any) -> Any:
+        return method(self, as_pandas(X) if is_foreign(X) else X, *args, **kwargs)
+
+    taking_frames.takes_frames = True  # type: ignore[attr-defined]
+    return taking_frames

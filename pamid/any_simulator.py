@@ -1,0 +1,252 @@
+"""One way in for every simulator: read it, evaluate it on a log, diagnose its gap, go on with further logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import ParameterError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from .bench.parameters import BenchParameters
+    from .equations import LogEvaluation
+    from .gap.diagnosis.result import Diagnosis
+    from .gap.several.conditions import Conditions
+    from .gap.several.history import History
+    from .simulators import Simulator
+    from .systems import System
+
+
+def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters | System | Simulator:
+    """Read a simulator of any kind.
+
+    Parameters
+    ----------
+    path : path-like
+        The page of a bench, a cylinder, a joint or a muscle; the page of a function, equations, a python-control
+        system, a MuJoCo model or an FMU; or such a model itself, ``.xml`` or ``.fmu``.
+    trust : bool, default=False
+        Whether code that the file names (a Python function, an FMU) may run.
+
+    Returns
+    -------
+    BenchParameters, System or Simulator
+        The simulator, for `evaluate` and `diagnose`.
+
+    Raises
+    ------
+    UntrustedCodeError
+        It names code, and there is no trust.
+    SimulatorFileError, ParameterError
+        The file is missing, no TOML, or says something that cannot be.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import pamid
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = pathlib.Path(folder) / "sim.toml"
+    ...     _ = page.write_text('kind = "cylinder"' + chr(10) + "[cylinder]" + chr(10) + 'bore = "25 mm"')
+    ...     pamid.read_simulator(page).kind
+    'cylinder'
+    """
+    from .bench.parameters import BenchParameters
+    from .simulators import read_simulator as read_ported
+    from .simulators.page import MODELS, simulator_kinds
+    from .systems import kind_of_file, read_system
+
+    path = Path(path)
+    if path.suffix.lower() in MODELS or (kind := kind_of_file(path)) in simulator_kinds():
+        return read_ported(path, trust=trust)
+    return BenchParameters.from_toml(path) if kind == "bench" else read_system(path)
+
+
+def evaluate(
+    log: pd.DataFrame | Iterable[pd.DataFrame],
+    simulator: BenchParameters | System | Simulator,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> LogEvaluation:
+    """Return how far a simulator of any kind is off on a log, equation by equation, beside the noise of the sensors.
+
+    Parameters
+    ----------
+    log : DataFrame or iterable of DataFrame
+        ``trajectory``, ``time`` (s) and the simulator's signals; or pieces of such a log, each of whole runs.
+    simulator : BenchParameters, System or Simulator
+        The simulator.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    LogEvaluation
+        For each equation the root mean square residual over windows, the same over the standard deviation of what was
+        measured, and the noise floor.
+
+    Raises
+    ------
+    MissingColumnError, ShortTrajectoryError
+        The log cannot be used.
+
+    Examples
+    --------
+    >>> import pamid
+    >>> bench = pamid.BenchParameters.for_muscle("B")
+    >>> from pamid.bench import sine
+    >>> found = pamid.evaluate(pamid.simulate(bench, [sine(4, 15, 400)]), bench)
+    >>> found["force"].rmse < 2.0 * found["force"].noise_floor  # N
+    True
+    """
+    import pandas as pd
+
+    from .equations import evaluate_log
+    from .gap import evaluate_simulator
+    from .signals.frames import as_pandas
+    from .simulators import Simulator
+    from .systems import System, evaluate_system
+
+    log = as_pandas(log)
+
+    if isinstance(simulator, Simulator):
+        return evaluate_simulator(log, simulator, progress=progress)
+    if isinstance(simulator, System):
+        whole = log if isinstance(log, pd.DataFrame) else pd.concat(log, ignore_index=True)
+        return evaluate_system(whole, simulator)
+    return evaluate_log(log, simulator, progress=progress)
+
+
+def diagnose(
+    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    simulator: BenchParameters | System | Simulator,
+    effects: str | Sequence[str] = "all",
+    *,
+    conditions: Mapping[str, Conditions] | None = None,
+    since: History | None = None,
+    rows: np.ndarray | None = None,
+    alone: bool | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Diagnose where a simulator of any kind and a log disagree, which effect is the cause, and how far the gap closes.
+
+    Parameters
+    ----------
+    log : DataFrame or mapping of str to DataFrame
+        ``trajectory``, ``time`` (s) and the simulator's signals; several logs by name, in the order in which they were
+        recorded. Of several logs causes are shared unless one came or went between two days; the page of a cylinder,
+        a joint or a muscle takes them as runs of one log.
+    simulator : BenchParameters, System or Simulator
+        The simulator, see `read_simulator`.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be causes; at ports every port is tried, unless one is named: ``"viscous_friction@motor"``.
+    conditions : mapping of str to `pamid.gap.several.Conditions`, optional
+        Conditions of each of several logs: its day, and parameters of the simulator that differ.
+    since : History, optional
+        An earlier diagnosis to continue: ``diagnosis.history``, or the result of `pamid.gap.several.read_history`. The
+        logs are added to it.
+    rows : array of bool, shape (n_rows,), optional
+        Rows of the log that count, for the page of a cylinder, a joint or a muscle.
+    alone : bool, optional
+        Whether a log by itself is diagnosed without findings log by log; by default where ``log`` is one DataFrame.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer; pass its ``history`` as ``since`` to continue with more logs.
+
+    Raises
+    ------
+    UnknownOptionError
+        The library has no effect of a name.
+    ParameterError
+        ``effects`` with ``since``, or ``conditions`` for the page of a cylinder, a joint or a muscle.
+    MissingColumnError, ShortTrajectoryError, ExcitationError, IncompatibleError
+        The logs cannot be used.
+
+    Examples
+    --------
+    >>> import pamid
+    >>> from pamid.bench import sealed_hold, sine
+    >>> bench = pamid.BenchParameters.for_muscle("B")
+    >>> leak = [("leakage", {"conductance": 2e-10})]
+    >>> first = pamid.simulate(bench, [sine(2, 10, 1500)], effects=leak)
+    >>> found = pamid.diagnose(first, bench, ["leakage", "flow_bias"])
+    >>> more = pamid.simulate(bench, [sealed_hold(5, 1500)], effects=leak)
+    >>> pamid.diagnose({"hold": more}, bench, since=found.history).causes[0].effects
+    ('leakage',)
+    """
+    import pandas as pd
+
+    from .gap.several import History, go_on
+    from .signals.frames import logs_as_pandas
+    from .systems import System
+
+    log = logs_as_pandas(log)
+
+    if since is not None and effects != "all":
+        raise ParameterError(
+            "Effects are named together with an earlier diagnosis.",
+            "the library of the earlier diagnosis, whose posterior is the prior",
+            "Leave them out, or diagnose all logs anew.",
+        )
+    history = since if since is not None else History(simulator, _library(effects, simulator))
+    logs = {_free_name(history): log} if isinstance(log, pd.DataFrame) else dict(log)
+    if not isinstance(simulator, System):
+        alone = isinstance(log, pd.DataFrame) if alone is None else alone
+        return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
+    if conditions:
+        raise ParameterError(
+            f"Conditions are given for the page of a {simulator.kind}.", "none", "Diagnose logs of other numbers apart."
+        )
+    return _system(history, logs, simulator, rows, seed, progress)
+
+
+def _library(effects: str | Sequence[str], simulator: Any) -> list[str]:
+    """Return the names that a choice among the effects stands for, with a kind of simulator."""
+    from .effects.registry import chosen_effects
+    from .simulators import Simulator, port_effects
+    from .systems import System
+
+    if isinstance(simulator, Simulator):
+        return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
+    return chosen_effects(effects, simulator.library if isinstance(simulator, System) else "bench")
+
+
+def _free_name(history: History) -> str:
+    """Return a name for a log that has none."""
+    return next(name for name in ("log", *(f"log {k}" for k in range(2, 10_000))) if name not in history.logs)
+
+
+def _system(
+    history: History,
+    logs: Mapping[str, pd.DataFrame],
+    system: System,
+    rows: np.ndarray | None,
+    seed: int,
+    progress: Callable[[str], None] | None,
+) -> Diagnosis:
+    """Diagnose logs of a cylinder, a joint or a muscle as the runs of one log, those of its history among them."""
+    import pandas as pd
+
+    from .gap.several import Conditions
+    from .systems import diagnose_system
+
+    every = {**history.logs, **logs}
+    if len(every) == 1:
+        (whole,) = every.values()
+    else:
+        rows = None
+        named = [t.assign(trajectory=[f"{n}: {run}" for run in t["trajectory"]]) for n, t in every.items()]
+        whole = pd.concat(named, ignore_index=True)
+    found = diagnose_system(whole, system, history.library, rows=rows, seed=seed, progress=progress)
+    history.add(found, logs, [Conditions({}, name) for name in logs])
+    return found

@@ -1,0 +1,89 @@
+"""What to record next, after a diagnosis with a simulator of any kind that has inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ...bench.parameters import BenchParameters
+from ...errors import ParameterError
+from ...simulators.base import Simulator
+from ..diagnosis.rivals import Rival
+from .plan import Plan
+from .ports import plan_port_run
+from .search import plan_next
+
+if TYPE_CHECKING:
+    from ..diagnosis.result import Diagnosis
+    from ..several.history import History
+
+
+def next_run(diagnosis: Diagnosis, **options: Any) -> Plan:
+    """Return the runs to record next, which best distinguish the explanations that a diagnosis left undecided.
+
+    Where one explanation is left, the runs that best determine its parameters; where no effect is left, those that
+    would show the effects which could not have shown.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What `pamid.diagnose` said of a bench or of a simulator with ports.
+    **options : object
+        Of a bench those of `pamid.gap.design.search.plan_next`: ``limits``, ``designs``, ``purpose``, ``seed``,
+        ``progress``. Of a simulator with ports those of `pamid.gap.design.ports.plan_port_run`: ``limits`` (lowest and
+        highest value by input), ``rates``, ``changes`` of the rig, ``seconds``, ``runs``, and the same.
+
+    Returns
+    -------
+    Plan
+        The runs, and what each outcome would mean; ``set_points()`` is what to drive the rig with.
+
+    Raises
+    ------
+    ParameterError
+        The diagnosis has no history, or its simulator no inputs.
+
+    Examples
+    --------
+    >>> import pamid
+    >>> from pamid.bench import sine
+    >>> bench = pamid.BenchParameters.for_muscle("B")
+    >>> log = pamid.simulate(bench, [sine(1, 10, 1500), sine(1.5, 8, 1500)], effects=["dead_volume"], seed=0)
+    >>> found = pamid.diagnose(log, bench, ["dead_volume", "polytropic_exponent", "gas_temperature"])
+    >>> pamid.next_run(found, designs=20).tells
+    True
+    """
+    if diagnosis.history is None:
+        raise ParameterError(
+            "The diagnosis does not contain its logs and simulator.",
+            "one of pamid.diagnose",
+            "Diagnose with pamid.diagnose.",
+        )
+    return next_run_after(diagnosis.history, **options)
+
+
+def _left(history: History) -> list[Rival]:
+    """Return the explanations that are left: none with an effect where the last diagnosis has found no gap."""
+    rivals = list(history.rivals)
+    if not rivals or not history.rounds or history.rounds[-1].verdict != "none":
+        return rivals
+    bare = next((r for r in rivals if not r.effects), replace(rivals[0], effects={}, deviations={}))
+    return [replace(bare, belief=1.0)]
+
+
+def next_run_after(history: History, *, progress: Callable[[str], None] | None = None, **options: Any) -> Plan:
+    """Return the runs to record next, after the logs of a history."""
+    last = list(history.held.values())[-1]
+    now = {name: log for name, log in history.logs.items() if history.held[name].day == last.day}
+    simulator = last.under(history.simulator)
+    rivals = _left(history)
+    if isinstance(simulator, BenchParameters):
+        return plan_next(rivals, now, simulator, library=history.library, progress=progress, **options)
+    if isinstance(simulator, Simulator):
+        return plan_port_run(rivals, now, simulator, library=history.library, progress=progress, **options)
+    raise ParameterError(
+        f"Runs are designed for the bench and for simulators with ports, and this is the file of a {simulator.kind}.",
+        "a simulator with inputs",
+        "Its diagnosis says what to record next, under next_experiment.",
+    )

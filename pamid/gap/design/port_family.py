@@ -1,0 +1,294 @@
+"""The family of runs for the inputs of any simulator, and the limits that they keep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ...errors import ParameterError
+from ...simulators.port_log import PortLog
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+KINDS = ("sine", "triangle", "steps", "multisine", "chirp", "hold")
+"""What an input does: a sine, a triangle, steps to and fro, four sines, a sine that becomes faster, or nothing."""
+TONES = np.array([1.0, 1.9, 3.1, 4.3])
+"""Frequencies of a multisine, as multiples of the lowest."""
+STEPS = 20.0
+"""Samples in a period of the fastest sine, so that a log shows it."""
+STILL = 0.3
+"""Probability that one of several inputs is held."""
+
+
+@dataclass(frozen=True)
+class PortLimits:
+    """What the inputs of a rig allow.
+
+    Parameters
+    ----------
+    ranges : dict of str to (float, float)
+        Lowest and highest value of each input, in its unit.
+    rates : dict of str to float
+        Largest rate of each input, per second.
+    interval : float
+        Sampling interval, s.
+    seconds : float, default=10
+        Time of all runs together, s.
+    runs : int, default=1
+        Most runs, 1 to 5.
+    fastest : float, optional
+        Largest frequency, rad/s; by default that of a period of 20 samples.
+    columns : dict of str to str
+        Column of each input in a log, where it is not its name.
+    keeps : dict of str to (float, float)
+        Range in which readings are to stay, where that is not what the logs have visited and as much again.
+    held : dict of str to float
+        Inputs that are held at a value.
+
+    Raises
+    ------
+    ParameterError
+        A limit allows no run.
+
+    Examples
+    --------
+    >>> from pamid.gap.design.port_family import PortLimits
+    >>> PortLimits({"u": (-2.0, 2.0)}, {"u": 50.0}, 0.01).each  # V, V/s, s
+    10.0
+    """
+
+    ranges: Mapping[str, tuple[float, float]]
+    rates: Mapping[str, float]
+    interval: float
+    seconds: float = 10.0
+    runs: int = 1
+    fastest: float = 0.0
+    columns: Mapping[str, str] = field(default_factory=dict)
+    keeps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
+    options: ClassVar[str] = "--limit, --rate, --keep, --seconds"
+    """Options of the command line that widen them."""
+    header: ClassVar[str] = "Runs: seconds, rad/s and the units of the inputs; set_points.csv has them row by row."
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
+            raise ParameterError(f"runs is {self.runs!r}.", "1 to 5 runs", "Ask for fewer; diagnose after each set.")
+        if not self.each >= STEPS * self.interval:
+            raise ParameterError(
+                f"{self.seconds:g} s shared by {self.runs} runs are {self.each:g} s each.",
+                f"at least {STEPS * self.interval:g} s a run",
+                "Give more seconds, or ask for fewer runs.",
+            )
+        for name, (low, high) in self.ranges.items():
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise ParameterError(f"The limits of {name} are {low:g} to {high:g}.", "a range", "Correct them.")
+        for name, rate in self.rates.items():
+            if not rate > 0.0:
+                raise ParameterError(f"The largest rate of {name} is {rate:g}.", "a positive number", "Correct it.")
+
+    @classmethod
+    def of(cls, logs: list[PortLog], inputs: Mapping[str, np.ndarray], **given: Any) -> PortLimits:
+        """Return the limits within which inputs moved in logs."""
+        ranges, rates = {}, {}
+        for name, u in inputs.items():
+            if np.ptp(u) > 0.0:
+                ranges[name] = float(np.min(u)), float(np.max(u))
+                steps = [np.abs(np.diff(log.channels[name][a:b])) for log in logs for a, b in log.spans]
+                rates[name] = max(float(np.max(s, initial=0.0)) for s in steps) / logs[-1].dt
+        return cls(ranges, rates, logs[-1].dt, **given)
+
+    @property
+    def each(self) -> float:
+        """Length of each run, s."""
+        return self.seconds / self.runs
+
+    @property
+    def top(self) -> float:
+        """Largest frequency, rad/s."""
+        highest = 2.0 * math.pi / (STEPS * self.interval)
+        return min(self.fastest, highest) if self.fastest > 0.0 else highest
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of runs that there can be."""
+        return KINDS[:-1]
+
+
+@dataclass(frozen=True)
+class Wave:
+    """What one input does.
+
+    Parameters
+    ----------
+    kind : str
+        Of `KINDS`.
+    middle, amplitude : float
+        About which value, and how far, in the unit of the input.
+    frequency : float
+        rad/s; of a multisine the lowest, of a chirp the first.
+    seed : int
+        Of a multisine, the seed of its phases.
+    """
+
+    kind: str
+    middle: float
+    amplitude: float = 0.0
+    frequency: float = 1.0
+    seed: int = 0
+
+    def values(self, t: np.ndarray, rate: float) -> np.ndarray:
+        """Return the input at times, no faster than a rate."""
+        w, a = self.frequency, self.amplitude
+        if self.kind == "sine":
+            x = a * np.sin(w * t)
+        elif self.kind == "triangle":
+            x = a * 2.0 / math.pi * np.arcsin(np.sin(w * t))
+        elif self.kind == "steps":
+            x = a * np.where(np.sin(w * t) > 0.0, 1.0, -1.0) * (t > 0.0)
+        elif self.kind == "multisine":
+            phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * math.pi, len(TONES))
+            x = (np.sin(w * TONES[:, None] * t + phases[:, None]) / np.sqrt(TONES)[:, None]).sum(axis=0)
+            x = a * x / max(float(np.max(np.abs(x))), 1e-300)
+        elif self.kind == "chirp":
+            x = a * np.sin(w * t * (1.0 + 2.0 * t / max(float(t[-1]), 1e-300)))
+        else:
+            x = np.zeros(len(t))
+        return slewed(self.middle + x, rate * float(t[1] - t[0]))
+
+    def words(self, name: str) -> str:
+        """What the input does, for a reader."""
+        w, a, at = f"{self.frequency:.3g} rad/s", f"{abs(self.amplitude):.3g}", f"{self.middle:.3g}"
+        return {
+            "sine": f"{name} a sine of {w} and {a} about {at}",
+            "triangle": f"{name} a triangle of {w} and {a} about {at}",
+            "steps": f"{name} steps of {a} to either side of {at} every {math.pi / self.frequency:.2g} s",
+            "multisine": f"{name} four sines from {w} on, of {a} together about {at}",
+            "chirp": f"{name} a sine of {a} about {at} that goes from {w} to five times that",
+            "hold": f"{name} held at {at}",
+        }[self.kind]
+
+
+@dataclass(frozen=True)
+class PortRun:
+    """One run of the family.
+
+    Parameters
+    ----------
+    kind : str
+        What most inputs do.
+    seconds : float
+        Length, s.
+    inputs : dict of str to Wave
+        What each input does.
+    limits : PortLimits
+        What the rig allows.
+    """
+
+    kind: str
+    seconds: float
+    inputs: Mapping[str, Wave]
+    limits: PortLimits = field(repr=False)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times of the samples, s."""
+        return np.arange(round(self.seconds / self.limits.interval) + 1) * self.limits.interval
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Return each input, sample by sample."""
+        t = self.time
+        rates = self.limits.rates
+        return {name: wave.values(t, rates.get(name, math.inf)) for name, wave in self.inputs.items()}
+
+    def set_points(self, name: str) -> pd.DataFrame:
+        """Return each input in its column, sample by sample."""
+        import pandas as pd
+
+        columns = {self.limits.columns.get(k, k): v for k, v in self.values().items()}
+        return pd.DataFrame({"trajectory": name, "time": np.round(self.time, 9), **columns})
+
+    @property
+    def words(self) -> str:
+        """What the run is, for a reader."""
+        return f"{', '.join(wave.words(name) for name, wave in self.inputs.items())}, {self.seconds:.3g} s"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers of the run."""
+        return {"kind": self.kind, "seconds": self.seconds, "inputs": {n: vars(w) for n, w in self.inputs.items()}}
+
+
+def draw(rng: np.random.Generator, limits: PortLimits, kind: str) -> PortRun:
+    """Draw a run within the limits: one kind for all inputs, of which some are held where there are several."""
+    names, waves = list(limits.ranges), {name: Wave("hold", value) for name, value in limits.held.items()}
+    moving = [len(names) == 1 or rng.random() > STILL for _ in names]
+    if names:
+        moving[int(rng.integers(len(names)))] = True
+    slowest = min(2.0 * math.pi / limits.each, limits.top)
+    for name, moves in zip(names, moving, strict=True):
+        low, high = limits.ranges[name]
+        top = limits.top / {"multisine": TONES[-1], "chirp": 5.0}.get(kind, 1.0)
+        waves[name] = within(
+            Wave(
+                kind if moves else "hold",
+                float(rng.uniform(low, high)) if rng.random() < 0.6 else 0.5 * (low + high),
+                float(0.5 * (high - low) * rng.uniform(0.1, 1.0)),
+                float(np.exp(rng.uniform(math.log(slowest), math.log(max(top, 1.01 * slowest))))),
+                int(rng.integers(0, 10_000)),
+            ),
+            name,
+            limits,
+        )
+    return PortRun(kind, limits.each, waves, limits)
+
+
+def near(rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
+    """Draw a run of the same kind close to another one."""
+    limits, waves = run.limits, dict(run.inputs)
+    for name, wave in run.inputs.items():
+        if name in limits.held:
+            continue
+        (low, high), step = limits.ranges[name], rng.normal(0.0, share, 3)
+        waves[name] = within(
+            replace(
+                wave,
+                middle=wave.middle + 0.5 * (high - low) * step[0],
+                amplitude=wave.amplitude + 0.5 * (high - low) * step[1],
+                frequency=wave.frequency * math.exp(1.5 * step[2]),
+                seed=int(rng.integers(0, 10_000)) if rng.random() < STILL else wave.seed,
+            ),
+            name,
+            limits,
+        )
+    return replace(run, inputs=waves)
+
+
+def within(wave: Wave, name: str, limits: PortLimits) -> Wave:
+    """Return the wave closest to one that keeps the limits; a hold may be anywhere."""
+    low, high = limits.ranges[name]
+    fastest = {"multisine": float(TONES[-1]), "chirp": 5.0}.get(wave.kind, 1.0)
+    w = float(np.clip(wave.frequency, math.pi / limits.each, limits.top / fastest))
+    middle = float(np.clip(wave.middle, low, high))
+    if wave.kind == "hold":
+        return replace(wave, middle=middle, amplitude=0.0)
+    half = 0.5 * (high - low)
+    middle = float(np.clip(middle, low + 0.1 * half, high - 0.1 * half))
+    room = min(middle - low, high - middle)
+    # A sine passes its middle at w times its amplitude; a step has half a period to get across.
+    room = min(room, limits.rates[name] * (0.5 * math.pi if wave.kind == "steps" else 1.0) / (w * fastest))
+    return replace(wave, middle=middle, amplitude=float(np.clip(abs(wave.amplitude), 0.0, room)), frequency=w)
+
+
+def slewed(x: np.ndarray, step: float) -> np.ndarray:
+    """Return a signal that moves by no more than a step from sample to sample."""
+    if np.max(np.abs(np.diff(x)), initial=0.0) <= step * (1.0 + 1e-9):
+        return x
+    out, now = np.empty(len(x)), float(x[0])
+    for k, value in enumerate(x.tolist()):
+        now += min(max(value - now, -step), step)
+        out[k] = now
+    return out

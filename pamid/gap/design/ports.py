@@ -1,0 +1,285 @@
+"""The next run of any simulator with ports: its inputs within their limits, and changes of the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...effects.registry import effects_beside
+from ...errors import ExcitationError, ParameterError
+from ...simulators.base import Simulator
+from ...simulators.catalogue import SignalSizes, chosen
+from ...simulators.play_runs import played
+from ..diagnosis.rivals import Rival
+from ..inference.gauss_newton import Fit
+from ..residuals.ports import PortEvidence
+from ..residuals.shooting import ShootingEvidence
+from ..simulated import evidence_of
+from .known import cleaned
+from .plan import AS_IT_IS, Plan
+from .port_family import PortLimits, PortRun, draw, near
+from .search import planned
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIMES = 0.5, 2.0
+"""Other values of a parameter that are tried where no run tells and no change is declared, as multiples."""
+MOST_PROPOSED, FEW = 6, 30
+"""Parameters of which they are tried, and designs that are looked at then."""
+ROOM = 1.0
+"""How far beyond the range of the logs, in such ranges, a run may take what is read: a rig may have stops there."""
+
+
+@dataclass(frozen=True)
+class PortRig:
+    """A simulator with ports as a design sees it; a `pamid.gap.design.rig.Rig`.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator.
+    logs : sequence of PortEvidence
+        The logs of its present state.
+    limits : PortLimits
+        What its inputs allow.
+    numbers : mapping of str to float
+        Parameters that are changed for the runs.
+    noise : mapping of str to float
+        How many times the noise of the readings each equation has, see `noise_of`.
+    """
+
+    simulator: Simulator
+    logs: Sequence[PortEvidence]
+    limits: PortLimits
+    numbers: Mapping[str, float]
+    noise: Mapping[str, float]
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """The kinds of runs that there can be."""
+        return self.limits.kinds
+
+    def draw(self, rng: np.random.Generator, kind: str) -> PortRun:
+        """Draw a run of a kind."""
+        return draw(rng, self.limits, kind)
+
+    def near(self, rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
+        """Draw a run close to another one."""
+        return near(rng, run, share)
+
+    @cached_property
+    def _begins(self) -> np.ndarray:
+        """Where the states begin, as in the logs."""
+        last = self.logs[-1]
+        signals = last.signals()
+        return np.array(
+            [
+                float(np.median(signals[s][last.log.starts])) if s in signals else self.simulator.port(s).start
+                for s in self.simulator.states
+            ]
+        )
+
+    @cached_property
+    def _kept(self) -> dict[str, tuple[float, float]]:
+        """The range in which each reading is to stay."""
+        found = {}
+        for name in self._read:
+            x = np.concatenate([e.log.channels[name] for e in self.logs if name in e.log.channels])
+            low, high = float(np.min(x)), float(np.max(x))
+            found[name] = low - ROOM * (high - low), high + ROOM * (high - low)
+        return {**found, **{n: r for n, r in self.limits.keeps.items() if n in found}}
+
+    @property
+    def _read(self) -> list[str]:
+        return [n for n in self.logs[-1].log.channels if n not in self.simulator.inputs]
+
+    def recorded(self, runs: Sequence[PortRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
+        """Return what an explanation makes of runs, with the places of those that stay within what is known."""
+        import pandas as pd
+
+        last, rng = self.logs[-1], np.random.default_rng(0)
+        numbers = last.numbers(dict(zip(last.free, map(float, truth.x), strict=True)))
+        for name, value in self.numbers.items():
+            k = list(self.simulator.parameters).index(name)
+            numbers[k] = value * numbers[k] / self.simulator.get(name) if self.simulator.get(name) else value
+        active, steps = last.active(truth.spec), int(getattr(last, "substeps", 1))
+        usual = {p.name: p.start for p in self.simulator.ports if p.kind == "input"}
+        usual |= {n: float(np.median(last.log.channels[n])) for n in usual if n in last.log.channels}
+        noise = {n: last.channel_noise(n) for n in self._read}
+        columns = {p.name: p.source for p in self.simulator.ports}
+        tables, there, t = [], [], runs[0].time
+        u = np.empty((len(runs), len(self.simulator.inputs), len(t)))
+        for k, run in enumerate(runs):
+            given = run.values()
+            for j, name in enumerate(self.simulator.inputs):
+                u[k, j] = given.get(name, usual[name])
+        for k, found in enumerate(played(self.simulator, t, u, self._begins, numbers, active, last.joints, steps)):
+            if not all(self._stays(n, found[n]) for n in self._read):
+                continue
+            noisy = {columns[n]: found[n] + noise[n] * rng.standard_normal(len(t)) for n in self._read}
+            known = {columns[n]: found[n] for n in self.simulator.inputs}
+            tables.append(pd.DataFrame({"trajectory": str(k), "time": t, **known, **noisy}))
+            there.append(k)
+        if not tables:
+            raise ExcitationError(
+                "No design within the limits keeps the readings near their range in the logs.",
+                "limits within which the simulator stays near the logs",
+                "Narrow --limit, widen --keep, or shorten --seconds.",
+            )
+        return pd.concat(tables, ignore_index=True), there
+
+    def _stays(self, name: str, x: np.ndarray) -> bool:
+        low, high = self._kept[name]
+        return bool(np.all(np.isfinite(x)) and np.min(x) >= low and np.max(x) <= high)
+
+    def evidence(self, table: pd.DataFrame) -> PortEvidence:
+        """Return a log held against the simulator, as the logs are."""
+        last = self.logs[-1]
+        simulator = self.simulator.with_(dict(self.numbers)) if self.numbers else self.simulator
+        found = evidence_of(table, simulator, simulated=isinstance(last, ShootingEvidence))
+        found.begin_as(last)
+        found.measure_as(last.sizes)
+        found.widen(self.noise)
+        found.without_nuisances()
+        return found
+
+
+def noise_of(logs: Sequence[PortEvidence], rivals: Sequence[Rival]) -> dict[str, float]:
+    """Return how many times the noise of readings each equation has: what the likeliest explanation leaves of logs."""
+    found: dict[str, list[float]] = {}
+    for log in logs if rivals else ():
+        x = np.array([float(rivals[0].deviations.get(name, 0.0)) for name in log.free])
+        left = cleaned(log)(log.tangent(rivals[0].effects, x) + log.slopes(rivals[0].effects, x) @ x)
+        for equation, part in zip(log.equations, log.parts, strict=True):
+            if part.stop > part.start:  # the median of |x| is 0.6745 standard deviations
+                found.setdefault(equation, []).append(float(np.median(np.abs(left[part]))) / 0.6745)
+    return {equation: max(1.0, float(np.median(sizes))) for equation, sizes in found.items()}
+
+
+def plan_port_run(
+    rivals: Sequence[Rival],
+    logs: Mapping[str, pd.DataFrame],
+    simulator: Simulator,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    rates: Mapping[str, float] | None = None,
+    keep: Mapping[str, tuple[float, float]] | None = None,
+    changes: Sequence[Mapping[str, float]] = (),
+    seconds: float | None = None,
+    runs: int = 1,
+    designs: int = 200,
+    purpose: str = "auto",
+    library: str | Sequence[str] = "all",
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Plan:
+    """Return the runs of a simulator with ports that best discriminate between explanations.
+
+    Inputs move within what the logs have visited unless limits are given, and readings are kept within twice that.
+    """
+    from threadpoolctl import threadpool_limits
+
+    say = progress or (lambda _: None)
+    say("read the logs")
+    each = [evidence_of(log, simulator, refit=k == 0) for k, log in enumerate(logs.values())]
+    sizes = SignalSizes.together([e.sizes for e in each])
+    for one in each:
+        one.begin_as(each[0])
+        one.measure_as(sizes)
+        one.without_nuisances()
+    last = each[-1]
+    inputs = {n: np.concatenate([e.log.channels[n] for e in each]) for n in simulator.inputs if n in last.log.channels}
+    lengths = [(b - a) * last.log.dt for a, b in last.log.spans]
+    allowed = PortLimits.of(
+        [e.log for e in each], inputs, seconds=seconds or round(runs * float(np.median(lengths)), 9), runs=runs,
+        columns={p.name: p.source for p in simulator.ports},
+    )  # fmt: skip
+    allowed = _given(allowed, limits or {}, rates or {}, keep or {}, simulator)
+    places = {k: p.effect for k, p in last.placements.items()}
+    wanted = [k for k in chosen(last.placements, library) if last.has(k)]
+    with threadpool_limits(1), effects_beside(places):
+        known = [r for r in rivals if all(name in last.placements for name in r.effects)]
+        noise = noise_of(each, known)
+
+        def under(change: Mapping[str, float], looked: int) -> Plan:
+            held = {n: v for n, v in change.items() if n in simulator.inputs}
+            numbers = {n: v for n, v in change.items() if n not in held}
+            ranges = {n: r for n, r in allowed.ranges.items() if n not in held}
+            rig = PortRig(simulator, each, replace(allowed, ranges=ranges, held=held), numbers, noise)
+            return planned(rig, known, looked, purpose, wanted, seed, say)
+
+        plan = under({}, designs)
+        if plan.purpose == "none":
+            return plan
+        told, proposed = {AS_IT_IS: plan.clarity}, not changes and not plan.tells and plan.purpose == "discriminate"
+        for change in _proposals(simulator) if proposed else changes:
+            _refuse_unknown(change, simulator)
+            words = ", ".join(f"{n} = {v:g}" for n, v in change.items())
+            say(f"with {words}")
+            try:
+                other = under(change, min(designs, FEW) if proposed else designs)
+            except ExcitationError:
+                told[words] = 0.0
+                continue
+            told[words] = other.clarity
+            if not proposed and other.clarity > plan.clarity and (other.tells or not plan.tells):
+                plan = replace(other, rig=dict(change))
+        return replace(plan, changed=told if len(told) > 1 else {})
+
+
+def _proposals(simulator: Simulator) -> list[dict[str, float]]:
+    """Return changes of the rig to try where none was declared: other values of its parameters."""
+    numbers = [(n, p.value) for n, p in simulator.parameters.items() if p.value][:MOST_PROPOSED]
+    return [{name: float(f"{times * value:.3g}")} for name, value in numbers for times in TIMES]
+
+
+def _given(
+    found: PortLimits,
+    limits: Mapping[str, tuple[float, float]],
+    rates: Mapping[str, float],
+    keep: Mapping[str, tuple[float, float]],
+    simulator: Simulator,
+) -> PortLimits:
+    """Return limits with those that a user gives."""
+    if strange := sorted({*limits, *rates} - set(simulator.inputs)):
+        raise ParameterError(
+            f"Limits are given for {', '.join(strange)}.",
+            f"an input: {', '.join(simulator.inputs)}",
+            "Correct the name.",
+        )
+    if strange := sorted(set(keep) - {*simulator.states, *simulator.outputs}):
+        raise ParameterError(
+            f"Ranges to keep are given for {', '.join(strange)}.",
+            f"a state or an output: {', '.join([*simulator.states, *simulator.outputs])}",
+            "Correct the name.",
+        )
+    ranges = {**found.ranges, **limits}
+    if not ranges:
+        raise ParameterError(
+            "No input of the simulator moves in the logs.",
+            "an input that can be driven",
+            "Give its range: --limit u=-1:1.",
+        )
+    fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
+    usual = {  # a wider range is gone through in the same time
+        n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
+        for n, (low, high) in ranges.items()
+        if found.rates.get(n)
+    }
+    most = {n: rates.get(n) or usual.get(n) or fastest[n] for n in ranges}
+    return replace(found, ranges=ranges, rates=most, keeps=dict(keep))
+
+
+def _refuse_unknown(change: Mapping[str, float], simulator: Simulator) -> None:
+    known = [*simulator.parameters, *simulator.inputs]
+    if strange := sorted(set(change) - set(known)):
+        raise ParameterError(
+            f"A change of the system names {', '.join(strange)}.",
+            f"a parameter of the simulator, or an input to hold: {', '.join(known)}",
+            "Correct the name.",
+        )

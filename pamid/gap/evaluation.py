@@ -1,0 +1,79 @@
+"""The error of a simulator with ports on a log, beside the noise of the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from ..equations.base import Residual
+from ..equations.evaluate import LogEvaluation, Sums, summed
+from ..signals.frames import as_pandas
+from ..simulators.base import Simulator
+from .simulated import evidence_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def evaluate_simulator(
+    log: pd.DataFrame | Iterable[pd.DataFrame],
+    simulator: Simulator,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> LogEvaluation:
+    """Evaluate a simulator with ports on a log.
+
+    Parameters
+    ----------
+    log : DataFrame or iterable of DataFrame
+        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name; or pieces of such a log, each of
+        whole runs.
+    simulator : Simulator
+        The simulator, its effects included.
+    progress : callable, optional
+        Called with a short text for each piece.
+
+    Returns
+    -------
+    LogEvaluation
+        For each equation its root mean square residual, the same over the standard deviation of what was measured, and
+        the noise floor that the sensors' own noise leaves, over all and by run.
+
+    Raises
+    ------
+    MissingColumnError, ShortTrajectoryError, SimulatorRunError
+        The log cannot be used, or the simulator does not run on it.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.gap import evaluate_simulator
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> t = np.arange(0.0, 4.0, 0.01)
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P": 1e5 * np.sin(t), "F": 50.0 * np.sin(t) + 2.0})
+    >>> ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
+    >>> piston = FunctionSimulator(lambda u, p: u.P * p.area, ports, {"area": (5e-4, 0.0, "m^2")})
+    >>> found = evaluate_simulator(log, piston)["F"]
+    >>> f"{found.rmse:.2f} {found.unit}"
+    '2.00 N'
+    """
+    import pandas as pd
+
+    say = progress or (lambda _: None)
+    sums: dict[str, dict[str, Sums]] = {}
+    units: dict[str, str] = {}
+    log = as_pandas(log)
+    for piece in [log] if isinstance(log, pd.DataFrame) else log:
+        say("evaluate")
+        evidence = evidence_of(piece, simulator)
+        units |= evidence.units
+        for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+            for k, name in enumerate(evidence.trajectories):
+                mine = evidence.run[part] == k
+                value, noise, measured, time = (
+                    x[part][mine] for x in (evidence.value, evidence.noise, evidence.measured, evidence.time)
+                )
+                if len(value):
+                    windows = Residual(time, value[:, None], measured[:, None], noise[:, None])
+                    sums.setdefault(equation, {}).setdefault(name, Sums()).add(windows)
+    return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})

@@ -1,0 +1,58 @@
+"""What is known so far: the first words of an answer while the search goes on, and what it is where it is cut short."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..settings import EXCESS
+from .hypotheses import Single
+
+INTERRUPTED = (
+    "The search was interrupted: this is the best answer so far. Causes that were not tried yet may explain the gap as "
+    "well, and further ones may be missing."
+)
+"""What a diagnosis notes that was interrupted."""
+_MOST = 3
+
+
+class SoFar(str):
+    """A text of progress that is an answer so far: it is shown at once, and stays."""
+
+    __slots__ = ()
+
+
+def stopped(stop: KeyboardInterrupt) -> None:
+    """Raise again where it is the system that ends the process: only who waits for an answer wants one so far."""
+    if type(stop) is not KeyboardInterrupt:
+        raise stop
+
+
+def where_so_far(equations: Sequence[str], scales: np.ndarray) -> SoFar:
+    """Return in which equations residuals exceed their noise, and how far."""
+    order = [int(k) for k in np.argsort(-scales, kind="stable") if scales[k] > 1.0 + EXCESS]
+    if not order:
+        return SoFar("no residual exceeds its noise")
+    named = [f"{equations[k]} ({scales[k]:.2g} times the noise)" for k in order[:_MOST]]
+    more = f" and {len(order) - _MOST} more" if len(order) > _MOST else ""
+    return SoFar(f"the gap is at {', '.join(named)}{more}")
+
+
+def alone_so_far(singles: Mapping[str, Single]) -> SoFar:
+    """Return which effects close most by themselves, to first order."""
+    first = [name for name in sorted(singles, key=lambda n: -singles[n].gain) if singles[name].gain > 0.0][:_MOST]
+    if not first:
+        return SoFar("no effect explains more than it costs by itself")
+    named = ", ".join(f"{_said(name)} {singles[name].closed:.0%}" for name in first)
+    return SoFar(f"by itself and to first order closes most: {named}")
+
+
+def causes_so_far(names: Sequence[str], closed: float) -> SoFar:
+    """Return the best set of causes so far, and the share of the gap that it closes."""
+    return SoFar(f"{' and '.join(map(_said, names))}, which closes {closed:.0%}")
+
+
+def _said(name: str) -> str:
+    effect, _, port = name.partition("@")
+    return effect.replace("_", " ") + (f" at {port}" if port else "")

@@ -1,0 +1,110 @@
+"""One log of a simulator beside others: the same beginnings, the same units, the same names."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...effects import Effect
+from ...simulators.base import Simulator
+from ...simulators.catalogue import SignalSizes, placements
+from ...simulators.placement import Placement
+from .remembered import Remembered
+
+if TYPE_CHECKING:
+    from .ports import Active
+
+
+class Beside(ABC):
+    """What a log held against a simulator with ports needs to stand beside others of that simulator."""
+
+    simulator: Simulator
+    given: Simulator
+    sizes: SignalSizes
+    placements: Mapping[str, Placement]
+    twins: Mapping[str, str]
+    free: list[str]
+    about: np.ndarray
+    J: np.ndarray
+    skews: dict[str, np.ndarray]
+    z0: np.ndarray
+    notes: list[str]
+    _own: Active
+    _there: frozenset[str]
+    _kept: Remembered
+    _touches: dict[str, list[str]]
+    _laid: dict[str, np.ndarray]
+    _nuisances: np.ndarray | None = None
+
+    @abstractmethod
+    def _begun(self, straight: np.ndarray) -> None:
+        """Take residuals and slopes from where the parameters now begin."""
+
+    @abstractmethod
+    def _begin_from(self, x: np.ndarray) -> None:
+        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
+
+    @abstractmethod
+    def _made_own(self) -> Active:
+        """Return the simulator's own effects, made."""
+
+    @abstractmethod
+    def _twins(self) -> Mapping[str, str]:
+        """Return the faults that commute with the simulator between them."""
+
+    @property
+    def lasting(self) -> Collection[str]:
+        """The simulator's own parameters: a change of one between two days is a cause."""
+        return self.given.parameters.keys()
+
+    def has(self, name: str) -> bool:
+        """Tell whether the log holds what an effect acts at."""
+        return name in self._there
+
+    def begin_as(self, other: Beside) -> None:
+        """Begin from the parameters at which another log of the same simulator begins."""
+        x = np.zeros(len(self.free))
+        for k, name in enumerate(self.free):
+            if name in self.lasting and name in other.free:
+                x[k] = other.about[other.free.index(name)] - self.about[k]
+        if np.any(x):
+            straight = self.J
+            self._begin_from(x)
+            self._begun(straight)
+
+    def measure_as(self, sizes: SignalSizes) -> None:
+        """Let what counts as one in each effect follow from the signals of several logs."""
+        self.sizes = sizes
+        self.placements = placements(self.simulator, sizes)
+        self._there &= self.placements.keys()
+        self.twins = self._twins()
+        for kept in (self._kept, self._touches, self._laid):
+            kept.clear()
+        if self._own:
+            notes, self._own = list(self.notes), self._made_own()
+            self.notes = notes
+            self._begun(self.J)
+
+    @property
+    def nuisances(self) -> np.ndarray:
+        """What clocks and offsets of this log alone do to its residuals by one tolerance, where they are not free."""
+        return np.zeros((len(self.z0), 0)) if self._nuisances is None else self._nuisances
+
+    def without_nuisances(self) -> None:
+        """Let clocks and offsets be no free parameters: two logs then have the same ones."""
+        kept = np.array([name in self.lasting for name in self.free], dtype=bool)
+        self._nuisances = self.J[:, ~kept]
+        self.free = [name for name in self.free if name in self.lasting]
+        self.about, self.J = self.about[kept], self.J[:, kept]
+        self.skews = {}
+        self._laid.clear()
+
+    def also_under(self, names: Mapping[str, tuple[str, type[Effect]]]) -> None:
+        """Know effects by other names, too: for each its own name, and the class of that one."""
+        for name, (known, effect) in names.items():
+            if known in self.placements:
+                self.placements = {**self.placements, name: replace(self.placements[known], key=name, effect=effect)}

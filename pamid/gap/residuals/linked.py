@@ -1,0 +1,77 @@
+"""Paths of joints and of what is across two of them, and the pairs of ports of a simulator on a log."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...signals.paths import play, reversals
+from ...simulators.base import Simulator
+from ...simulators.catalogue import SignalSizes
+from ...simulators.links import Link, links_of
+from ...simulators.port_log import PortLog
+from ...simulators.structure import JointPort, some_instants
+from .states import integral
+
+
+class Paths(ABC):
+    """What effects at joints, and between two, follow along a log.
+
+    Attributes
+    ----------
+    links : list of Link
+        Pairs of ports between which effects can act.
+    """
+
+    log: PortLog
+    simulator: Simulator
+    joints: list[JointPort]
+    links: Sequence[Link] = ()
+    _turning: dict[str, bool]
+
+    @abstractmethod
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return all signals at each row of the log, by name."""
+
+    @abstractmethod
+    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
+        """Return the sizes of the signals."""
+
+    def _surveyed(self, gaps: Mapping[str, float]) -> SignalSizes:
+        """Return the sizes of the signals, and of what is across two ports."""
+        signals, simulator, some = self.signals(), self.simulator, some_instants(self.log.n)
+        names = (simulator.states, simulator.inputs)
+        x, u = (np.array([signals[n][some] for n in some_of if n in signals]) for some_of in names)
+        whole = len(x) == len(simulator.states) and len(u) == len(simulator.inputs)
+        x = x if whole and len(x) else np.zeros((len(simulator.states), 0))
+        self.links = links_of(simulator, self.joints, self.log.t[some], x, u)
+        survey = self._survey(gaps)
+        spans = {name: float(np.ptp(self._path_of(name))) for link in self.links for name in link.sources}
+        return survey._replace(spans={**survey.spans, **spans}, links=self.links)
+
+    def _turns(self, path: str) -> bool:
+        """Tell whether a path turns back at least once a run."""
+        if path not in self._turning:
+            x = self._path_of(path)
+            slack = 0.01 * float(np.ptp(x))  # what a sensor's noise turns is no turn
+            turns = [len(reversals(play(x[a:b], slack))) - 2 for a, b in self.log.spans if b - a > 1]
+            self._turning[path] = sum(turns) >= len(self.log.spans)
+        return self._turning[path]
+
+    def _path_of(self, name: str) -> np.ndarray:
+        """Return the path that an effect follows: a position, the integral of a speed alone, or a difference of two."""
+        signals = self.signals()
+        if name in signals:
+            return signals[name]
+        for link in self.links:
+            if name in link.sources:
+                first, second = map(self._path_of, link.sources[name])
+                return first - link.ratio * second
+        return integral(signals[self.speeds[name]], self.log)
+
+    @property
+    def speeds(self) -> dict[str, str]:
+        """The speeds of the joints that have no position, by the names of their paths."""
+        return {f"{j.name}.path": j.velocity for j in self.joints if not j.position}

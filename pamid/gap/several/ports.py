@@ -1,0 +1,110 @@
+"""Diagnose several logs of any simulator with ports together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...effects.registry import effects_beside
+from ...errors import IncompatibleError, PamidError
+from ...simulators.base import Simulator
+from ...simulators.catalogue import SignalSizes, chosen
+from ..diagnosis.answer import untested
+from ..diagnosis.result import Diagnosis
+from ..readings import settled
+from ..residuals.ports import PortEvidence
+from .conditions import Conditions, conditions_of
+from .engine import explained, refuse_twice, sized
+from .stacked import Log, StackedEvidence
+from .variants import Variants
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def diagnose_port_logs(
+    logs: Mapping[str, pd.DataFrame],
+    simulator: Simulator,
+    effects: str | Sequence[str],
+    conditions: Mapping[str, Conditions] | None,
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """Diagnose several logs of one simulator together: `pamid.gap.diagnose_simulator` of more than one log.
+
+    Causes and the simulator's parameters are shared by all logs; clocks and offsets are each day's own.
+    """
+    from threadpoolctl import threadpool_limits
+
+    from ..simulated import learn, outward
+
+    refuse_twice(logs)
+    names, held = list(logs), conditions_of(list(logs), conditions)
+    each = _evidence(logs, simulator, held)
+    places = {k: p for e in reversed(each) for k, p in e.placements.items()}
+    asked = chosen(places, effects)
+    with threadpool_limits(1), effects_beside({k: p.effect for k, p in places.items()}):
+        library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
+        kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
+        library = [k for k in library if any(k in some for some in kept)]
+        say("what could be explained at all")
+        for one, some in zip(each, kept, strict=True):
+            learn(one, [k for k in library if k in some])
+        days = [c.day for c in held]
+        variants = Variants(library, names, days)
+        for one in each:
+            one.also_under({k: (variants.plain(k), effect) for k, effect in variants.effects.items()})
+        stack = StackedEvidence(
+            [Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)], variants.acts, variants.plain
+        )
+        notes = [f"The residuals are {each[0].how}."]
+        notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
+        if not stack.equations:
+            return untested(stack, library, notes)
+        with effects_beside(variants.effects):
+            found, _ = explained(stack, stack, variants, notes, np.random.RandomState(seed), say)
+    sizes = {n: (e.log.n, len(e.log.names)) for n, e in zip(names, each, strict=True)}
+    found = replace(found, logs=sized(found.logs, sizes, held))
+    return outward(found, each[-1], stack)
+
+
+def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]) -> list[PortEvidence]:
+    """Return each log held against the simulator in the same way; an error names its log."""
+    from ..simulated import evidence_of
+
+    found: list[PortEvidence] = []
+    longest = max(logs, key=lambda name: len(logs[name]))
+    for (name, log), conditions in zip(logs.items(), held, strict=True):
+        try:
+            found.append(evidence_of(log, conditions.under(simulator), refit=name == longest))
+        except PamidError as error:
+            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
+            raise
+    if len({type(e) for e in found}) > 1:  # a log that holds fewer states says how all are looked at
+        found = [
+            evidence_of(log, c.under(simulator), refit=name == longest, simulated=True)
+            for (name, log), c in zip(logs.items(), held, strict=True)
+        ]
+    _refuse_strangers(dict(zip(logs, found, strict=True)))
+    first = found[list(logs).index(longest)]
+    joined = SignalSizes.together([e.sizes for e in found])
+    for one in found:
+        if one is not first:
+            one.begin_as(first)
+        one.measure_as(joined)
+    return found
+
+
+def _refuse_strangers(found: Mapping[str, PortEvidence]) -> None:
+    """Raise where a log has no equation in common with another one: no cause could be shared."""
+    (first, one), *others = found.items()
+    for name, other in others:
+        if not set(one.equations) & set(other.equations):
+            raise IncompatibleError(
+                f"{first} tells of {', '.join(one.equations)}, {name} of {', '.join(other.equations)}.",
+                "logs that hold the same signals",
+                "Map the columns of both logs alike, or diagnose them one by one.",
+            )

@@ -1,0 +1,211 @@
+"""What a log says of a simulator's numbers beside its effects: values, errors, directions that it leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..errors import ImplausibleParameterError, SimulatorRunError
+from ..gap.simulated import evidence_of
+from ..simulators import FmuSimulator, MujocoSimulator, Simulator
+from ..simulators.ports import ModelParameter
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..gap.residuals.ports import PortEvidence
+
+WIDE = 0.9
+"""Tolerance under which a fitted number may move: between a tenth of it and nearly twice as much. It only has to be far
+wider than what a log leaves open, and stay on the side of zero that is physical."""
+_STEP, _NEAR = 0.02, 0.05
+_STEPS = 8
+_ROUND = 1e-13
+
+
+class Open(NamedTuple):
+    """A direction of the numbers that a log does not fix.
+
+    Parameters
+    ----------
+    weights : dict of str to float
+        Relative change of each number along it, the largest 1.
+    spread : float
+        Standard deviation along it, relative to the largest.
+    """
+
+    weights: dict[str, float]
+    spread: float
+
+    def __str__(self) -> str:
+        """Return the combination and how far it is open."""
+        first = next(iter(self.weights))
+        terms = " and ".join(f"{n} by {100 * w:+.0f} %" for n, w in self.weights.items())
+        far = "without end" if self.spread > 10.0 else f"to ± {100 * 1.645 * self.spread:.0f} %"
+        return f"{terms} together: {far} of {first}" if len(self.weights) > 1 else f"{first}: {far}"
+
+
+class Estimates(NamedTuple):
+    """Numbers as a log has them, about a simulator.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The numbers.
+    values, errors : array, shape (n,)
+        Estimates and standard errors, in the numbers' units.
+    alone : array, shape (n,)
+        Standard errors where the simulator's effects are taken as they are.
+    flat : list of Open
+        Directions that the log leaves as wide as they may be.
+    agreement : float
+        Probability of runs that differ as much by chance; NaN of a single run.
+    worst : str
+        Number in which runs differ most.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    errors: np.ndarray
+    alone: np.ndarray
+    flat: list[Open]
+    agreement: float
+    worst: str
+
+
+def freed(simulator: Simulator, values: Mapping[str, float], tolerance: float = WIDE) -> Simulator:
+    """Return a simulator with other values, which a fit may then change; those that are zero stay."""
+    made = {k: ModelParameter(v, tolerance, _unit(simulator, k)) for k, v in values.items()}
+    missing = set(values) - set(simulator.parameters)
+    if missing and isinstance(simulator, MujocoSimulator):
+        return MujocoSimulator(simulator.path, simulator.ports, {**simulator.parameters, **made}, simulator.effects)
+    if missing and isinstance(simulator, FmuSimulator):
+        return FmuSimulator(
+            simulator.path, simulator.ports, {**simulator.parameters, **made}, simulator.effects, trust=True
+        )
+    out = simulator.with_()
+    out.parameters = {**simulator.parameters, **made}
+    return out
+
+
+def _unit(simulator: Simulator, name: str) -> str:
+    return simulator.parameters[name].unit if name in simulator.parameters else "-"
+
+
+def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
+    """Return what a log says of some numbers, those of the simulator's effects fitted beside them.
+
+    Gauss and Newton's step from where the simulator stands; errors from the curvature there, widened by what is left.
+    A direction is flat where the log narrows it to no less than `WIDE`.
+    """
+    simulator = with_tolerance(simulator, [n for n in names if n in simulator.parameters], _NEAR)
+    evidence = evidence_of(log, simulator)
+    mine = [n for n in evidence.free if n in names]
+    scale = np.array([simulator.tolerance[n] * simulator.get(n) for n in mine])
+    weight = np.zeros(len(evidence.z0))
+    for part, share in zip(evidence.parts, evidence.weights, strict=True):
+        weight[part] = share
+    order = [evidence.free.index(n) for n in mine] + [k for k, n in enumerate(evidence.free) if n not in names]
+    own = evidence.J[:, order]
+    J = np.column_stack([own, *_effect_columns(log, simulator, evidence)])
+    others = len(order) - len(mine)
+    prior = np.zeros(J.shape[1])
+    prior[len(mine) : len(mine) + others] = 1.0  # tolerances that nobody fitted
+    robust = np.minimum(1.0, 3.0 / np.maximum(np.abs(evidence.z0), 1e-12))
+    w = weight * robust
+    step, cov, spread = _solved(J, evidence.z0, w, prior)
+    k = len(mine)
+    values = np.array([simulator.get(n) for n in mine]) + scale * step[:k]
+    C = cov[:k, :k] * spread
+    alone = _solved(own, evidence.z0, w, prior[: own.shape[1]])[1][:k, :k] * spread
+    agreement, worst = _agreement(J, evidence.z0, w, prior, evidence.block, mine, step)
+    errors, fixed = (np.abs(scale) * np.sqrt(np.diag(c)) for c in (C, alone))
+    return Estimates(tuple(mine), values, errors, fixed, _flat(_NEAR**2 * C, mine), agreement, worst)
+
+
+def settled(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
+    """Return what a log says of some numbers that may be far from where the simulator stands: steps until they stay."""
+    for _ in range(_STEPS):
+        found = estimates(log, simulator, names)
+        there = dict(zip(found.names, map(float, found.values), strict=True))
+        there = {n: max(v, 0.2 * simulator.get(n), key=abs) for n, v in there.items()}
+        if all(abs(v - simulator.get(n)) < 0.3 * e for (n, v), e in zip(there.items(), found.errors, strict=True)):
+            break
+        simulator = freed(simulator, there)
+    return found
+
+
+def _solved(J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the step, the covariance for unit noise, and the variance of what is left."""
+    A = J.T @ (w[:, None] * J) + np.diag(prior)
+    size = np.sqrt(np.maximum(np.diag(A), _ROUND))
+    cov = np.linalg.pinv(A / np.outer(size, size) + _ROUND * np.eye(len(size)), hermitian=True) / np.outer(size, size)
+    step = -cov @ (J.T @ (w * z))
+    left = z + J @ step
+    return step, cov, max(1.0, float(np.sum(w * left**2) / max(np.sum(w), 1e-12)))
+
+
+def _effect_columns(log: pd.DataFrame, simulator: Simulator, evidence: PortEvidence) -> list[np.ndarray]:
+    """Return what a small relative change of each number of the simulator's effects does to the residuals."""
+    found = []
+    for k, (name, where, values) in enumerate(simulator.effects):
+        for key, value in values.items():
+            for step in (_STEP, -_STEP):  # a number at its bound has one way to go
+                changed = {**values, key: value * (1.0 + step) if value else step}
+                effects = [*simulator.effects[:k], (name, where, changed), *simulator.effects[k + 1 :]]
+                try:
+                    there = evidence_of(log, simulator.with_({}, effects)).value
+                except (ImplausibleParameterError, SimulatorRunError):
+                    continue
+                if there.shape == evidence.value.shape:
+                    found.append(evidence.white((there - evidence.value) / evidence.noise) / step)
+                break
+    return [c for c in found if np.all(np.isfinite(c)) and np.any(c)]
+
+
+def _flat(C: np.ndarray, names: Sequence[str]) -> list[Open]:
+    """Return the directions along which a log says less than `WIDE` does, of the covariance of relative changes."""
+    if not len(C):
+        return []
+    sizes, directions = np.linalg.eigh(C)
+    found = []
+    for variance, v in zip(sizes[::-1], directions.T[::-1], strict=True):
+        if 1.645 * np.sqrt(max(variance, 0.0)) < WIDE:
+            break
+        first = int(np.argmax(np.abs(v)))
+        change = v / v[first]
+        some = [j for j in np.argsort(-np.abs(change)) if abs(change[j]) > 0.1]
+        found.append(Open({names[j]: float(change[j]) for j in some}, float(np.sqrt(variance) * abs(v[first]))))
+    return found
+
+
+def _agreement(
+    J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray, block: np.ndarray, names: Sequence[str],
+    step: np.ndarray,
+) -> tuple[float, str]:  # fmt: skip
+    """Return how likely runs differ as much by chance, and the number in which they differ most."""
+    from scipy.stats import chi2
+
+    total, count, worst = np.zeros(len(names)), 0, ""
+    for run in np.unique(block):
+        mine = block == run
+        if mine.sum() < 4 * len(step):
+            continue
+        own, cov, spread = _solved(J[mine], z[mine], w[mine], prior + _ROUND)
+        error = np.sqrt(np.diag(cov)[: len(names)] * spread)
+        total += np.minimum(np.square((own - step)[: len(names)] / np.maximum(error, _ROUND)), 1e6)
+        count += 1
+    if count < 2 or not len(names):
+        return float("nan"), ""
+    worst = names[int(np.argmax(total))]
+    return float(min(1.0, len(names) * chi2.sf(total.max(), count - 1))), worst
+
+
+def with_tolerance(simulator: Simulator, names: Sequence[str], tolerance: float) -> Simulator:
+    """Return a simulator whose numbers of these names have a tolerance."""
+    out = simulator.with_()
+    out.parameters = {k: replace(p, tolerance=tolerance) if k in names else p for k, p in simulator.parameters.items()}
+    return out

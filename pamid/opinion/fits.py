@@ -1,0 +1,288 @@
+"""Parameters that another tool fitted, read from the files that it writes, by the names of a simulator's numbers."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import MissingDependencyError, ParameterError, SimulatorFileError, SimulatorNotFoundError
+from ..errors import SimulatorSyntaxError as Broken
+from ..simulators import MujocoSimulator, Simulator
+from ..simulators.ports import ModelParameter
+from ..toml_files import TomlErrors, read_small_text, read_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_ERRORS = TomlErrors(SimulatorNotFoundError, SimulatorFileError, Broken)
+_QUANTITIES = {
+    "armature": "dof_armature", "rotor inertia": "dof_armature", "reflected inertia": "dof_armature",
+    "viscous friction": "dof_damping", "friction viscous": "dof_damping", "viscous": "dof_damping",
+    "joint damping": "dof_damping", "damping": "dof_damping",
+    "static friction": "dof_frictionloss", "dry friction": "dof_frictionloss", "coulomb friction": "dof_frictionloss",
+    "friction base": "dof_frictionloss", "frictionloss": "dof_frictionloss", "friction loss": "dof_frictionloss",
+    "coulomb": "dof_frictionloss", "friction": "dof_frictionloss",
+    "body mass": "body_mass", "mass": "body_mass", "gear": "actuator_gear",
+}  # fmt: skip
+"""What tools call the numbers that MuJoCo has, longer names first where one holds another."""
+_FILLERS = frozenset(("joint", "dof", "params", "parameters", "actuator", "pos", "value", "best", "mean"))
+_ORDERS = ("joint_order", "joint_names", "joints", "names")
+
+
+@dataclass(frozen=True)
+class FittedNumber:
+    """A number as a tool leaves it.
+
+    Parameters
+    ----------
+    value : float
+        What it fitted.
+    lower, upper : float or None
+        Bounds of its fit.
+    """
+
+    value: float
+    lower: float | None = None
+    upper: float | None = None
+
+
+@dataclass(frozen=True)
+class FittedParameters:
+    """What a tool fitted.
+
+    Parameters
+    ----------
+    numbers : dict of str to FittedNumber
+        By the tool's own names, or by those of the simulator after `of`.
+    unmatched : tuple of str
+        Names that are no number of the simulator.
+    model : Path or None
+        The fitted model itself, where that is what the tool writes.
+    source : str
+        The file's name.
+
+    Examples
+    --------
+    >>> from pamid.opinion import FittedParameters
+    >>> from pamid.opinion.fits import FittedNumber
+    >>> FittedParameters({"mass": FittedNumber(2.1)}).numbers["mass"].value
+    2.1
+    """
+
+    numbers: dict[str, FittedNumber] = field(default_factory=dict)
+    unmatched: tuple[str, ...] = ()
+    model: Path | None = None
+    source: str = ""
+
+    def of(self, simulator: Simulator) -> FittedParameters:
+        """Return the fit by the names of a simulator's numbers.
+
+        Parameters
+        ----------
+        simulator : Simulator
+            The simulator; of a fitted model those of its numbers that differ from this one's are what was fitted.
+
+        Returns
+        -------
+        FittedParameters
+            With `unmatched`, what is no number of it.
+
+        Raises
+        ------
+        ParameterError
+            None of the names is one.
+        """
+        if self.model is not None:
+            return self._of_model(simulator)
+        known = numbers_of(simulator)
+        found: dict[str, FittedNumber] = {}
+        left: list[str] = []
+        for name, number in self.numbers.items():
+            own = _match(name, known)
+            if own is None or own in found:
+                left.append(name)
+            else:
+                found[own] = number
+        if not found:
+            said = ", ".join(list(self.numbers)[:8]) or "no number"
+            raise ParameterError(
+                f"{self.source or 'The fit'} names {said}, none of which is a number of the simulator.",
+                f"some of {', '.join(list(known)[:12])}",
+                "Rename them, or add them to the page's [parameters].",
+            )
+        return replace(self, numbers=found, unmatched=tuple(left))
+
+    def _of_model(self, simulator: Simulator) -> FittedParameters:
+        if not isinstance(simulator, MujocoSimulator) or self.model is None:
+            raise ParameterError(
+                f"{self.source} is a MuJoCo model, and the simulator is none.", "fitted values", "Give them as JSON."
+            )
+        fitted, own = MujocoSimulator(self.model).own_numbers(), numbers_of(simulator)
+        changed = {k: FittedNumber(v.value) for k, v in fitted.items() if k in own and v.value != own[k].value}
+        if not changed:
+            raise ParameterError(
+                f"{self.source} has the same masses, gears, damping, friction and armature as the simulator.",
+                "a model with fitted numbers",
+                "Name the model before the fit with --sim, and the fitted one with --after.",
+            )
+        return replace(self, numbers=changed)
+
+
+def numbers_of(simulator: Simulator) -> dict[str, ModelParameter]:
+    """Return the numbers that a simulator has, those of a MuJoCo model that are zero among them."""
+    found = {**simulator.own_numbers(), **simulator.parameters}
+    if isinstance(simulator, MujocoSimulator):
+        joints = [p.name for p in simulator.ports if p.kind == "joint"]
+        for joint in joints:
+            for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
+                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
+    return found
+
+
+def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> FittedParameters:
+    """Read the parameters that another tool fitted.
+
+    Parameters
+    ----------
+    source : path-like, mapping or FittedParameters
+        JSON or YAML of names and values (BAM; PACE, with lists in the order of joints; FMPy's start values), the YAML
+        of MuJoCo's sysid with values and bounds, a fitted MJCF, a TOML file, or the values themselves. Nothing in it is
+        run: files that can carry code (``.pt``, ``.pkl``) are refused.
+
+    Returns
+    -------
+    FittedParameters
+        The numbers, by the tool's own names.
+
+    Raises
+    ------
+    SimulatorNotFoundError, SimulatorSyntaxError
+        The file cannot be read.
+    ParameterError
+        It holds no number.
+
+    Examples
+    --------
+    >>> from pamid.opinion import read_fit
+    >>> fit = read_fit({"joint_order": ["hip", "knee"], "armature": [0.01, 0.02], "delay": 0.0095})  # kg m^2, s
+    >>> sorted(fit.numbers)
+    ['armature.hip', 'armature.knee', 'delay']
+    """
+    if isinstance(source, FittedParameters):
+        return source
+    if isinstance(source, Mapping):
+        return _of_table(source, "the fit")
+    path = Path(source)
+    ending = path.suffix.lower()
+    if ending == ".xml":
+        if not path.is_file():
+            raise SimulatorNotFoundError(f"{path} is not there.", "a fitted MJCF", "Check the path.")
+        return FittedParameters(model=path, source=path.name)
+    if ending in (".pt", ".pth", ".pkl", ".pickle", ".npy", ".npz"):
+        raise Broken(
+            f"{path.name} can carry code, and is not opened.",
+            "JSON, YAML or TOML of names and values, or a fitted MJCF",
+            "Write it in the tool that made it: json.dump({name: float(value)}, file).",
+        )
+    if ending == ".toml":
+        table: Any = read_toml(path, "fitted parameters", _ERRORS)
+        table = table.get("parameters", table)
+    else:
+        table = _parsed(read_small_text(path, "fitted parameters", _ERRORS), path)
+    return _of_table(table, path.name)
+
+
+def _parsed(text: str, path: Path) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        if path.suffix.lower() == ".json":
+            raise Broken(f"{path.name} is no JSON: {error}.", "whole JSON", "Write it again.") from None
+    try:
+        import yaml  # type: ignore[import-untyped]
+    except ImportError:
+        raise MissingDependencyError(
+            "PyYAML is not installed.", "the package pyyaml", "Install it: pip install pyyaml, or write JSON."
+        ) from None
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        said = " ".join(str(error).split())[:120]
+        raise Broken(f"{path.name} is no YAML: {said}.", "whole YAML of names and values", "Write it again.") from None
+
+
+def _of_table(table: Any, source: str) -> FittedParameters:
+    if not isinstance(table, Mapping):
+        raise ParameterError(f"{source} holds no table.", "names and values", "Write {name: value}.")
+    names: Any = next((table[k] for k in _ORDERS if _is_names(table.get(k))), [])
+    found = dict(_numbers(table, "", list(names)))
+    if not found:
+        raise ParameterError(f"{source} holds no number.", "names and values", "Write {name: value}.")
+    return FittedParameters(found, source=source)
+
+
+def _is_names(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(v, str) for v in value)
+
+
+def _numbers(table: Mapping[Any, Any], above: str, joints: list[str]) -> Iterator[tuple[str, FittedNumber]]:
+    for key, value in table.items():
+        name = f"{above}.{key}" if above else str(key)
+        if isinstance(value, Mapping) and "value" in value:
+            yield from _one(name, value, joints)
+        elif isinstance(value, Mapping):
+            yield from _numbers(value, name, joints)
+        else:
+            yield from _one(name, {"value": value}, joints)
+
+
+def _one(name: str, entry: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str, FittedNumber]]:
+    """Yield a number with its bounds, those of a list by joint or by place; what is frozen was not fitted."""
+    if entry.get("frozen") is True:
+        return
+    values = _flat(entry["value"])
+    low, high = (_flat(entry.get(k)) for k in ("min_value", "max_value"))
+    for k, value in enumerate(values):
+        end = "" if len(values) == 1 else f".{joints[k]}" if len(joints) == len(values) else f"[{k}]"
+        bounds = [b[k] if len(b) == len(values) else None for b in (low, high)]
+        yield f"{name}{end}", FittedNumber(value, *bounds)
+
+
+def _flat(value: Any) -> list[float]:
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return []
+    if isinstance(value, int | float):
+        return [float(value)]
+    if isinstance(value, Sequence):
+        found = [_flat(v) for v in value]
+        return [x for part in found for x in part] if all(found) else []
+    return []
+
+
+def _words(name: str) -> list[str]:
+    split = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return [w for w in re.findall(r"[a-z]+|\d+", split.lower()) if w not in _FILLERS]
+
+
+def _match(name: str, known: Mapping[str, ModelParameter]) -> str | None:
+    """Return the simulator's number that a tool's name means: the same name, or the same quantity of the same joint."""
+    if name in known:
+        return name
+    plain = "".join(_words(name))
+    same = [k for k in known if "".join(_words(k)) == plain]
+    if len(same) == 1:
+        return same[0]
+    text = " ".join(_words(name))
+    for said, kind in sorted(_QUANTITIES.items(), key=lambda item: -len(item[0])):
+        if not re.search(rf"\b{said}\b", text):
+            continue
+        rest = re.sub(rf"\b{said}\b", " ", text).split()
+        of_kind = [k for k in known if k.startswith(f"{kind}.")]
+        fits = [k for k in of_kind if "".join(_words(k.partition(".")[2])) == "".join(rest)]
+        fits = fits or (of_kind if len(of_kind) == 1 and not rest else [])
+        return fits[0] if len(fits) == 1 else None
+    return None

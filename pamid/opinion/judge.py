@@ -1,0 +1,355 @@
+"""A second opinion: which fitted numbers hold, which took up physics that is missing, which this log cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..gap.diagnosis.result import Diagnosis
+from ..gap.simulated import diagnose_simulator
+from ..signals.frames import as_pandas
+from ..simulators import Simulator
+from .estimates import Open, estimates, freed
+from .fits import FittedNumber, FittedParameters, numbers_of, read_fit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LEVEL = 0.01
+"""Probability with which a number is said to have moved by chance, over all numbers of a fit."""
+NEGLIGIBLE = 0.01
+"""Relative change that nobody minds: what time steps and integrators differ by."""
+ENDLESS = 3.0
+"""Relative error above which a combination of numbers does nothing to a log."""
+MOST = 0.5
+"""Share of the gap that causes must close on runs that were not fitted, for a number to have absorbed them."""
+POSITIVE = ("body_mass.", "dof_armature.", "dof_damping.", "dof_frictionloss.")
+"""Numbers that cannot be negative."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is said of one fitted number.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the simulator.
+    status : str
+        ``"holds"``, ``"absorbed"`` (it took up what is missing), ``"open"`` (this log does not say it), ``"off"`` (the
+        log has another value, without a cause) or ``"not tested"``.
+    fitted : float
+        As the tool left it.
+    value : float
+        As this log has it beside what was missing.
+    ci90 : (float, float)
+        Its 90 % interval; infinite where the log does not say it.
+    unit : str
+        Its unit.
+    why : str
+        What speaks for the status.
+
+    Examples
+    --------
+    >>> from pamid.opinion import Judgement
+    >>> Judgement("damping", "absorbed", 4.4, 3.0, (2.95, 3.05), "N m s/rad", "4.4 as fitted").status
+    'absorbed'
+    """
+
+    name: str
+    status: str
+    fitted: float
+    value: float
+    ci90: tuple[float, float]
+    unit: str = "-"
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Opinion:
+    """The second opinion on a fit.
+
+    Parameters
+    ----------
+    numbers : list of Judgement
+        One for each fitted number.
+    missing : list of str
+        Effects that the simulator lacks, with the port: what was absorbed.
+    flat : list of Open
+        Combinations that this log leaves open.
+    diagnosis : Diagnosis
+        What the log says with the fitted numbers free to move.
+    next_run : str
+        What another run would have to do; empty where none is needed.
+    agreement : float
+        Probability that the numbers differ as much between runs by chance; NaN of a single run.
+    unmatched : tuple of str
+        What the tool fitted and the simulator has no number for.
+    source : str
+        Where the fit comes from.
+
+    ranges : dict of str to (float, float)
+        What each signal of the log went through.
+
+    Examples
+    --------
+    >>> from pamid.opinion import Opinion, second_opinion  # whose example makes one
+    >>> Opinion.absorbed.__doc__
+    'Names of the numbers that took up what is missing.'
+    """
+
+    numbers: list[Judgement]
+    missing: list[str]
+    flat: list[Open]
+    diagnosis: Diagnosis
+    next_run: str
+    agreement: float
+    unmatched: tuple[str, ...] = ()
+    source: str = ""
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def absorbed(self) -> list[str]:
+        """Names of the numbers that took up what is missing."""
+        return [j.name for j in self.numbers if j.status == "absorbed"]
+
+    def sentences(self) -> list[str]:
+        """Say it in sentences, what matters most first."""
+        words = {"absorbed": "absorbed what is missing", "off": "is off"}
+        said = [f"{j.name} {words[j.status]}: {j.why}." for j in self.numbers if j.status in words]
+        if self.missing and _closes(self.diagnosis):
+            said.append(f"Missing in the simulator: {', '.join(self.missing)}.")
+        elif self.missing:
+            said.append(f"{', '.join(self.missing)} would explain what is left, and closes no gap on runs not fitted.")
+        elif self.diagnosis.gap:
+            said.append("Something is missing in the simulator that the library does not hold.")
+        else:
+            said.append("Nothing is missing in the simulator that this log shows.")
+        said += [f"This log does not fix {direction}." for direction in self.flat]
+        if holds := [j.name for j in self.numbers if j.status == "holds"]:
+            said.append(f"Hold on this log: {', '.join(holds)}.")
+        if self.unmatched:
+            said.append(f"Not tested, since the simulator has no such number: {', '.join(self.unmatched)}.")
+        if self.agreement < LEVEL:
+            said.append(f"Runs of this log disagree about the numbers (p = {self.agreement:.1g}).")
+        said.append(f"Another run is needed: {self.next_run}" if self.next_run else "No further run is needed.")
+        return said
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and text."""
+        return {
+            "source": self.source,
+            "numbers": [vars(j) for j in self.numbers],
+            "missing": self.missing,
+            "flat": [{"weights": f.weights, "spread": f.spread} for f in self.flat],
+            "next_run": self.next_run,
+            "agreement": None if np.isnan(self.agreement) else self.agreement,
+            "unmatched": list(self.unmatched),
+            "sentences": self.sentences(),
+        }
+
+
+def second_opinion(
+    log: pd.DataFrame,
+    simulator: Simulator,
+    after: str | Path | Mapping[str, Any] | FittedParameters | Sequence[str | Path],
+    effects: str | Sequence[str] = "all",
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Opinion:
+    """Say which of a tool's fitted parameters hold, which absorbed missing physics, and which the log leaves open.
+
+    Causes accuse a number only where they close most of the gap on runs that were not fitted.
+    The log is diagnosed with each number within the tolerance that the simulator's page states, or free to move about
+    the fitted value where it states none. A number absorbed physics that is missing if it moves by more than its error
+    once the cause is there, if it left its tolerance, or if it cannot be physical. Directions that the log does not fix
+    are told as combinations.
+
+    Parameters
+    ----------
+    log : DataFrame
+        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name.
+    simulator : Simulator
+        The simulator as it was before the fit; its tolerances are what is known of its numbers.
+    after : path-like, mapping, FittedParameters or sequence of path-like
+        What the tool fitted, see `read_fit`; several files are several fits, which are compared.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be missing.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Opinion
+        The answer.
+
+    Raises
+    ------
+    ParameterError
+        The fit names no number of the simulator.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.opinion import second_opinion
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> rng, runs = np.random.default_rng(0), []
+    >>> for k in range(4):  # a mass of 2 kg on a rail with 3 N s/m, and 1.5 N of dry friction that is not modelled
+    ...     t, x, v = np.arange(0, 8, 0.01), [0.0], [0.0]
+    ...     F = 5 * np.sin((1 + k) * t) + 3 * np.sin(0.7 * t)
+    ...     for f in F[:-1]:
+    ...         v.append(v[-1] + 0.01 * (f - 3 * v[-1] - 1.5 * np.tanh(v[-1] / 0.01)) / 2)
+    ...         x.append(x[-1] + 0.005 * (v[-1] + v[-2]))
+    ...     noisy = {"x": x + 1e-5 * rng.standard_normal(800), "v": v + 1e-3 * rng.standard_normal(800)}
+    ...     runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, **noisy}))
+    >>> ports = [Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    >>> rate = lambda t, x, u, p: [x.v, (u.F - p.c * x.v) / p.m]
+    >>> rail = FunctionSimulator(rate, ports, {"m": (2.0, 0.05, "kg"), "c": (3.0, 0.0, "N s/m")})
+    >>> said = second_opinion(pd.concat(runs), rail, {"m": 2.02, "c": 4.4}, ["coulomb_friction", "actuator_gain"])
+    >>> "c" in said.absorbed, said.missing
+    (True, ['coulomb_friction@x'])
+    """
+    say, log = progress or (lambda _: None), as_pandas(log)
+    several = not isinstance(after, str | Path | Mapping | FittedParameters)
+    given: list[Any] = list(after) if several else [after]  # type: ignore[arg-type]
+    fits = [read_fit(a).of(simulator) for a in given]
+    fit = fits[0]
+    known = numbers_of(simulator)
+    values = {n: v.value for n, v in fit.numbers.items()}
+    # What the page states of a number is known of it; the others may be anything about where the tool left them.
+    stated = {n for n in values if known[n].tolerance > 0.0 and known[n].value != 0.0}
+    fitted = freed(_of_model(simulator, fit, stated), {n: v for n, v in values.items() if n not in stated})
+    found = diagnose_simulator(log, fitted, effects, seed=seed, progress=say)
+    say("errors and directions")
+    about = found.corrected if found.corrected is not None else _moved(fitted, found)
+    est = estimates(log, about, list(values))
+    place = {n: k for k, n in enumerate(est.names)}
+    z = _quantile(LEVEL / max(len(values), 1))
+    judged = []
+    for name, number in fit.numbers.items():
+        unit = about.parameters[name].unit
+        if name not in place:
+            why = "it is zero" if number.value == 0.0 else "the log says nothing of it"
+            status = "absorbed" if _closes(found) and _collapsed(number, known[name].value) else "not tested"
+            judged.append(Judgement(name, status, number.value, number.value, (-np.inf, np.inf), unit, why))
+            continue
+        k = place[name]
+        # What the diagnosis arrived at, under its robust likelihood; the errors are those of the step from there.
+        errors = float(est.errors[k]), float(est.alone[k])
+        judged.append(_judged(name, number, about.get(name), errors, z, found, known[name], unit))
+    judged = [_between(j, [f.numbers[j.name].value for f in fits if j.name in f.numbers], found) for j in judged]
+    open_names = {n for direction in est.flat for n, w in direction.weights.items() if abs(w) > 0.3}
+    judged = [_opened(j) if j.name in open_names and j.status in ("holds", "off") else j for j in judged]
+    missing = [f"{c.effects[0]}@{c.where[0]}" if c.where else c.effects[0] for c in found.causes]
+    numeric = [p.source for p in fitted.ports if p.source in log.columns]
+    ranges = {c: (float(log[c].min()), float(log[c].max())) for c in dict.fromkeys(numeric)}
+    return Opinion(
+        judged, missing, est.flat, found, _next(found, est.flat), est.agreement, fit.unmatched, fit.source, ranges
+    )
+
+
+def _of_model(simulator: Simulator, fit: FittedParameters, stated: set[str]) -> Simulator:
+    """Return the simulator that was fitted: where the tool wrote a model, that with the ports of this one."""
+    from ..simulators import MujocoSimulator
+
+    if fit.model is None:
+        return simulator
+    kept = {n: simulator.parameters[n] for n in stated if n in simulator.parameters}
+    return MujocoSimulator(fit.model, simulator.ports, kept, simulator.effects)
+
+
+def _moved(fitted: Simulator, found: Diagnosis) -> Simulator:
+    """Return the simulator where the log has it without a cause."""
+    moved = {n: x for n, x in found.deviations.items() if n in fitted.tolerance}
+    return fitted.with_({n: fitted.get(n) * (1.0 + fitted.tolerance[n] * x) for n, x in moved.items()})
+
+
+def _closes(found: Diagnosis) -> bool:
+    """Tell whether what is missing closes most of the gap on runs that were not fitted."""
+    shares = {e.equation: e.share for e in found.equations}
+    closed = sum(shares.get(c.equation, 0.0) * c.closed_share for c in found.closure)
+    return bool(found.gap and found.added and closed > MOST * sum(shares.values()))
+
+
+def _quantile(p: float) -> float:
+    from scipy.stats import norm
+
+    return float(norm.isf(p / 2.0))
+
+
+def _collapsed(number: FittedNumber, nominal: float) -> bool:
+    return nominal > 0.0 and abs(number.value) < NEGLIGIBLE * nominal
+
+
+def _judged(
+    name: str,
+    number: FittedNumber,
+    value: float,
+    errors: tuple[float, float],
+    z: float,
+    found: Diagnosis,
+    nominal: Any,
+    unit: str,
+) -> Judgement:
+    error, alone = errors
+    ci = (value - 1.645 * error, value + 1.645 * error)
+    moved = abs(value - number.value) > z * error + NEGLIGIBLE * abs(number.value)
+    causes = ", ".join(c.effects[0] for c in found.added) or "a cause outside the library"
+    why, status = f"{number.value:.4g} as fitted, {value:.4g} ± {1.645 * error:.2g} {unit} here", "holds"
+    off = abs(number.value - nominal.value) / abs(nominal.value) if nominal.value else 0.0
+    slack = z * alone / abs(nominal.value) if nominal.value else 0.0
+    if name.startswith(POSITIVE) and number.value < 0.0:
+        status, why = "absorbed", f"it is {number.value:.4g} {unit}, and cannot be negative"
+    elif nominal.tolerance > 0.0 and off > nominal.tolerance + slack + NEGLIGIBLE:
+        status = "absorbed"
+        known = f"{nominal.value:.4g}, known to {100 * nominal.tolerance:.0f} %"
+        why = f"{number.value:.4g} {unit} is {100 * off:.0f} % off {known}"
+    elif _closes(found) and _collapsed(number, nominal.value):
+        status, why = "absorbed", f"it fell from {nominal.value:.4g} to {number.value:.2g} {unit}"
+    elif moved and found.added and _closes(found):
+        status, why = (
+            "absorbed",
+            f"{number.value:.4g} as fitted, {value:.4g} ± {1.645 * error:.2g} {unit} with {causes}",
+        )
+    elif moved:
+        status = "off"
+    return Judgement(name, status, number.value, value, ci, unit, why)
+
+
+def _between(j: Judgement, values: Sequence[float], found: Diagnosis) -> Judgement:
+    """Return a judgement with what several fits of the tool say of the number."""
+    if len(values) < 2:
+        return j
+    spread, half = max(values) - min(values), 0.5 * (j.ci90[1] - j.ci90[0])
+    if not spread > 2.0 * half + NEGLIGIBLE * abs(j.fitted):
+        return j
+    status = "absorbed" if _closes(found) and j.status == "holds" else j.status
+    return Judgement(
+        j.name, status, j.fitted, j.value, j.ci90, j.unit,
+        f"{j.why}; the fits disagree, {min(values):.4g} to {max(values):.4g} {j.unit}",
+    )  # fmt: skip
+
+
+def _opened(j: Judgement) -> Judgement:
+    return Judgement(j.name, "open", j.fitted, j.value, j.ci90, j.unit, f"{j.why}; this log does not fix it")
+
+
+def _next(found: Diagnosis, flat: Sequence[Open]) -> str:
+    """Say what another run would have to do; nothing where none is needed."""
+    from ..report.sentences import experiment
+
+    if found.next_experiment is not None:
+        return experiment(found.next_experiment)
+    if not flat:
+        return ""
+    names = ", ".join(dict.fromkeys(n for direction in flat for n in direction.weights))
+    if flat[0].spread > ENDLESS:
+        return f"one of {names} measured by itself, such as a mass on scales; motions alone hardly tell them apart."
+    return f"one in which {names} act differently: other speeds, loads or frequencies than this log's."

@@ -1,0 +1,62 @@
+"""Columns whose cells are lists, as robots log all joints in one: each place becomes a column of its own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LONGEST = 64
+"""Numbers of one list that become columns."""
+_LIST = re.compile(r"^\s*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
+_BETWEEN = re.compile(r"[,;\s]+")
+
+
+def unfolded(frame: pd.DataFrame, names: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
+    """Return a table with ``name[0]``, ``name[1]``, ... in place of each column of lists."""
+    import pandas as pd
+
+    found = {k: block for k in range(frame.shape[1]) if (block := _block(frame.iloc[:, k])) is not None}
+    if not found:
+        return frame
+    columns: dict[Any, Any] = {}
+    for k, name in enumerate(frame.columns):
+        if k not in found:
+            columns[name] = frame.iloc[:, k]
+            continue
+        called = list((names or {}).get(name, ()))
+        places = called if len(set(called)) == found[k].shape[1] else range(found[k].shape[1])
+        columns |= {f"{name}[{place}]": found[k][:, j] for j, place in enumerate(places)}
+    return pd.DataFrame(columns, index=frame.index)
+
+
+def _block(column: pd.Series) -> np.ndarray | None:
+    """Return the numbers of a column of lists, shape (rows, places); None where it is none."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column.dtype) or not len(column):
+        return None
+    cells = column.to_numpy(dtype=object)
+    if isinstance(cells[0], str):
+        if not _LIST.match(cells[0]):
+            return None
+        inside = [match[1] if isinstance(c, str) and (match := _LIST.match(c)) else None for c in cells]
+        if any(c is None for c in inside):
+            return None
+        cells = np.empty(len(inside), dtype=object)
+        cells[:] = [_BETWEEN.split(str(c).strip(" ,;")) for c in inside]
+    if not all(isinstance(c, list | tuple | np.ndarray) for c in cells):
+        return None
+    width = len(cells[0])
+    if not 0 < width <= LONGEST or any(len(c) != width for c in cells):
+        return None
+    try:
+        block = np.array(cells.tolist(), dtype=float)
+    except (ValueError, TypeError):
+        return None
+    return block if block.ndim == 2 else None

@@ -1,0 +1,59 @@
+"""Which effects can act between two ports of a simulator: those of one port on what is across both, and their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..effects import Effect
+from .dimensions import unit_powers
+from .laws_between import ONE_BODY, Passage, Play
+from .links import Link
+from .placement import Placement, Scales, named
+from .placing import GAP, STRAIN, without_pressure
+from .placing import placed as place_at
+from .reciprocity import factor_of
+
+if TYPE_CHECKING:
+    from .catalogue import SignalSizes
+
+
+def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type[Effect]]]) -> list[Placement]:
+    """Return the effects that can act between two ports: those of one port on what is across both, and their own."""
+    motion, span = link.domain == "motion", survey.spans.get(next(iter(link.sources)), 0.0)
+    if not span > 0.0:
+        return []
+    gaps = [survey.gaps.get(end.port, survey.gaps.get(end.state, 0.0)) for end in link.ends]
+    size = max(gap / typical for gap, typical in zip(gaps, link.typical, strict=True))
+    found = []
+    for name, (kind, one_port) in known.items():
+        effect = Passage if name == "leakage" else one_port
+        scale, hidden, head = 1.0, tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit)), {}
+        if kind not in (("joint", "link") if motion else ("chamber",)) or effect.family in ONE_BODY:
+            continue
+        if motion:
+            pressed = "pressure" in effect.roles and not without_pressure(effect)
+            if pressed or name == ("spring" if link.stiffness else "backlash"):
+                continue
+            scale = span / STRAIN
+        elif effect.domain != link.domain or name == "overflow":
+            continue
+        else:
+            hidden = ("ambient",) if link.domain == "temperature" else ()
+            ambient = {p.name: p.nominal for p in effect.parameters}.get("ambient", 0.0)
+            head = {"pressure": factor_of(link.first.unit), "offset": ambient}
+        scales = Scales(scale, survey.time, size / GAP["force" if motion else "flow"] or 1.0, **head)
+        follows = {r: s for r, s in link.follows.items() if r in effect.roles}
+        placed = place_at(
+            name, effect, link.name, "force" if motion else "flow", "link", link.first.state, follows, scales,
+            link.unit, link.first.unit, hidden, 0.0 if name == "quadratic_drag" else None, range_of=span / scale,
+        )  # fmt: skip
+        placed = replace(placed, link=link)
+        if effect is Play:
+            held, damped = link.stiffness * scale, link.damping * scale * survey.time
+            own = {"stiffness": held / scales.target, "damping": damped / scales.target}
+            bound = named(effect, placed.key, (), equations=(), **own)
+            placed = replace(placed, effect=bound, powers={"half_width": 1}, units={"half_width": link.first.unit})
+        found.append(placed)
+    return found

@@ -1,0 +1,439 @@
+"""Two ports of a simulator between which effects can act: what is across them, and what each end yields."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import ParameterError, UnknownOptionError
+from ..signals.units import UNITS
+from .base import Simulator
+from .between import Between, ends_of
+from .dimensions import unit_powers
+from .reciprocity import MOSTLY, SAME, Slopes, SomeInstants, factor_of, slopes
+from .structure import JointPort, rate_unit, spread_numbers
+
+_FORCES = ("N", "N m")
+_KEPT = 4
+MOST_STATES = 40
+"""States of a simulator beyond which pairs are only those that are named: each state is asked for what it does."""
+
+Shares = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[Any, Any]]
+"""Of times, states, inputs and parameters: rates at both ends of one unit of what flows through."""
+
+
+class LinkEnd(NamedTuple):
+    """One of two ports.
+
+    Parameters
+    ----------
+    port : str
+        Its name.
+    state : str
+        The velocity or level whose rate changes.
+    across : str
+        The position or path of a joint, the level of a chamber.
+    through : str
+        The input that acts there, where a port names one.
+    unit : str
+        Unit of what is across.
+    domain : str
+        ``"motion"``, ``"store"`` or ``"temperature"``.
+    """
+
+    port: str
+    state: str
+    across: str
+    through: str
+    unit: str
+    domain: str
+
+
+@dataclass(frozen=True)
+class Link:
+    r"""Two ports between which effects act.
+
+    Across them is :math:`\delta = x_1 - r x_2`; f, which acts on the first, acts as :math:`-r f` on the second.
+
+    Parameters
+    ----------
+    name : str
+        Both ends as one text.
+    first, second : LinkEnd
+        The ends.
+    ratio : float
+        r, in the units of the ports.
+    unit : str
+        Unit of f.
+    shares : callable or None
+        What each end's rate changes by, see `Shares`; None where both ends have inputs that act on them.
+    stiffness, damping : float
+        Of the simulator's own coupling, f per difference of positions and of velocities; 0 where it has none.
+    typical : (float, float)
+        What one unit of f typically does to the residual at each end: to a rate, or one where that is of forces.
+    """
+
+    name: str
+    first: LinkEnd
+    second: LinkEnd
+    ratio: float
+    unit: str
+    shares: Shares | None
+    stiffness: float = 0.0
+    damping: float = 0.0
+    typical: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def ends(self) -> tuple[LinkEnd, LinkEnd]:
+        """Both ends."""
+        return self.first, self.second
+
+    @property
+    def domain(self) -> str:
+        """What is exchanged: motion, what is stored, or heat."""
+        return self.first.domain
+
+    @property
+    def lever(self) -> float:
+        """The ratio in SI."""
+        return self.ratio * factor_of(self.first.unit) / factor_of(self.second.unit)
+
+    @property
+    def follows(self) -> dict[str, str]:
+        """The signal behind each role of an effect, by the names of `across`."""
+        roles = {"position": "across", "velocity": "state"} if self.domain == "motion" else {"pressure": "across"}
+        return {role: f"{getattr(self.first, at)} - {getattr(self.second, at)}" for role, at in roles.items()}
+
+    @property
+    def sources(self) -> dict[str, tuple[str, str]]:
+        """The two signals behind each difference."""
+        pairs = [(getattr(self.first, at), getattr(self.second, at)) for at in ("across", "state")]
+        return {f"{a} - {b}": (a, b) for a, b in pairs}
+
+    def across(self, found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the differences between the ends, of signals by name, where both are there and they are not."""
+        here = {n: s for n, s in self.sources.items() if n not in found and s[0] in found and s[1] in found}
+        return {name: found[a] - self.ratio * found[b] for name, (a, b) in here.items()}
+
+    def push(
+        self, force: Any, simulator: Simulator, at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+        u: np.ndarray, added: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Let what flows through act on both ends: on inputs `u`, or on rates `added`, in place."""
+        if self.shares is None:
+            names = simulator.inputs
+            u[names.index(self.first.through)] += force
+            u[names.index(self.second.through)] -= self.lever * force
+            return
+        one, two = self.shares(*at)
+        states = simulator.states
+        added[states.index(self.first.state)] += one * force
+        added[states.index(self.second.state)] -= two * self.lever * force
+
+
+class Kept:
+    """Shares that change with the states, kept for the latest ones.
+
+    Parameters
+    ----------
+    make : callable
+        The shares at times, states and inputs.
+    """
+
+    def __init__(self, make: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[Any, Any]]) -> None:
+        self.make = make
+        self._found: dict[int, tuple[Any, Any]] = {}
+
+    def __call__(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:
+        """Return the shares."""
+        key = hash((x.tobytes(), u.tobytes()))
+        if key not in self._found:
+            while len(self._found) >= _KEPT:
+                self._found.pop(next(iter(self._found)))
+            self._found[key] = self.make(t, x, u)
+        return self._found[key]
+
+
+# --- ends ---------------------------------------------------------------------------------------------------
+def ends_in(simulator: Simulator, joints: Sequence[JointPort]) -> list[LinkEnd]:
+    """Return the ports of a simulator at which an effect between two can end."""
+    declared = {p.name: p for p in simulator.ports if p.kind in ("joint", "chamber")}
+    found, moving = [], set()
+    for j in joints:
+        moving |= {j.position, j.velocity}
+        through = declared[j.name].through if j.name in declared else ""
+        unit = simulator.port(j.position).unit if j.position else simulator.port(j.velocity).unit.removesuffix("/s")
+        found.append(LinkEnd(j.name, j.velocity, j.position or f"{j.name}.path", through, unit or "-", "motion"))
+    chambers = {p.level: p for p in declared.values() if p.kind == "chamber"}
+    for level in dict.fromkeys((*simulator.states, *chambers)):
+        if level not in moving:
+            port, unit = chambers.get(level), simulator.port(level).unit
+            hot = unit in UNITS and UNITS[unit].dimension == "temperature"
+            through = port.through if port else ""
+            found.append(LinkEnd(port.name if port else level, level, level, through, unit, _domain(hot)))
+    return found
+
+
+def _domain(hot: bool) -> str:
+    return "temperature" if hot else "store"
+
+
+def _named(ends: Sequence[LinkEnd], name: str) -> LinkEnd:
+    for end in ends:
+        if name in (end.port, end.state, end.across):
+            return end
+    known = ", ".join(end.port for end in ends) or "there is none"
+    raise UnknownOptionError(
+        f"{name!r} is no joint or chamber of the simulator.", f"one of {known}", "Correct the ends."
+    )
+
+
+# --- pairs --------------------------------------------------------------------------------------------------
+def links_of(
+    simulator: Simulator, joints: Sequence[JointPort], t: np.ndarray, x: np.ndarray, u: np.ndarray
+) -> list[Link]:
+    """Return the pairs of ports between which effects can act: those that are named, and those that are coupled."""
+    ends = ends_in(simulator, joints)
+    own = simulator.form == "ode" and simulator.inertia(x[:, :1]) is None
+    asked = own and 1 < len(simulator.states) <= MOST_STATES and x.shape[1] > 0
+    known = Slopes(simulator, SomeInstants.of(t, x, u)) if asked else None
+    said = [*simulator.between]
+    for _, where, _ in simulator.effects:
+        both = ends_of(where)
+        if both and not any({b.first, b.second} == set(both) for b in said):
+            said.append(Between(*both))
+    found = [_sized_by(_said(simulator, b, ends, known), simulator, (t, x, u)) for b in said]
+    taken = [{link.first.port, link.second.port} for link in found]
+    for a, b in itertools.combinations(ends, 2) if known is not None else ():
+        if {a.port, b.port} not in taken and _alike(a, b):
+            link = _coupled(known, Between(a.port, b.port), a, b)  # type: ignore[arg-type]
+            found += [_sized_by(link, simulator, (t, x, u))] if link is not None else []
+    return found
+
+
+def _sized_by(link: Link, simulator: Simulator, at: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Link:
+    """Return a pair with what one unit of what flows through typically does to the rates at its ends."""
+    if link.shares is None:
+        return link
+    shares = link.shares(*at, spread_numbers(simulator, len(at[0])))
+    one, two = (float(np.median(np.abs(s))) for s in shares)
+    return replace(link, typical=(one, two * abs(link.lever)))
+
+
+def _alike(a: LinkEnd, b: LinkEnd) -> bool:
+    """Tell whether two ends hold the same kind of thing."""
+    return a.domain == b.domain and _dimension(a.unit) == _dimension(b.unit)
+
+
+def _dimension(unit: str) -> Any:
+    return UNITS[unit].dimension if unit in UNITS else unit
+
+
+def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slopes | None) -> Link:
+    first, second = _named(ends, b.first), _named(ends, b.second)
+    if first.domain != second.domain or first == second:
+        raise ParameterError(
+            f"{b.first} and {b.second} hold different things ({first.unit} and {second.unit}).",
+            "two joints, or two chambers of one kind",
+            "Correct the ends.",
+        )
+    ratio = 1.0 if b.ratio is None else b.ratio
+    units = [simulator.port(e.through).unit if e.through else "" for e in (first, second)]
+    coupled = _coupled(known, b, first, second) if known is not None else None
+    if all(units) and (first.domain != "motion" or set(units) <= set(_FORCES)):
+        plain = Link(b.name, first, second, ratio, units[0], None)
+        if coupled is None or coupled.shares is None:
+            return plain
+        # What the simulator's own coupling holds, as what acts on the input of the first.
+        size = _in_input(simulator, coupled, known)
+        held = coupled.stiffness * size, coupled.damping * size
+        return replace(plain, ratio=coupled.ratio, stiffness=held[0], damping=held[1])
+    if b.inertia is not None:
+        return _by_formula(simulator, b, first, second, ratio, coupled)
+    if coupled is not None:
+        return coupled
+    raise ParameterError(
+        f"Nothing says what {b.first} and {b.second} yield to what acts between them.",
+        'inertia = ["...", "..."] under [[between]], or inputs named in through at both',
+        "Say the mass, inertia or capacity of each end, a number or a formula of the parameters.",
+    )
+
+
+def _in_input(simulator: Simulator, coupled: Link, known: Slopes | None) -> float:
+    """Return what one unit of what flows through a coupling is in the unit of the input at its first end."""
+    assert known is not None and coupled.shares is not None
+    at, row = known.at, simulator.states.index(coupled.first.state)
+    moved, k = at.u.copy(), simulator.inputs.index(coupled.first.through)
+    p = spread_numbers(simulator, len(at.t))
+    moved[k] += 1.0
+    push = simulator.rate(at.t, at.x, moved, p)[row] - simulator.rate(at.t, at.x, at.u, p)[row]
+    return float(np.median(np.broadcast_to(coupled.shares(at.t, at.x, at.u, p)[0], len(at.t)) / push))
+
+
+def _by_formula(
+    simulator: Simulator, b: Between, first: LinkEnd, second: LinkEnd, ratio: float, coupled: Link | None
+) -> Link:  # fmt: skip
+    """Return a pair whose page says what each end yields."""
+    from .equation_model import formulas
+
+    assert b.inertia is not None
+    names = {"t", *simulator.states, *simulator.inputs, *simulator.parameters}
+    asked = formulas(dict(zip(("first", "second"), b.inertia, strict=True)), names)
+    factors = [factor_of(e.unit) for e in (first, second)]
+
+    def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:
+        given = (dict(zip(n, v, strict=True)) for n, v in (
+            (simulator.states, x), (simulator.inputs, u), (simulator.parameters, p)
+        ))  # fmt: skip
+        found = asked(t, *given)
+        one, two = (1.0 / (found[k] * f) for k, f in zip(("first", "second"), factors, strict=True))
+        return one, two
+
+    link = Link(b.name, first, second, ratio, _flow_unit(simulator, first), shares)
+    if coupled is None or coupled.shares is None:
+        return link
+    p = simulator.numbers
+    here = np.zeros((len(simulator.states), 1)), np.zeros((len(simulator.inputs), 1))
+    own, given = (float(np.ravel(s(np.zeros(1), *here, p[:, None])[0])[0]) for s in (coupled.shares, shares))
+    size = own / given
+    return replace(link, ratio=coupled.ratio, stiffness=coupled.stiffness * size, damping=coupled.damping * size)
+
+
+def _flow_unit(simulator: Simulator, end: LinkEnd) -> str:
+    """Return the SI unit of what flows through an end."""
+    if end.domain == "motion":
+        return "N m" if "rad" in unit_powers(end.unit) or end.unit in ("deg", "°") else "N"
+    if end.domain == "temperature":
+        return "W"
+    return "m^3/s" if _dimension(end.unit) in ("pressure", "length") else rate_unit(simulator, end.state)
+
+
+# --- what the simulator's own coupling says -----------------------------------------------------------------
+def _coupled(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link | None:
+    """Return a pair as the simulator couples it; None where it does not, or where that says nothing."""
+    return (_moving if first.domain == "motion" else _storing)(known, b, first, second)
+
+
+def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link | None:
+    """Return two joints with a spring or damper between them."""
+    rows = []
+    for x1, x2 in ((first.across, second.across), (first.state, second.state)):
+        here, there = known.of(first.state, x2), known.of(second.state, x1)
+        if (here is None) != (there is None):
+            return None  # what acts one way is no element between two
+        if here is not None and there is not None:
+            rows.append((here, there, known.of(first.state, x1), known.of(second.state, x2)))
+    weights = [here / there for here, there, _, _ in rows]
+    if not rows or not all(known.constant(w) and float(np.median(w)) > 0.0 for w in weights):
+        return None
+    weight = float(np.median(weights[0]))
+    if any(abs(float(np.median(w)) / weight - 1.0) > SAME for w in weights):
+        return None
+    one_unit, two_unit = factor_of(first.unit), factor_of(second.unit)
+    lever = _lever(rows, one_unit / two_unit * b.ratio if b.ratio else None)
+    if lever is None:
+        return None
+    one, two, unit = _sized(known, (first, second), weight)
+    values = [0.0, 0.0]
+    for k, (x1, x2) in enumerate(((first.across, second.across), (first.state, second.state))):
+        here = known.of(first.state, x2)
+        if here is not None and known.of(second.state, x1) is not None:
+            values[k] = float(np.median(here)) / (lever * one) * one_unit
+    scaled = one / one_unit, two / two_unit
+    ratio = lever * two_unit / one_unit
+    return Link(b.name, first, second, ratio, unit, lambda t, x, u, p: scaled, values[0], values[1])
+
+
+def _lever(rows: Sequence[Any], said: float | None) -> float | None:
+    """Return the ratio of the travels of two ends, of what each does to the rates of both; None where none fits.
+
+    What holds an end to the ground besides makes its own slope larger: the ratio lies between what both ends say.
+    """
+    here, there, own, other = rows[0]
+    low = float(np.median(-here / own)) if own is not None else 0.0
+    high = float(np.median(-other / there)) if other is not None else np.inf
+    if said is not None:
+        return said
+    if low < 0.0 and abs(high / low - 1.0) < SAME:
+        return low
+    if low * (1.0 - SAME) <= 1.0 <= high * (1.0 + SAME):
+        return 1.0
+    return low if low > 0.0 and abs(high / low - 1.0) < SAME else None
+
+
+def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link | None:
+    """Return two chambers that exchange, or that a piston parts."""
+    simulator, at = known.simulator, known.at
+    here, there = known.of(first.state, second.state), known.of(second.state, first.state)
+    if here is not None and there is not None:
+        weight = here / there
+        if not (np.mean((here > 0.0) & (there > 0.0)) > MOSTLY and known.constant(weight)):
+            return None
+        one, two, unit = _sized(known, (first, second), float(np.median(weight)))
+        scaled = one / factor_of(first.unit), two / factor_of(second.unit)
+        return Link(b.name, first, second, 1.0, unit, lambda t, x, u, p: scaled)
+    for piston in simulator.states:
+        if piston not in (first.state, second.state) and _parts(known, piston, first.state, second.state):
+            break
+    else:
+        return None
+    rows = [simulator.states.index(s) for s in (first.state, second.state, piston)]
+    mass = known.mass(piston, first.state)
+    factors = [factor_of(first.unit), factor_of(second.unit)]
+
+    def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = slopes(simulator, SomeInstants(t, x, u, at.step), rows)
+        one, two = (-J[rows[k], 2] / J[rows[2], k] for k in (0, 1))
+        return one, two
+
+    size = 1.0 / mass[0] if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u)[0])) * factors[0]
+
+    def make(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        one, two = raw(t, x, u)
+        return one * size / factors[0], two * size / factors[1]
+
+    unit = "m^3/s" if mass is not None else rate_unit(simulator, first.state)
+    return Link(b.name, first, second, 1.0, unit, Kept(make))
+
+
+def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
+    """Tell whether a speed fills one chamber and empties the other, which push it one way and the other.
+
+    What a gas takes in grows with its pressure: what passes between two gases is a mass, which this does not say.
+    """
+    found = [known.of(a, b) for a, b in ((first, piston), (second, piston), (piston, first), (piston, second))]
+    if any(f is None for f in found):
+        return False
+    fills, empties, pushes, holds = (f for f in found if f is not None)
+    signs = (fills * pushes < 0.0) & (empties * holds < 0.0) & (pushes * holds < 0.0)
+    return bool(np.mean(signs) > MOSTLY) and not _gas(known, first, piston)
+
+
+def _gas(known: Slopes, level: str, piston: str) -> bool:
+    """Tell whether what a piston does to a pressure grows with the pressure."""
+    names, at = known.simulator.states, known.at
+    i, k = names.index(level), names.index(piston)
+    x = at.x.copy()
+    x[i] += 100.0 * at.step[i]
+    there = slopes(known.simulator, at._replace(x=x), [k])[i, 0]
+    return bool(np.median(np.abs(there / known.J[i, k] - 1.0)) > 10.0 * SAME)
+
+
+def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple[float, float, str]:
+    """Return the rates at both ends in SI of one unit of what flows through, and that unit.
+
+    The first yields `weight` times as much as the second. Where no parameter is a mass, it is what changes the first
+    rate by one.
+    """
+    first, second = ends
+    for own, other, share in ((first, second, 1.0), (second, first, weight)):
+        for by in dict.fromkeys((other.across, other.state)):
+            mass = known.mass(own.state, by)
+            if mass is not None:
+                return share / mass[0], share / mass[0] / weight, mass[1]
+    one = factor_of(first.unit)
+    return one, one / weight, rate_unit(known.simulator, first.state)

@@ -1,0 +1,189 @@
+"""Loading a MuJoCo model of anybody: compiled in a process of its own first, unless it is plainly small."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+from ..errors import MissingDependencyError, SimulatorNotFoundError, SimulatorSyntaxError
+from .workers import ended, started
+
+MOST_BYTES = 50_000_000
+MEMORY, SECONDS = 4 * 2**30, 30
+"""Bytes and processor seconds within which a model must compile."""
+_STREAMS = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+_PLAIN_BYTES = 200_000
+_PLAIN_TAGS = frozenset(
+    [
+        "mujoco",
+        "compiler",
+        "option",
+        "flag",
+        "worldbody",
+        "body",
+        "joint",
+        "geom",
+        "site",
+        "light",
+        "inertial",
+        "actuator",
+        "motor",
+        "position",
+        "velocity",
+        "sensor",
+        "jointpos",
+        "jointvel",
+        "actuatorfrc",
+        "jointactuatorfrc",
+        "default",
+    ]
+)
+_PLAIN_WORDS = frozenset(
+    [
+        "name",
+        "class",
+        "childclass",
+        "model",
+        "angle",
+        "autolimits",
+        "eulerseq",
+        "timestep",
+        "integrator",
+        "gravity",
+        "density",
+        "iterations",
+        "solver",
+        "cone",
+        "pos",
+        "quat",
+        "euler",
+        "axisangle",
+        "zaxis",
+        "axis",
+        "range",
+        "ref",
+        "springref",
+        "damping",
+        "stiffness",
+        "armature",
+        "frictionloss",
+        "limited",
+        "type",
+        "size",
+        "mass",
+        "fromto",
+        "rgba",
+        "contype",
+        "conaffinity",
+        "group",
+        "friction",
+        "margin",
+        "solref",
+        "solimp",
+        "condim",
+        "diaginertia",
+        "fullinertia",
+        "joint",
+        "gear",
+        "ctrlrange",
+        "ctrllimited",
+        "forcerange",
+        "forcelimited",
+        "kp",
+        "kv",
+        "noise",
+        "cutoff",
+        "actuator",
+        "contact",
+        "dir",
+        "directional",
+    ]
+)
+_PLAIN_SHAPES = frozenset(["plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "hinge", "slide"])
+
+
+def mujoco_module() -> Any:
+    """Return the package mujoco, which then writes no notes of its own into the user's folder."""
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingDependencyError(
+            "MuJoCo is not installed.", "the package mujoco", "Install it: pip install 'pamid[mujoco]'."
+        ) from None
+    if not getattr(mujoco, "_pamid_quiet", False):
+        # Without a handler MuJoCo appends each warning to MUJOCO_LOG.TXT; what is not finite pamid tells itself.
+        mujoco.set_mju_user_warning(_silent)
+        mujoco._pamid_quiet = True
+    return mujoco
+
+
+def _silent(message: str) -> None:
+    """Leave a warning of MuJoCo unwritten."""
+
+
+def loaded_model(path: Path) -> Any:
+    """Return the model of an MJCF file."""
+    mj = mujoco_module()
+    if not path.is_file():
+        raise SimulatorNotFoundError(f"{path} is not there.", "an MJCF file", "Check the path.")
+    if path.stat().st_size > MOST_BYTES:
+        raise SimulatorSyntaxError(f"{path} holds {path.stat().st_size:,} bytes.", "an MJCF file", "Check the path.")
+    if not _plainly_small(path):
+        return _by_trial(path, mj)
+    try:
+        return mj.MjModel.from_xml_path(str(path))
+    except (ValueError, mj.FatalError, mj.UnexpectedError) as error:
+        raise _no_mjcf(path, str(error)) from None
+
+
+def _no_mjcf(path: Path, error: str) -> SimulatorSyntaxError:
+    return SimulatorSyntaxError(f"{path} is no MJCF: {error}.", "a model that MuJoCo loads", "Correct it.")
+
+
+def _plainly_small(path: Path) -> bool:
+    """Tell whether a file is one whose model cannot be larger than its text: it names no file and no count."""
+    if path.stat().st_size > _PLAIN_BYTES:
+        return False
+    text = path.read_bytes()
+    if b"<!" in text.replace(b"<!--", b""):  # entities unfold
+        return False
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, ValueError, LookupError, RecursionError):
+        return False
+    return root.tag == "mujoco" and all(
+        item.tag in _PLAIN_TAGS
+        and item.attrib.keys() <= _PLAIN_WORDS
+        and (item.tag not in ("geom", "joint", "site") or item.get("type", "sphere") in _PLAIN_SHAPES)
+        for item in root.iter()
+    )
+
+
+def _by_trial(path: Path, mj: Any) -> Any:
+    """Return the model as another process has compiled it."""
+    with tempfile.TemporaryDirectory(prefix="pamid_mujoco_") as folder:
+        out = Path(folder) / "model.mjb"
+        said = [str(path.resolve()), str(out), str(MEMORY), str(SECONDS)]
+        process = started("pamid.simulators.mujoco_trial", *said, **_STREAMS)
+        try:
+            text = process.communicate(timeout=2.0 * SECONDS)[0].decode("utf-8", errors="replace").strip()
+        except subprocess.TimeoutExpired:
+            raise _too_large(path) from None
+        finally:
+            ended(process)
+        if process.returncode == 0 and out.is_file():
+            return mj.MjModel.from_binary_path(str(out))
+        if not text or "MemoryError" in text or "allocate" in text.lower():
+            raise _too_large(path)
+        raise _no_mjcf(path, text.rstrip("."))
+
+
+def _too_large(path: Path) -> SimulatorSyntaxError:
+    return SimulatorSyntaxError(
+        f"MuJoCo cannot compile {path} within {MEMORY / 2**30:g} GiB and {SECONDS} s of processor time.",
+        "a model of ordinary size, of plain files",
+        "Look at its height fields, meshes, flexcomp, replicate, size and include; leave out what pamid does not need.",
+    )

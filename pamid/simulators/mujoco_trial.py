@@ -1,0 +1,32 @@
+"""The process in which a MuJoCo model is compiled, within limits of time and memory: it may die alone.
+
+Run as ``python -m pamid.simulators.mujoco_trial MODEL OUT BYTES SECONDS``; what it says on its output is an error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from .fmu_worker import limited
+
+
+def main() -> None:
+    """Compile a model, begin it, and write it as MuJoCo's own binary file."""
+    model, out, memory, seconds = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    os.chdir(Path(out).parent)  # where MuJoCo puts its notes
+    import mujoco
+
+    limited(memory, seconds)
+    try:
+        compiled = mujoco.MjModel.from_xml_path(model)
+        mujoco.mj_forward(compiled, mujoco.MjData(compiled))
+        mujoco.mj_saveModel(compiled, out, None)
+    except (ValueError, TypeError, MemoryError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        sys.stdout.write(f"{type(error).__name__ if isinstance(error, MemoryError) else ''}{error}"[:1000])
+        sys.exit(3)
+
+
+if __name__ == "__main__":
+    main()

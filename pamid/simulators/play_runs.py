@@ -1,0 +1,90 @@
+"""Runs of a simulator under given inputs, with effects at its ports: what sensors would read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effects import Effect
+from .base import Simulator
+from .integrate import Runner
+from .placement import Placement
+from .structure import JointPort
+
+ROUNDS = 3
+"""Times that forces of whole runs, which follow what is read, are found from what was read before."""
+
+
+def played(
+    simulator: Simulator,
+    t: np.ndarray,
+    u: np.ndarray,
+    x0: np.ndarray,
+    numbers: np.ndarray,
+    active: Sequence[tuple[Placement, Effect]] = (),
+    joints: Sequence[JointPort] = (),
+    substeps: int = 1,
+) -> list[dict[str, np.ndarray]]:
+    """Return the inputs, states and outputs of runs as sensors read them, without noise."""
+    dt, start, many, n = float(t[1] - t[0]), np.array([0]), len(u), len(t)
+    p = np.repeat(np.asarray(numbers, dtype=float)[:, None], n, axis=1)
+    for place, made in active:
+        if place.enters == "parameter":
+            k = list(simulator.parameters).index(place.at)
+            p[k] = made.adjust({"value": p[k], "along": np.arange(n) / max(n - 1, 1)})["value"]  # type: ignore
+    drive = np.array(u, dtype=float)
+    for place, made in active:
+        if place.enters == "input" and not place.acts:
+            k = simulator.inputs.index(place.at)
+            drive[:, k] = [place.drive(made, one, dt, start) for one in drive[:, k]]
+    with np.errstate(all="ignore"):
+        if simulator.form == "ode":
+            runner = Runner(simulator, dt, joints, substeps)
+            times, acting = np.repeat(t[:, None], many, axis=1), [a for a in active if a[0].acts]
+            starts, wide = np.repeat(x0[:, None], many, axis=1), np.repeat(p.T[:, :, None], many, axis=2)
+            x = runner.states(times, starts, np.moveaxis(drive, 0, 2).swapaxes(0, 1), wide, acting)
+            states = [x[:, : len(simulator.states), k].T for k in range(many)]
+            found = [dict(zip(simulator.states, own, strict=True)) for own in states]
+            if simulator.outputs:
+                for k, own in enumerate(states):
+                    rows = simulator.output(t, own, drive[k], p)
+                    found[k] |= dict(zip(simulator.outputs, rows, strict=True))
+        else:
+            found = _followed(simulator, t, u, drive, x0, p, active, joints)
+    for place, made in active:
+        for one in found if place.enters == "output" else ():
+            if place.at in one:
+                one[place.at] = place.reading(made, np.asarray(one[place.at], dtype=float), dt, start)
+    return [{**dict(zip(simulator.inputs, given, strict=True)), **one} for given, one in zip(u, found, strict=True)]
+
+
+def _followed(
+    simulator: Simulator, t: np.ndarray, u: np.ndarray, drive: np.ndarray, x0: np.ndarray, p: np.ndarray,
+    active: Sequence[tuple[Placement, Effect]], joints: Sequence[JointPort],
+) -> list[dict[str, np.ndarray]]:  # fmt: skip
+    """Return the outputs of a simulator of whole runs, or of one without states; forces there follow what is read."""
+    dt, start, forces = float(t[1] - t[0]), np.array([0]), [a for a in active if a[0].acts]
+    paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+    many, numbers = len(u), np.mean(p, axis=1)
+
+    def outputs(pushed: np.ndarray) -> list[dict[str, np.ndarray]]:
+        if simulator.form == "run":
+            rows = simulator.runs(t, pushed, np.tile(numbers, (many, 1)), np.tile(x0, (many, 1)))
+        else:
+            rows = np.array([simulator.output(t, np.zeros((0, len(t))), one, p) for one in pushed])
+        return [dict(zip(simulator.outputs, np.asarray(one, dtype=float), strict=True)) for one in rows]
+
+    found = outputs(drive)
+    for _ in range(ROUNDS if forces else 0):
+        pushed = drive.copy()
+        for r, one in enumerate(found):
+            signals = {**dict(zip(simulator.inputs, u[r], strict=True)), **one}
+            signals |= {path: np.cumsum(signals[v]) * dt for path, v in paths.items() if v in signals}
+            for place, made in forces:
+                s = place.signals(signals, t)
+                memory = made.trace(s, place.plant, dt * place.scales.time, start)
+                k = simulator.inputs.index(place.at)
+                pushed[r, k] += np.broadcast_to(place.force(made, s, memory), (len(t),))
+        found = outputs(pushed)
+    return found

@@ -1,0 +1,138 @@
+r"""What two ends of a simulator exchange, and how much each end yields to it: from the simulator's own rates.
+
+What acts between two ends acts on both alike, so that what one does to the rate of the other is symmetric but for the
+masses (capacities) of both,
+
+.. math:: m_i\,\frac{\partial \dot x_i}{\partial x_j} = \pm\, m_j\,\frac{\partial \dot x_j}{\partial x_i}
+
+with the plus between ends of one kind (a spring, a damper, a pipe, a wall) and the minus between a pressure and the
+speed of its piston. The rates of any simulator hence say :math:`m_i / m_j`, and :math:`m` where a parameter is known as
+one of the masses.
+
+References
+----------
+D. C. Karnopp, D. L. Margolis, R. C. Rosenberg, "System Dynamics", 5th ed., Wiley, 2012, chapters 3 and 4 (bond graphs:
+reciprocal fields, gyrators and transformers).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..signals.units import UNITS
+from .base import Simulator
+from .dimensions import unit_powers
+from .structure import spread_numbers
+
+STEP = 1e-4
+"""Share of a state's range by which it is moved: differences both ways are exact to its square."""
+SAME = 1e-4
+"""Relative difference below which two numbers from such differences are one."""
+NOTHING = 1e-9
+"""Share of the largest slope of a rate below which a slope is rounding."""
+MOSTLY = 0.98
+"""Share of instants at which a sign must hold: at the others something may stand at a stop."""
+_MASSES: Mapping[str, dict[str, int]] = {
+    "N": {"kg": 1}, "N m": {"kg": 1, "m": 2}, "W": {"J": 1, "K": -1}, "m^3/s": {"m": 2},
+}  # fmt: skip
+
+
+def factor_of(unit: str) -> float:
+    """Return what a unit, or the rate of one, is multiplied by to be in SI; 1 for what is not known."""
+    if unit in UNITS:
+        return float(UNITS[unit].factor)
+    return factor_of(unit.removesuffix("/s")) if unit.endswith("/s") else 1.0
+
+
+class SomeInstants(NamedTuple):
+    """Where a simulator is asked.
+
+    Parameters
+    ----------
+    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
+        Times, states, inputs.
+    step : array, shape (n_states,)
+        By how much each state is moved.
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    step: np.ndarray
+
+    @classmethod
+    def of(cls, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> SomeInstants:
+        """Return instants with steps that are small beside the states' ranges."""
+        size = np.ptp(x, axis=1) if x.shape[1] else np.zeros(len(x))
+        top = np.max(np.abs(x), axis=1, initial=0.0)
+        return cls(t, x, u, STEP * np.where(size > 0.0, size, np.where(top > 0.0, top, 1.0)))
+
+
+def slopes(simulator: Simulator, at: SomeInstants, by: list[int], p: np.ndarray | None = None) -> np.ndarray:
+    """Return what some states do to all rates, in SI, shape (n_states, n_by, n)."""
+    n, m = at.x.shape[1], len(by)
+    p = spread_numbers(simulator, n) if p is None else p
+    x = np.tile(at.x, 2 * m)
+    for k, i in enumerate(by):
+        x[i, 2 * k * n : (2 * k + 1) * n] += at.step[i]
+        x[i, (2 * k + 1) * n : (2 * k + 2) * n] -= at.step[i]
+    with np.errstate(all="ignore"):
+        found = simulator.rate(np.tile(at.t, 2 * m), x, np.tile(at.u, 2 * m), np.tile(p, 2 * m))
+    out = found.reshape(len(at.x), m, 2, n)
+    units = np.array([factor_of(simulator.port(s).unit) for s in simulator.states])
+    change = (out[:, :, 0] - out[:, :, 1]) / (2.0 * at.step[by])[None, :, None]
+    return np.asarray(change * units[:, None, None] / units[by][None, :, None])
+
+
+class Slopes:
+    """What states of a simulator do to rates, in SI, at some instants.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the form ``"ode"``.
+    at : SomeInstants
+        Where it is asked.
+    """
+
+    def __init__(self, simulator: Simulator, at: SomeInstants) -> None:
+        self.simulator, self.at = simulator, at
+        self.J = slopes(simulator, at, list(range(len(simulator.states))))
+        ranges = (at.step * [factor_of(simulator.port(s).unit) for s in simulator.states])[None, :, None]
+        change = np.abs(self.J) * ranges
+        self.there = np.mean(change > NOTHING * np.max(change, axis=(1, 2), keepdims=True), axis=2) > MOSTLY
+
+    def of(self, state: str, by: str) -> np.ndarray | None:
+        """Return what a state does to the rate of another at each instant; None where that is nothing."""
+        names = self.simulator.states
+        if state not in names or by not in names:
+            return None
+        i, k = names.index(state), names.index(by)
+        return self.J[i, k] if self.there[i, k] else None
+
+    def constant(self, ratio: np.ndarray) -> bool:
+        """Tell whether a ratio of slopes is the same at all instants."""
+        middle = float(np.median(ratio))
+        return bool(np.mean(np.abs(ratio - middle) <= SAME * abs(middle)) > MOSTLY)
+
+    def mass(self, state: str, by: str) -> tuple[float, str] | None:
+        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of what flows there.
+
+        What another state does to the rate is as its inverse.
+        """
+        plain = self.of(state, by)
+        if plain is None:
+            return None
+        i, k = self.simulator.states.index(state), self.simulator.states.index(by)
+        for name, p in self.simulator.parameters.items():
+            unit = next((u for u, powers in _MASSES.items() if unit_powers(p.unit) == powers), "")
+            if not unit or not p.value > 0.0:
+                continue
+            heavier = self.simulator.with_({name: 2.0 * p.value})
+            half = slopes(heavier, self.at, [k])[i, 0]
+            if np.mean(np.abs(2.0 * half - plain) <= SAME * np.abs(plain)) > MOSTLY:
+                return float(p.value), unit
+        return None

@@ -1,0 +1,65 @@
+"""Whether a simulator of a user's own gives the same numbers when it is asked the same again."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import PamidError, SimulatorWarning
+from .base import Simulator
+
+if TYPE_CHECKING:
+    from .port_log import PortLog
+
+_INSTANTS = 24
+_SAME = 1e-6
+"""Share of an answer's size by which solvers that begin from their last solution may differ."""
+
+
+def tell_if_unsteady(simulator: Simulator, log: PortLog) -> None:
+    """Warn where a simulator is random or keeps something between calls; it is asked once in its life."""
+    if not simulator.executes or getattr(simulator, "_asked_twice", False):
+        return
+    simulator._asked_twice = True  # type: ignore[attr-defined]
+    try:
+        first, again = _asked(simulator, log)
+    except PamidError:
+        return  # told where it is asked in earnest
+    size = np.max(np.abs(first), axis=-1, keepdims=True, initial=0.0)
+    apart = np.abs(again - first) > _SAME * size + 1e-300
+    if not apart.any():
+        return
+    rows, worst = apart.any(axis=-1), float(np.nanmax(np.abs(again - first) / np.maximum(size, 1e-300)))
+    names = simulator.states if simulator.form == "ode" else simulator.outputs
+    where = ", ".join(n for n, wrong in zip(names, rows, strict=False) if wrong) or "its answer"
+    warnings.warn(
+        f"Asked twice with the same inputs, the simulator answers differently in {where} (by up to {worst:.2g} of the "
+        "largest value): it is random, or keeps something between calls. Fits and intervals rest on equal answers: "
+        "fix its seed in each call, and let nothing stay from one call to the next.",
+        SimulatorWarning,
+        stacklevel=2,
+    )
+
+
+def _asked(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray]:
+    """Return two answers to the same question, with another one between."""
+    a, b = log.spans[0]
+    at = np.arange(a, b)  # a whole run: one that is cut may be another one
+    if simulator.form != "run":
+        at = np.unique(np.linspace(a, b - 1, _INSTANTS).astype(int))
+    starts = {p.name: p.start for p in simulator.ports}
+    x, u = (
+        np.array([log.channels.get(n, np.full(log.n, starts.get(n, 0.0)))[at] for n in names]).reshape(-1, len(at))
+        for names in (simulator.states, simulator.inputs)
+    )
+    t = log.t[at] - log.t[at[0]] if simulator.form == "run" else log.t[at]
+    if simulator.form == "run":
+        first = simulator.run(t, u, simulator.numbers, x[:, 0])
+        simulator.run(t, 0.5 * u, simulator.numbers, x[:, 0])
+        return first, simulator.run(t, u, simulator.numbers, x[:, 0])
+    ask = simulator.rate if simulator.form == "ode" else simulator.output
+    p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(at), axis=1)
+    first = ask(t, x, u, p)
+    return first, ask(t[::-1], x[:, ::-1], u[:, ::-1], p)[:, ::-1]

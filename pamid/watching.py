@@ -1,0 +1,260 @@
+"""Watch a stream of samples with any simulator that has ports: has the rig changed, and what has."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from .any_simulator import diagnose
+from .errors import MissingColumnError, ParameterError, ShortTrajectoryError, StreamChangeWarning
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .gap.diagnosis.result import Diagnosis
+    from .gap.several.history import History
+    from .gap.several.result import Change
+    from .online import ChangeMonitor
+    from .simulators import Simulator
+
+    _Left = tuple[pd.DataFrame, pd.Series, pd.Series]
+
+PIECES = 10
+"""Pieces of the healthy stretch; the stream is looked at in pieces as long, so that both are filtered alike."""
+NAMED = 3
+"""Pieces of a change that are diagnosed together: a third of what the healthy stretch says of the rig."""
+
+
+@dataclass(frozen=True)
+class StreamChange:
+    """A change of the rig that a stream shows.
+
+    Parameters
+    ----------
+    time : float
+        When it began, s.
+    equation : str
+        Where it showed first.
+    changes : list of Change
+        What has changed, as the diagnosis of what came since says; empty where the library does not hold it.
+    diagnosis : Diagnosis
+        That diagnosis, of the healthy stretch and what came since.
+    """
+
+    time: float
+    equation: str
+    changes: list[Change]
+    diagnosis: Diagnosis = field(repr=False)
+
+
+class SimulatorWatch:
+    """Follow a rig with its simulator, and name what changes.
+
+    A healthy stretch is diagnosed first: what the simulator lacks from the start is no change. What is left of each
+    equation is then watched by a `pamid.online.ChangeMonitor`. After an alarm the rows since the change are diagnosed
+    with the healthy stretch, as a log of another day (`pamid.diagnose` with ``since``); the watch then learns the rig
+    anew as it has become.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        The simulator, see `pamid.read_simulator`.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be causes.
+    false_alarms : float, default=0.01
+        Share of streams of length `per` without a change in which an alarm is allowed, dimensionless.
+    per : float, default=600.0
+        s.
+    growth : float, default=1.25
+        What counts as a change: errors at like signals that are this much larger, dimensionless.
+    random_state : int, default=0
+        Seed of the draws.
+
+    Attributes
+    ----------
+    history : pamid.gap.several.History or None
+        What is known of the rig; None before `learn`.
+    piece : float
+        Seconds of the stream that are looked at together.
+    known : list of str
+        Effects that the rig has beyond the simulator, as far as they are known.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> from pamid.watching import SimulatorWatch
+    >>> t, rng = np.arange(0, 200, 0.02), np.random.default_rng(0)
+    >>> P = 3e5 + 1e5 * np.sin(2.0 * t) + 5e4 * np.sin(5.3 * t)
+    >>> F = np.where(t < 140, 5e-4, 6e-4) * P + rng.normal(0, 1, len(t))  # the piston is exchanged for a larger one
+    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P": P, "F": F})
+    >>> ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
+    >>> piston = FunctionSimulator(lambda u, p: u.P * p.area, ports, {"area": (5e-4, 0.0, "m^2")})
+    >>> watch = SimulatorWatch(piston, ["parameter_deviation", "sensor_bias"]).learn(log[:6000])
+    >>> [found] = watch.update(log[6000:])
+    >>> round(found.time), found.changes[0].effect, found.changes[0].where
+    (140, 'parameter_deviation', 'area')
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        effects: str | Sequence[str] = "all",
+        *,
+        false_alarms: float = 0.01,
+        per: float = 600.0,
+        growth: float = 1.25,
+        random_state: int = 0,
+    ) -> None:
+        self.simulator = simulator
+        self.effects = effects
+        self.false_alarms = false_alarms
+        self.per = per
+        self.growth = growth
+        self.random_state = random_state
+        self.history: History | None = None
+        self.known: list[str] = []
+        self.piece = float("nan")
+        self._named = 0
+        self._now = simulator
+        self._waiting: pd.DataFrame
+        self._monitors: dict[str, ChangeMonitor] = {}
+        self._times: dict[str, list[float]] = {}
+        self._recent: list[pd.DataFrame] = []
+        self._since: tuple[float, str] | None = None
+        self._found: Diagnosis | None = None
+
+    def learn(self, log: pd.DataFrame, progress: Callable[[str], None] | None = None) -> Self:
+        """Learn the rig while all is well."""
+        found = diagnose({"healthy": log}, self.simulator, self.effects, seed=self.random_state, progress=progress)
+        self._know(found, log)
+        return self
+
+    def update(self, log: pd.DataFrame) -> list[StreamChange]:
+        """Take the samples that follow."""
+        import pandas as pd
+
+        if self.history is None:
+            raise ParameterError("The rig has not been learnt.", "a healthy stretch first", "Call learn.")
+        self._waiting = pd.concat([self._waiting, log], ignore_index=True)
+        found: list[StreamChange] = []
+        while (piece := self._next_piece()) is not None:
+            found += self._take(piece)
+        return found
+
+    # --- the rig as it is ---------------------------------------------------------------------------------------
+    def _know(self, found: Diagnosis, log: pd.DataFrame) -> None:
+        """Take what a diagnosis says of the rig, and learn what is left on a stretch of it."""
+        import pandas as pd
+
+        from .online import ChangeMonitor
+
+        self.history = found.history
+        self.known = [f"{e} at {w}" for c in found.causes for e, w in zip(c.effects, c.where, strict=True)]
+        self._now = found.corrected if found.corrected is not None else self.simulator
+        spans = log.groupby("trajectory", sort=False)["time"].agg(["first", "last"])
+        self.piece = float((spans["last"] - spans["first"]).sum()) / PIECES
+        self._waiting = log.reset_index(drop=True)
+        left: dict[str, list[_Left]] = {}
+        while (piece := self._next_piece()) is not None:
+            for equation, some in self._residuals(piece).items():
+                left.setdefault(equation, []).append(some)
+        self._monitors = {}
+        for equation, parts in left.items():
+            signals, z, times = (pd.concat([part[k] for part in parts]) for k in range(3))
+            self._monitors[equation] = ChangeMonitor(
+                _Nothing(), sampling_interval=float(np.median(np.diff(times))),
+                false_alarms=self.false_alarms / len(left), per=self.per, growth=self.growth,
+                random_state=self.random_state,
+            ).calibrate(signals, z)  # fmt: skip
+        self._times = {e: [] for e in self._monitors}
+        self._recent, self._since, self._found = [], None, None
+        self._waiting = self._waiting[:0]
+
+    def _next_piece(self) -> pd.DataFrame | None:
+        """Take the next piece off the waiting rows; None where too few wait."""
+        t, run = self._waiting["time"].to_numpy(), self._waiting["trajectory"].to_numpy()
+        if not len(t):
+            return None
+        same = int(np.argmax(run != run[0])) if np.any(run != run[0]) else len(t)
+        cut = int(np.searchsorted(t[:same], t[0] + self.piece * (1.0 - 1e-9)))
+        if cut >= same == len(t):
+            return None
+        piece, self._waiting = self._waiting[: min(cut, same)], self._waiting[min(cut, same) :].reset_index(drop=True)
+        return piece
+
+    def _residuals(self, piece: pd.DataFrame) -> dict[str, _Left]:
+        """Return for each equation signals, what is left in units of the noise, and times, by windows."""
+        import pandas as pd
+
+        from .gap.simulated import evidence_of
+
+        try:
+            evidence = evidence_of(piece, self._now)
+        except (ShortTrajectoryError, MissingColumnError):  # the rest of a run, or a signal that does not come
+            return {}
+        # Like signals are like inputs and states: an output that left its old values is what a change looks like.
+        by = {p.name for p in self.simulator.ports if p.kind in ("input", "state")}
+        table = pd.DataFrame({k: v[evidence.centre] for k, v in evidence.log.channels.items() if k in by})
+        begins = float(piece["time"].iloc[0])
+        found = {}
+        for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+            times = pd.Series(evidence.time[part] - float(evidence.log.t[0]) + begins)
+            found[equation] = table[part], pd.Series(evidence.value[part]), times
+        return found
+
+    # --- the stream ---------------------------------------------------------------------------------------------
+    def _take(self, piece: pd.DataFrame) -> list[StreamChange]:
+        """Take a piece: watch it, or keep it for the diagnosis of a change that has begun."""
+        import pandas as pd
+
+        self._recent.append(piece)
+        if self._found is not None:
+            if len(self._recent) >= PIECES:
+                self._know(self._found, pd.concat(self._recent, ignore_index=True))
+            return []
+        if self._since is None:
+            self._watch(piece)
+            self._recent = self._recent[-PIECES:] if self._since is None else self._since_then()
+        return [self._name()] if self._since is not None and len(self._recent) >= NAMED else []
+
+    def _watch(self, piece: pd.DataFrame) -> None:
+        for equation, (signals, z, times) in self._residuals(piece).items():
+            if (monitor := self._monitors.get(equation)) is None:
+                continue
+            self._times[equation] += times.tolist()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", StreamChangeWarning)
+                monitor.update(signals, z)
+            if monitor.changed_at is not None and self._since is None:
+                row = round(monitor.changed_at / monitor.sampling_interval)
+                self._since = self._times[equation][min(row, len(self._times[equation]) - 1)], equation
+
+    def _since_then(self) -> list[pd.DataFrame]:
+        """Return the pieces since the change; the one in which it began holds both, and is left out."""
+        assert self._since is not None
+        after = [p for p in self._recent if float(p["time"].iloc[0]) >= self._since[0]]
+        return after or self._recent[-1:]
+
+    def _name(self) -> StreamChange:
+        import pandas as pd
+
+        assert self._since is not None and self.history is not None
+        self._named += 1
+        rows = pd.concat(self._recent, ignore_index=True)
+        found = diagnose({f"change {self._named}": rows}, self.simulator, since=self.history, seed=self.random_state)
+        self._found = found
+        here = [c for c in found.changes if c.log == f"change {self._named}"]
+        return StreamChange(*self._since, here, found)
+
+
+class _Nothing:
+    """The model of what is left: nothing."""
+
+    def predict(self, X: pd.DataFrame) -> np.ndarray:
+        """Return zeros."""
+        return np.zeros(len(X))

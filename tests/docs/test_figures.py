@@ -1,0 +1,110 @@
+"""Numbers that pages quote are those of the recorded blocks of ``benchmarks/figures.md``."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+if not (ROOT / "benchmarks" / "_record.py").is_file():
+    pytest.skip("needs the repository", allow_module_level=True)
+
+
+def recorded() -> dict[str, str]:
+    """The output of each recorded block, by its name."""
+    import sys
+
+    spec = importlib.util.spec_from_file_location("_record", ROOT / "benchmarks" / "_record.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return {b.name: b.output for b in module.blocks((ROOT / "benchmarks" / "figures.md").read_text(encoding="utf-8"))}
+
+
+def page(name: str) -> str:
+    """The text of a page, its lines joined."""
+    return " ".join((ROOT / name).read_text(encoding="utf-8").split())
+
+
+def line(text: str, start: str) -> list[str]:
+    """What follows a name at the start of a line, in words; the line is there once."""
+    (found,) = re.findall(rf"^{re.escape(start)} +(.*)$", text, re.M)
+    return str(found).split()
+
+
+def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
+    """Each page and what it says, written from the blocks."""
+    ratios = [float(row.split()[7]) for row in re.findall(r"^(?:force|flow) .*$", blocks["training-step"], re.M)]
+    span = f"{min(ratios):.2f} to {max(ratios):.2f}"
+    yield "docs/theory-hybrid.md", f"no second backward pass and {span} of the time"
+    yield "benchmarks/targets.md", f"on quiet cores {span},"
+
+    def cycle(calls: str, flags: str) -> float:
+        found = re.findall(
+            rf"^four evaluations in C, {calls} *, float64, {re.escape(flags)} +median +([\d.]+)",
+            blocks["control-cycle"],
+            re.M,
+        )
+        return float(found[0])
+
+    plain, avx2 = cycle("one call", "-O3"), cycle("one call", "-O3 -march=x86-64-v3")
+    one, four = cycle("one call", "-O3 -DFORCE_ONE_VERSION"), cycle("four calls", "-O3 -DFORCE_ONE_VERSION")
+    yield "docs/export.md", f"take {plain:.1f} µs in one call"
+    yield "docs/export.md", f"and {one:.1f} µs without AVX2"
+    yield "benchmarks/figures.md", f"it is {one:.1f} µs; there four calls are the quicker way ({four:.1f} µs)"
+    yield "benchmarks/targets.md", f"{avx2:.1f} µs with AVX2, {plain:.1f} µs with plain `-O3`"
+    yield "benchmarks/targets.md", f"{four:.1f} µs in four calls, {one:.1f} µs in one"
+
+    left_out = [line(blocks["festo"], f"{length} cm, all contractions")[-1] for length in (20, 30, 40)]
+    yield "benchmarks/figures.md", "its pooled error is {}, {} and {} of the plain network's".format(*left_out)
+    memory = line(blocks["festo"], "StaticPIHM(effects=...)")[:3]
+    yield "docs/measured.md", "{}, {}, {} N with `StaticPIHM(effects=".format(*memory)
+
+    lift, force, festo = (
+        line(blocks[name], "jax-sysid")[0] for name in ("peers-dynamic", "peers-force", "peers-festo")
+    )
+    yield "docs/choosing.md", f"| jax-sysid | {1000 * float(lift):.3f} | {force} | {float(festo):.2f} |"
+    for name in ("LiftedLoad(StaticPIHM)", "ForwardModel(direction)", "NNARX", "MLP", "Recurrent", "PolynomialNARX"):
+        # rmse, interval in three words, fit / %, then the difference, if any; times stand before the last number.
+        found = [word for word in line(blocks["choosing-dynamic"], name) if word != "*"]
+        yield "docs/choosing.md", f"| `{name}` | {float(f'{1000 * float(found[0]):.3g}'):g} | {found[-3]} |"
+
+    steps = blocks["inverse-control"].split("untrained loads, ")
+    usual, twice = (part for part in steps if part.startswith(("trained friction", "twice the friction")))
+    column = {"sine": 1, "steps": 2}
+
+    def tracked(part: str, name: str, task: str) -> float:
+        return float(re.findall(r"([\d.]+) \(", re.findall(rf"^{re.escape(name)} .*$", part, re.M)[0])[column[task]])
+
+    alone, inverse, learning = "PID alone", "inverse model + PID", "inverse model, learning on + PID"
+    share = {
+        (part is twice, name): tracked(part, name, "sine") / tracked(part, alone, "sine")
+        for part in (usual, twice)
+        for name in (inverse, learning)
+    }
+    yield (
+        "docs/choosing.md",
+        f"{share[True, learning]:.2f} of the error of PID alone, against {share[True, inverse]:.2f}",
+    )
+    yield (
+        "docs/inverse.md",
+        f"{share[False, inverse]:.2f} of the error of PID alone, {share[True, inverse]:.2f} with twice",
+    )
+    yield "docs/inverse.md", f"one that learns on has {share[False, learning]:.2f} and {share[True, learning]:.2f}"
+    yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning on {share[True, learning]:.2f}"
+    yield (
+        "docs/inverse.md",
+        f"leaves {tracked(twice, inverse, 'steps')} %, PID alone {tracked(twice, alone, 'steps')} %",
+    )
+
+
+def test_pages_quote_what_was_recorded() -> None:
+    said = list(quoted(recorded()))
+    assert len(said) >= 20
+    wrong = [f"{name} does not say: {text}" for name, text in said if text not in page(name)]
+    assert not wrong, "\n".join(wrong)

@@ -1,0 +1,201 @@
+"""Several logs, days, changes and further logs, with any simulator: in Python and on the command line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pamid
+from pamid.cli import main
+from pamid.errors import IncompatibleError, LogFormatError, ParameterError, UnknownOptionError, UntrustedCodeError
+from pamid.gap import diagnose_simulator
+from pamid.gap.several import Conditions, read_conditions, read_history
+from pamid.simulators import FunctionSimulator, Port
+from pamid.systems.cylinder import Cylinder
+
+MASS = 2.0
+PORTS = [Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+RAIL = FunctionSimulator(lambda t, x, u, p: [x.v, u.F / p.m], PORTS, {"m": (MASS, 0.05, "kg")})
+LIBRARY = ["viscous_friction", "coulomb_friction", "actuator_gain", "quadratic_drag"]
+PAGE = """kind = "ode"
+[ode]
+function = "rail.py:rate"
+[ports]
+F = { kind = "input", unit = "N" }
+x = { kind = "state", unit = "m" }
+v = { kind = "state", unit = "m/s" }
+[parameters]
+m = { value = 2.0, tolerance = 0.05, unit = "kg" }
+"""
+CODE = "def rate(t, x, u, p):\n    return [x.v, u.F / p.m]\n"
+
+
+def recorded(seed: int, viscous: float = 3.0, dry: float = 0.0, mass: float = MASS, runs: int = 2) -> pd.DataFrame:
+    """A mass on a rail, pushed to and fro, finely integrated."""
+    rng, found = np.random.default_rng(seed), []
+    for k in range(runs):
+        t, x, v = np.arange(0, 6, 0.01), [0.0], [0.0]
+        force = 5.0 * np.sin((1.0 + k + 0.3 * seed) * t) + 3.0 * np.sin(0.7 * t)
+        for f in force[:-1]:
+            now = v[-1]
+            for _ in range(10):
+                now += 0.001 * (f - viscous * now - dry * np.tanh(now / 1e-3)) / mass
+            v.append(now)
+            x.append(x[-1] + 0.005 * (v[-1] + v[-2]))
+        noisy = {"x": x + 1e-5 * rng.standard_normal(len(t)), "v": v + 1e-3 * rng.standard_normal(len(t))}
+        found.append(pd.DataFrame({"trajectory": f"{k}", "time": t, "F": force, **noisy}))
+    return pd.concat(found, ignore_index=True)
+
+
+@pytest.fixture(scope="module")
+def days() -> dict[str, pd.DataFrame]:
+    return {"monday": recorded(1), "friday": recorded(2, dry=1.0)}
+
+
+@pytest.fixture(scope="module")
+def changed(days):
+    return diagnose_simulator(days, RAIL, LIBRARY)
+
+
+def test_a_cause_that_appears_between_two_days_is_told_with_its_size(changed) -> None:
+    assert [c.effects[0] for c in changed.causes] == ["viscous_friction", "coulomb_friction"]
+    (change,) = changed.changes
+    assert (change.effect, change.where, change.how, change.log) == ("coulomb_friction", "x", "appears", "friday")
+    assert change.after == pytest.approx(1.0, rel=0.05) and change.unit == "N"
+    monday, friday = changed.logs
+    assert monday.parameters.keys() == {"viscous_friction@x"}
+    assert friday.parameters["coulomb_friction@x"]["amplitude"].value == pytest.approx(1.0, rel=0.05)
+    assert friday.parameters["viscous_friction@x"]["coefficient"].unit == "N s/m"
+    assert {name for name, _, _ in changed.corrected.effects} == {"viscous_friction", "coulomb_friction"}
+
+
+def test_a_cause_that_stays_is_one_cause_with_the_size_of_both_logs() -> None:
+    found = diagnose_simulator({"a": recorded(1), "b": recorded(2)}, RAIL, LIBRARY)
+    assert found.verdict == "cause" and not found.changes
+    assert found.causes[0].parameters["coefficient"].value == pytest.approx(3.0, rel=0.02)
+
+
+def test_no_gap_in_several_logs() -> None:
+    found = diagnose_simulator({"a": recorded(1, viscous=0.0), "b": recorded(2, viscous=0.0)}, RAIL, LIBRARY)
+    assert found.verdict == "none" and [f.log for f in found.logs] == ["a", "b"]
+
+
+def test_conditions_are_parameters_of_the_simulator(tmp_path: Path) -> None:
+    logs = {"light": recorded(1, viscous=0.0), "heavy": recorded(2, viscous=0.0, mass=3.0)}
+    table = tmp_path / "conditions.csv"
+    table.write_text("log,day,m\nlight,1,\nheavy,1,3.0\n")
+    held = read_conditions(table, RAIL)
+    assert held["heavy"] == Conditions({"m": 3.0}, "1")
+    assert diagnose_simulator(logs, RAIL, LIBRARY, conditions=held).verdict == "none"
+    assert diagnose_simulator(logs, RAIL, LIBRARY).verdict != "none"
+    table.write_text("log,day,mass\nlight,1,\n")
+    with pytest.raises(UnknownOptionError, match=r"mass.*no number of the simulator"):
+        read_conditions(table, RAIL)
+
+
+def test_logs_of_other_signals_and_runs_that_come_twice_are_refused(days) -> None:
+    with pytest.raises(IncompatibleError, match="once more"):
+        diagnose_simulator({"a": days["monday"], "b": days["monday"]}, RAIL, LIBRARY)
+
+
+def test_one_way_for_every_simulator_in_python(days) -> None:
+    first = pamid.diagnose(days["monday"], RAIL, LIBRARY)
+    assert first.causes[0].effects == ("viscous_friction",) and not first.logs
+    second = pamid.diagnose({"friday": days["friday"]}, RAIL, since=first.history)
+    assert len(second.rounds) == 2 and second.changes[0].effect == "coulomb_friction"
+    with pytest.raises(ParameterError, match="earlier diagnosis"):
+        pamid.diagnose({"more": days["friday"]}, RAIL, ["viscous_friction"], since=first.history)
+    found = pamid.evaluate(days["monday"], RAIL)
+    assert found["x"].rmse > 10.0 * found["x"].noise_floor and found["x"].trajectories.keys() == {"0", "1"}
+    pieces = [run for _, run in days["monday"].groupby("trajectory")]
+    assert pamid.evaluate(pieces, RAIL)["x"].rmse == pytest.approx(found["x"].rmse, rel=0.01)
+
+
+def test_a_cylinder_goes_on_from_an_earlier_log(tmp_path: Path) -> None:
+    def run(seed: int) -> pd.DataFrame:
+        rng, t = np.random.default_rng(seed), np.arange(0.0, 12.0, 0.005)
+        x = 0.02 + 0.015 * np.sin((1.0 + seed) * t)
+        force = 4.909e-4 * 2e5 + 60.0 * np.gradient(x, t) + 0.1 * rng.standard_normal(len(t))
+        return pd.DataFrame({"trajectory": "r", "time": t, "x": x, "P": 301325.0 + 0.0 * t, "F": force})
+
+    page = tmp_path / "sim.toml"
+    page.write_text('kind = "cylinder"\n[cylinder]\nbore = "25 mm"\n')
+    piston = pamid.read_simulator(page)
+    assert isinstance(piston, Cylinder)
+    first = pamid.diagnose(run(0), piston, ["viscous_friction", "force_bias"])
+    second = pamid.diagnose(run(1), piston, since=first.history)
+    assert second.causes[0].effects == ("viscous_friction",) and len(second.rounds) == 2
+    second.history.page = str(page)
+    second.history.write(tmp_path)
+    again = read_history(tmp_path, read=pamid.read_simulator)
+    assert list(again.logs) == ["log", "log 2"] and again.rounds == second.rounds
+
+
+# --- on the command line ------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, days) -> Path:
+    folder = tmp_path_factory.mktemp("rail")
+    for name, log in days.items():
+        log.to_csv(folder / f"{name}.csv", index=False)
+    (folder / "rail.py").write_text(CODE)
+    (folder / "sim.toml").write_text(PAGE)
+    code = main(
+        ["diagnose", str(folder / "monday.csv"), "--sim", str(folder / "sim.toml"), "--trust", "--quiet",
+         "--effects", ",".join(LIBRARY), "--out", str(folder / "first")]
+    )  # fmt: skip
+    assert code == 0
+    return folder
+
+
+def test_the_command_goes_on_with_a_further_log(written: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = written / "second"
+    (written / "elsewhere").mkdir()
+    log = (written / "elsewhere" / "friday.csv").as_posix()
+    Path(log).write_text((written / "friday.csv").read_text())
+    asked = ["diagnose", log, "--since", str(written / "first"), "--out", str(out), "--quiet"]
+    assert main(asked) == 2  # the page of the earlier diagnosis names code
+    assert "--trust" in capsys.readouterr().err
+    assert main([*asked, "--trust"]) == 0
+    assert "Coulomb friction at x appears with friday" in capsys.readouterr().out.replace("\n         ", " ")
+    said = json.loads((out / "diagnosis.json").read_text())
+    assert len(said["rounds"]) == 2 and said["changes"][0]["where"] == "x"
+    page = (out / "report.html").read_text()
+    assert "Before and after this log" in page and "Log by log" in page
+
+
+def test_a_history_is_of_its_simulator_and_of_nobody_else(written: Path, tmp_path: Path) -> None:
+    with pytest.raises(UntrustedCodeError):
+        read_history(written / "first")
+    with pytest.raises(IncompatibleError, match=r"m was 2\.0 and is 2\.5"):
+        read_history(written / "first", RAIL.with_({"m": 2.5}))
+    assert read_history(written / "first", RAIL).rivals
+    for name in ("state.json", "logs.parquet"):
+        (tmp_path / name).write_bytes((written / "first" / name).read_bytes())
+    state = json.loads((tmp_path / "state.json").read_text())
+    state["rivals"] = []
+    (tmp_path / "state.json").write_text(json.dumps(state))
+    with pytest.raises(LogFormatError, match="was changed since"):
+        read_history(tmp_path, RAIL)
+
+
+def test_several_logs_and_conditions_on_the_command_line(written: Path, tmp_path: Path) -> None:
+    table = tmp_path / "conditions.csv"
+    table.write_text("log,day\nmonday,1\nfriday,2\n")
+    logs = [str(written / f"{name}.csv") for name in ("monday", "friday")]
+    options = ["--sim", str(written / "sim.toml"), "--trust", "--quiet", "--effects", ",".join(LIBRARY)]
+    assert main(["diagnose", *logs, *options, "--conditions", str(table), "--out", str(tmp_path / "out")]) == 0
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert [f["log"] for f in said["logs"]] == ["monday", "friday"] and said["changes"]
+
+
+def test_evaluate_refits_and_reads_in_pieces(written: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["evaluate", str(written / "monday.csv"), "--sim", str(written / "sim.toml"), "--trust", "--quiet"]
+    assert main([*asked, "--json"]) == 0
+    whole = json.loads(capsys.readouterr().out)["equations"]["x"]["rmse"]
+    assert main([*asked, "--json", "--piece-rows", "600"]) == 0
+    assert json.loads(capsys.readouterr().out)["equations"]["x"]["rmse"] == pytest.approx(whole, rel=0.01)
+    assert main([*asked, "--refit", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["refit"]["at_bound"] == ["m"] and said["equations"]["x"]["rmse"] < whole

@@ -1,0 +1,72 @@
+"""A stream of samples watched with a simulator that has ports, in Python and on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+from pamid.errors import ParameterError
+from pamid.simulators import EquationSimulator, Port, page_text
+from pamid.watching import SimulatorWatch
+
+LIBRARY = ["parameter_deviation", "sensor_bias"]
+CHANGED = 150.0
+
+
+def piston() -> EquationSimulator:
+    """A piston: its force is its area times the pressure."""
+    ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
+    return EquationSimulator({"F": "P * area"}, ports, {"area": (5e-4, 0.0, "m^2")})
+
+
+def stream(seed: int, area: float, offset: float = 0.0) -> pd.DataFrame:
+    """Four minutes, of which the last minute and a half are those of another area."""
+    rng, t = np.random.default_rng(seed), np.arange(0, 240, 0.02)
+    P = 3e5 + 1e5 * np.sin(2.0 * t) + 5e4 * np.sin(5.3 * t + seed)
+    F = np.where(t < CHANGED, 5e-4, area) * P + offset + rng.normal(0, 1, len(t))
+    return pd.DataFrame({"trajectory": "a", "time": t, "P": P, "F": F})
+
+
+@pytest.mark.slow
+def test_what_has_changed_is_named_and_what_was_so_from_the_start_is_no_change() -> None:
+    log = stream(0, 6e-4, offset=20.0)
+    watch = SimulatorWatch(piston(), LIBRARY).learn(log[:5000])
+    assert watch.known == ["sensor_bias at F"]
+    [found] = [c for k in range(5000, 12_000, 500) for c in watch.update(log[k : k + 500])]
+    assert found.time == pytest.approx(CHANGED, abs=3.0) and found.equation == "F"
+    [change] = found.changes
+    assert (change.effect, change.where) == ("parameter_deviation", "area")
+
+
+@pytest.mark.slow
+def test_a_healthy_stream_is_left_alone() -> None:
+    log = stream(1, 5e-4)
+    watch = SimulatorWatch(piston(), LIBRARY).learn(log[:5000])
+    assert watch.known == [] and watch.update(log[5000:]) == []
+
+
+def test_a_watch_learns_before_it_watches() -> None:
+    with pytest.raises(ParameterError, match="not been learnt"):
+        SimulatorWatch(piston()).update(stream(0, 5e-4))
+
+
+@pytest.mark.slow
+def test_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "piston.toml").write_text(page_text(piston()))
+    log = stream(2, 6e-4).drop(columns="trajectory")
+    lines = [json.dumps(row) for row in log.to_dict("records")]
+    lines[7000] = "not a sample"
+    (tmp_path / "samples.jsonl").write_text("\n".join(lines) + "\n")
+    argv = ["watch", str(tmp_path / "samples.jsonl"), "--sim", str(tmp_path / "piston.toml"), "--learn", "100"]
+    argv += ["--effects", ",".join(LIBRARY)]
+    assert main([*argv, "--json"]) == 0
+    learnt, change, end = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert (learnt["event"], change["event"], end["event"]) == ("learnt", "change", "end")
+    assert change["causes"][0]["where"] == "area" and end["problems"]["malformed"] == 1
+    assert main([*argv, "--model", "m.pamid"]) == 2
+    assert "they are of muscles" in capsys.readouterr().err

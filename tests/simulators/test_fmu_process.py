@@ -1,0 +1,89 @@
+"""The process of an FMU: it may stammer, fork or be left alone, and nothing of it stays."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pamid.errors import ForeignSimulatorError
+from pamid.simulators import fmu_model, workers
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="groups of processes")
+PARENT = """
+import sys
+import numpy as np
+from pamid.export.ode_fmu import ode_fmu
+from pamid.simulators import FmuSimulator
+fmu = ode_fmu("a", lambda t, x, u, p: [u.go], {"y": 0.0}, {"go": 0.0}, {}, lambda t, x, u, p: {"z": x.y})
+open(sys.argv[1], "wb").write(fmu)
+sim = FmuSimulator(sys.argv[1], trust=True)
+sim.run(np.arange(0, 1, 0.1), np.zeros((1, 10)), np.zeros(0), np.zeros(0))
+print(*[w._process.pid for w in sim._workers if w._process], flush=True)
+sys.stdin.read()
+"""
+
+
+def gone(pid: int) -> bool:
+    """Wait until a process is no more, or a zombie that nobody has asked after."""
+    for _ in range(200):
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except (OSError, IndexError):
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.mark.parametrize(
+    "said", [b"x", b"\x10" + bytes(7) + b"\x10" + bytes(7) + b"{", b"\xff" * 16], ids=["byte", "begin", "endless"]
+)
+def test_a_byte_and_then_silence_is_a_hang(said: bytes, tmp_path: Path, monkeypatch) -> None:
+    code = f"import sys, time; sys.stdout.buffer.write({said!r}); sys.stdout.flush(); time.sleep(99)"
+    pipe = subprocess.PIPE
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=pipe, stdout=pipe)
+    monkeypatch.setattr(fmu_model, "_LOADING", 0.0)
+    worker = fmu_model._Worker(tmp_path / "a.fmu", 1.0)
+    monkeypatch.setattr(worker, "_started", lambda: process)
+    worker._process = process
+    with pytest.raises(ForeignSimulatorError, match="did not answer within 1 s"):
+        worker.asked({"do": "run"}, {})
+    assert process.poll() is not None
+
+
+def test_what_a_process_has_forked_ends_with_it() -> None:
+    code = "import os, time; pid = os.fork(); print(pid, flush=True) if pid else None; time.sleep(99)"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, start_new_session=True)
+    assert process.stdout is not None
+    child = int(process.stdout.readline())
+    workers.ended(process)
+    assert gone(child) and process.poll() is not None
+
+
+def test_an_fmu_leaves_nothing_where_its_caller_is_killed(tmp_path: Path) -> None:
+    pytest.importorskip("fmpy")
+    (tmp_path / "t").mkdir()
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "t")}
+    command = [sys.executable, "-c", PARENT, str(tmp_path / "a.fmu")]
+    caller = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+    assert caller.stdout is not None
+    pids = [int(word) for word in caller.stdout.readline().split()]
+    assert pids and any((tmp_path / "t").glob("pamid_fmu_*"))
+    caller.send_signal(signal.SIGKILL)
+    caller.wait()
+    assert all(gone(pid) for pid in pids)
+    assert not any((tmp_path / "t").iterdir())
+
+
+def test_a_worker_imports_nothing_from_the_folder_of_the_user(tmp_path: Path) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit('a file of the folder was run')")
+    process = workers.started("pamid.simulators.fmu_worker", "none.fmu", str(2**32), str(tmp_path / "made"),
+                              cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip
+    assert b"was run" not in process.communicate()[1]
