@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _TYPICAL = {"rest_length": 0.2, "rest_diameter": 0.02, "bore": 0.025}
+_SHARES = {name for name, unit in UNITS.items() if unit.dimension == "ratio"}
 _OF_KIND = {"bore": "cylinder", "rod": "cylinder", "rest_diameter": "muscle", "gravity": "joint", "limit": "joint"}
 _STROKE = frozenset(("x", "stroke", "hub", "kolbenhub", "kolbenweg", "piston", "cylinder", "zylinder", "rod"))
 
@@ -156,7 +157,9 @@ class Draft:
         self._check_dimension(signal, column, unit, scale)
         source = "value"
         if signal in ("length", "shortening"):
-            signal, source = "eps", signal
+            share = bool(unit) and unit_name(unit) in _SHARES  # of the rest length
+            source = "value" if signal == "shortening" and share else signal
+            signal = "eps"
         position = self._position(column, signal)
         if signal == "trajectory" and position is not None:
             self._clear(signal)
@@ -362,7 +365,12 @@ class Draft:
         return system_text(cls, cls(**values).values, self.assumed())
 
 
-def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "", numbers: Sequence[str] = ()) -> Draft:
+def draft_for(
+    paths: str | Path | Sequence[str | Path],
+    kind: str = "",
+    numbers: Sequence[str] = (),
+    encoding: str | None = None,
+) -> Draft:
     """Look at logs and propose a mapping.
 
     Parameters
@@ -373,6 +381,8 @@ def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "", numbers:
         ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``; guessed from the columns by default.
     numbers : sequence of str, optional
         Names of the numbers that are given: a bore is that of a cylinder.
+    encoding : str, optional
+        Encoding of text files, such as "big5"; found by itself by default.
 
     Returns
     -------
@@ -399,7 +409,7 @@ def draft_for(paths: str | Path | Sequence[str | Path], kind: str = "", numbers:
     if kind and kind not in kinds():
         raise UnknownOptionError(f"There is no kind {kind!r}.", f"one of {', '.join(kinds())}", "Correct it.")
     files = find_logs(paths)
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
     tables = read_raw(files, settings)
     table = tables[0]
     draft = Draft(files, tables, kind or _kind_of_numbers(numbers), [], settings)

@@ -26,8 +26,9 @@ _RESTART = 0.2  # of a run's length: time that falls by more than the rest of it
 def read_raw(paths: Sequence[Path], settings: dict[str, Any]) -> list[RawTable]:
     """Read the tables of all files; settings that only the files tell are added."""
     found: list[RawTable] = []
-    if is_joined(paths, LogMapping(), MAX_BYTES):
-        found = [t for _, tables, _ in sources(paths, LogMapping(), MAX_BYTES, []) for t in tables]
+    mapping = LogMapping(encoding=settings.get("encoding"))
+    if is_joined(paths, mapping, MAX_BYTES):
+        found = [t for _, tables, _ in sources(paths, mapping, MAX_BYTES, []) for t in tables]
         paths = ()
     for path in paths:
         tables = _tables(path, settings)
@@ -41,15 +42,15 @@ def read_raw(paths: Sequence[Path], settings: dict[str, Any]) -> list[RawTable]:
 
 def _tables(path: Path, settings: dict[str, Any]) -> list[RawTable]:
     """Read one file; thousands points are tried where the numbers look like it."""
-    mapping = replace(LogMapping(), thousands=settings.get("thousands"))
+    mapping = LogMapping(thousands=settings.get("thousands"), encoding=settings.get("encoding"))
     try:
-        return format_of(path).read(path, mapping, MAX_BYTES)[0]
+        return format_of(path, mapping.encoding).read(path, mapping, MAX_BYTES)[0]
     except ColumnTypeError as error:
         mark = "." if "thousands = '.'" in error.remedy else "," if "thousands = ','" in error.remedy else ""
         if not mark or mapping.thousands:
             raise
         settings["thousands"] = mark
-        return format_of(path).read(path, replace(mapping, thousands=mark), MAX_BYTES)[0]
+        return format_of(path, mapping.encoding).read(path, replace(mapping, thousands=mark), MAX_BYTES)[0]
 
 
 def is_zero_run(table: RawTable) -> bool:

@@ -470,3 +470,30 @@ def test_a_position_near_a_muscles_own_length_is_a_length(name, tmp_path, capsys
         assert said["signals"]["eps"]["source"] == source
         assert ("eps" in said["assumed"].get("signals", {})) == (source == "length")
         assert all("turn" not in doubt for doubt in said["doubts"])
+
+
+def test_an_encoding_that_is_given_stands_in_the_mapping(tmp_path):
+    t = np.arange(0, 5, 0.01)
+    table = {
+        "時間 [s]": t,
+        "壓力 [bar]": 3 + np.sin(t),
+        "長度 [mm]": 180 - 10 * np.sin(t),
+        "力 [N]": 100 + 30 * np.sin(t),
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False, encoding="big5")
+    signals = [x for s in ("time=0:s", "P=1:bar", "length=2:mm", "F=3:N") for x in ("--signal", s)]
+    given = ["--kind", "muscle", "--encoding", "big5", "--yes", "--out", str(tmp_path / "a")]
+    assert main(["init", str(tmp_path / "log.csv"), *signals, *given]) == 0
+    mapping = tmp_path / "a" / "columns.toml"
+    assert 'encoding = "big5"' in mapping.read_text() and "長度 [mm]" in mapping.read_text()
+    assert read_log(tmp_path / "log.csv", mapping)["F"].max() == pytest.approx(130, abs=0.1)
+
+
+def test_a_shortening_in_per_cent_is_a_contraction_ratio(tmp_path):
+    t = np.arange(0, 5, 0.01)
+    table = {"t": t, "p": 3e5 + 1e5 * np.sin(t), "c": 5 + 5 * np.sin(t), "f": 100 + 30 * np.sin(t)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    signals = [x for s in ("time=t:s", "P=p:Pa:absolute", "shortening=c:%", "F=f:N") for x in ("--signal", s)]
+    given = ["--kind", "muscle", "--yes", "--out", str(tmp_path / "a")]
+    assert main(["init", str(tmp_path / "log.csv"), *signals, *given]) == 0
+    assert read_log(tmp_path / "log.csv", tmp_path / "a" / "columns.toml")["eps"].max() == pytest.approx(0.1, abs=1e-3)

@@ -117,6 +117,7 @@ def add_parser(subparsers: Any) -> None:
         choices=("gauge", "absolute"),
         help="whether pressures are gauge or absolute if name, unit, range and force do not tell",
     )
+    parser.add_argument("--encoding", metavar="NAME", help="of text files, such as big5 (default: found by itself)")
     parser.add_argument("--out", metavar="DIR", default=".", help="folder for the two files (default: this one)")
     parser.add_argument("--yes", action="store_true", help="ask nothing, accept all proposals")
     parser.add_argument("--force", action="store_true", help="replace existing files")
@@ -140,7 +141,7 @@ def _of_model(args: argparse.Namespace) -> int:
 
     model = Path(args.sim)
     given_page = model.suffix.lower() not in MODELS
-    draft = draft_for(args.log)
+    draft = draft_for(args.log, encoding=args.encoding)
     simulator = outline(model, args.trust) if given_page else bare_model(model)
     draft.own_page = model if given_page else None
     draft.clear()
@@ -151,7 +152,13 @@ def _of_model(args: argparse.Namespace) -> int:
     columns = {m.port: m.column for m in found}
     if not given_page:
         join(draft, simulator, found)
-    if not given_page and is_plain(draft, found) and not doubts and not lacking(simulator, columns, doubts):
+    if (
+        not given_page
+        and not args.encoding
+        and is_plain(draft, found)
+        and not doubts
+        and not lacking(simulator, columns, doubts)
+    ):
         return _page_alone(args, draft, columns, simulator)
     folder = checked_folder(args, FILES[:1] if given_page else FILES)
     take(draft, simulator, found, doubts)
@@ -201,7 +208,7 @@ def _run(args: argparse.Namespace) -> int:
     folder = checked_folder(args)
     ask = Asker(sys.stdin.isatty() and not (args.yes or args.json))
     given = pairs(args.set, "--set")
-    draft = draft_for(args.log, args.kind, list(given))
+    draft = draft_for(args.log, args.kind, list(given), args.encoding)
     if not draft.kind:
         if not args.json:
             show(draft)
@@ -211,7 +218,7 @@ def _run(args: argparse.Namespace) -> int:
                 f"--kind {', '.join(kinds())}",
                 "Add --kind, and --signal for columns whose names say nothing; another system goes by its --equation.",
             )
-        draft = draft_for(args.log, ask.choice("What was recorded?", kinds(), "muscle"))
+        draft = draft_for(args.log, ask.choice("What was recorded?", kinds(), "muscle"), encoding=args.encoding)
     for pair in args.signal:
         assign(draft, pair)
     draft.numbers = given_numbers(given, draft.kind)
@@ -243,7 +250,7 @@ def _of_equations(args: argparse.Namespace) -> int:
     if args.kind:
         raise ParameterError("--kind and --equation are given.", "one of them", "Leave --kind out.")
     folder, equations, numbers = checked_folder(args), split_equations(args.equation), pairs(args.set, "--set")
-    draft, ask = draft_for(args.log), Asker(False)
+    draft, ask = draft_for(args.log, encoding=args.encoding), Asker(False)
     draft.clear()
     declare_equations(draft, equations, numbers)  # names mean what the equations say
     for pair in args.signal:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .balance import Balance
+from .between_rows import after
 from .direct import DirectEvidence
 
 
@@ -13,3 +16,14 @@ class KinematicEvidence(DirectEvidence):
 
     def _balances(self) -> list[Balance]:
         return [b for b in super()._balances() if b.velocity]
+
+    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates of positions, which are the velocities: the simulator need not be asked."""
+        ends, states = np.hstack([x, after(x, self.log)]), list(self.simulator.states)
+        out = np.zeros_like(ends)
+        for position, velocity in self.pairs.items():
+            out[states.index(position)] = ends[states.index(velocity)]
+        return out
+
+    def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.zeros((len(self.simulator.outputs), self.log.n))

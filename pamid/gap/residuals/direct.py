@@ -19,10 +19,11 @@ import numpy as np
 from ...equations.windows import average, span, starts
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
-from ...signals.resting import at_rest, resting_rows
+from ...signals.resting import at_rest
 from ...simulators.base import Simulator
 from ...simulators.catalogue import SignalSizes
 from ...simulators.links import Link
+from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import (
     JointPort,
@@ -37,18 +38,16 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .between_rows import NOTE, after, driven, go_in_lines, timings
+from .derived import rounded_off, speed_slopes, with_what_lacks
 from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .ports import Active
-from .states import integral, pairs_of, roles_of
+from .states import integral, pairs_of, resting_joints, roles_of
 from .tolerances import SMALL, rms
 from .turned import Instants, Turned, turned
 from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
 
-LEAST_MOVING = 20
-"""Windows of motion that a joint must have for those at rest to be left out: the logs of
-``benchmarks/any_simulator`` have 388 and more."""
 MOST_ASKED = 12
 """Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
 
@@ -94,6 +93,7 @@ class DirectEvidence(UndoneEvidence):
             found = joints_of(simulator, self.pairs, self.pushes)  # of a speed alone the integral is the path
             self.joints: list[JointPort] = [j if j.position in log.channels else j._replace(position="") for j in found]
             self.feeds = fed_by(simulator, *at)
+            self._rounding = speed_slopes(simulator, derived, *at)
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
         else:
             self.pushes, self.joints = {}, []
@@ -160,9 +160,10 @@ class DirectEvidence(UndoneEvidence):
 
     def _lay_windows(self) -> None:
         log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
-        self._first: list[list[np.ndarray]] = []
-        self._moving: list[np.ndarray] = []
-        self.windows, resting, hidden = [], self._resting(), log.hidden(self.n)
+        self._first, self._moving = list[list[np.ndarray]](), list[np.ndarray]()
+        self.windows, hidden = [], log.hidden(self.n)
+        resting = resting_joints(log, self.joints, {b.name for b in self.balances}, self.n)
+        self.notes += [at_rest(j.position, float(resting[j.name].mean())) for j in self.joints if j.name in resting]
         for b in self.balances:
             firsts, rows, centres, measured, moving = [], [], [], [], []
             for a, e in log.spans:
@@ -180,24 +181,11 @@ class DirectEvidence(UndoneEvidence):
                 measured.append(average(series, self.n, b.order + 1, first[moves]))
             self._first.append(firsts)
             self._moving.append(np.concatenate(moving))
-            unit = b.unit
             self.windows.append(
-                PortWindows(b.name, unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
+                PortWindows(b.name, b.unit, np.concatenate(rows), np.concatenate(centres), np.concatenate(measured))
             )
         if not any(len(w.first) for w in self.windows):
             raise no_windows(log, self.n)
-
-    def _resting(self) -> dict[str, np.ndarray]:
-        """Return the rows in which each joint that is driven rests, by its name, where there are any."""
-        log, found = self.log, {}
-        codes = np.repeat(np.arange(len(log.spans)), [e - a for a, e in log.spans])
-        for joint in self.joints:
-            if joint.position in log.channels and any(b.name == joint.name for b in self.balances):
-                rows = resting_rows(log.channels[joint.position], log.dt, codes)
-                if rows.any() and np.sum(~rows) >= LEAST_MOVING * self.n:
-                    found[joint.name] = rows
-                    self.notes.append(at_rest(joint.position, float(rows.mean())))
-        return found
 
     def _ends(self, u: np.ndarray) -> np.ndarray:
         return u if self.held else after(u, self.log)
@@ -355,10 +343,7 @@ class DirectEvidence(UndoneEvidence):
         rates = self._total_rates(x, u, pushed, p, restored)
         return self._windowed(active, readings, rates, added, self._outputs(x, pushed, p))
 
-    def _force(self, place: object, made: object, table: Mapping[str, np.ndarray]) -> np.ndarray:
-        from ...simulators.placement import Placement
-
-        assert isinstance(place, Placement)
+    def _force(self, place: Placement, made: Any, table: Mapping[str, np.ndarray]) -> np.ndarray:
         log, found = self.log, dict(table)
         if place.link is not None:
             found |= place.link.across(found)
@@ -366,8 +351,16 @@ class DirectEvidence(UndoneEvidence):
             if role == "position" and (place.effect.path_dependent or name not in found):
                 found[name] = self._path(name, found, place.link)
         s = place.signals(found, log.t)
-        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)  # type: ignore[attr-defined]
-        return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)  # type: ignore[arg-type]
+        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
+
+        def force(speed: np.ndarray) -> np.ndarray:
+            at = place.signals({**found, velocity: speed}, log.t) if velocity else s
+            return np.broadcast_to(place.force(made, at, memory), (log.n,)).astype(float)
+
+        velocity = place.follows.get("velocity", "")
+        position = next((q for q, v in self.derived.items() if v == velocity), "")
+        speed = found.get(velocity, log.t)
+        return with_what_lacks(force, found[position], speed, log) if position else force(speed)
 
     def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates at both ends of each step, under the inputs there, shape (n_states, 2 n_rows)."""
@@ -382,6 +375,10 @@ class DirectEvidence(UndoneEvidence):
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
     ) -> np.ndarray:
         """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
+        lacking = np.tile(self._rounding @ rounded_off(self.simulator, self.derived, x, self.log), 2)
+        return lacking + self._rates_at(x, u, pushed, p, restored)
+
+    def _rates_at(self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool) -> np.ndarray:
         ends = self._ends(u) + after(pushed - u, self.log)
         if restored or p.ndim != 1:
             return self._rates(x, pushed, ends, p)
@@ -442,24 +439,25 @@ class DirectEvidence(UndoneEvidence):
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
         outputs: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        log, parts = self.log, []
+        log = self.log
+        modelled = {b.name: outputs[b.row] for b in self.balances if not b.order}
+        for place, made in active:
+            if place.enters == "output" and place.at in modelled:
+                modelled[place.at] = place.reading(made, modelled[place.at], log.dt, log.starts)
+
+        def each(b: Balance, rows: slice) -> np.ndarray:
+            y = b.rate(readings[b.channel][rows], log.dt)
+            if not b.order:
+                return y - modelled[b.name][rows]
+            start, end = rates[b.row, rows] + added[b.row, rows], rates[b.row, log.n :][rows] + ends[b.row, rows]
+            y = y - b.mean(start, end)
+            return y + bent(readings[b.velocity][rows]) if b.velocity else y
+
+        ends = after(added, log) if len(added) else added
+        parts = []
         for b, firsts in zip(self.balances, self._first, strict=True):
-            found = []
-            if b.order:
-                start = rates[b.row, : log.n] + added[b.row]
-                end = rates[b.row, log.n :] + after(added[b.row : b.row + 1], log)[0]
-            else:
-                modelled = outputs[b.row]
-                for place, made in active:
-                    if place.enters == "output" and place.at == b.name:
-                        modelled = place.reading(made, modelled, log.dt, log.starts)
-            for (a, e), first in zip(log.spans, firsts, strict=True):
-                y = b.rate(readings[b.channel][a:e], log.dt)
-                y = y - (b.mean(start[a:e], end[a:e]) if b.order else modelled[a:e])
-                if b.velocity:
-                    y = y + bent(readings[b.velocity][a:e])
-                found.append(average(y, self.n, b.order + 1, first))
-            parts.append(np.concatenate(found))
+            runs = [(slice(a, e), first) for (a, e), first in zip(self.log.spans, firsts, strict=True)]
+            parts.append(np.concatenate([average(each(b, rows), self.n, b.order + 1, first) for rows, first in runs]))
         parts = parts if self._turned is None else self._turned(parts)
         return np.concatenate([r[moves] for r, moves in zip(parts, self._moving, strict=True)])
 

@@ -6,9 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...signals.resting import resting_rows
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, kinematic_pairs, some_instants, spread_numbers
+
+LEAST_MOVING = 20
+"""Windows of motion that a joint must have for those at rest to be left out: the logs of
+``benchmarks/any_simulator`` have 388 and more."""
 
 
 def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
@@ -87,3 +92,15 @@ def integral(v: np.ndarray, log: PortLog) -> np.ndarray:
     for a, b in log.spans:
         out[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * log.dt
     return out
+
+
+def resting_joints(log: PortLog, joints: Sequence[JointPort], tested: set[str], n: int) -> dict[str, np.ndarray]:
+    """Return the rows in which each joint that is tested rests, by its name, where it moves in enough of n samples."""
+    found = {}
+    codes = np.repeat(np.arange(len(log.spans)), [e - a for a, e in log.spans])
+    for joint in joints:
+        if joint.position in log.channels and joint.name in tested:
+            rows = resting_rows(log.channels[joint.position], log.dt, codes)
+            if rows.any() and np.sum(~rows) >= LEAST_MOVING * n:
+                found[joint.name] = rows
+    return found

@@ -1,0 +1,60 @@
+r"""Speeds that follow from positions are smoothed, and smoothing rounds them where a motion turns.
+
+Where a force is straight in such a speed, as that of a servo's damping is, it needs no smoothing in the weak form: over
+a step the speed's mean is the difference of the positions,
+
+.. math:: \frac1h\int_{t_k}^{t_{k+1}} \dot x\,\mathrm{d}t = \frac{x_{k+1} - x_k}{h}
+
+so that what smoothing takes away there is put back with the typical slope of the rates in the speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.port_log import PortLog
+from ...simulators.structure import spread_numbers
+from .between_rows import after, before
+
+
+def speed_slopes(
+    simulator: Simulator, derived: Mapping[str, str], t: np.ndarray, x: np.ndarray, u: np.ndarray
+) -> np.ndarray:
+    """Return the typical slopes of all rates in derived speeds at some instants, shape (n_states, n_derived)."""
+    p, slopes = spread_numbers(simulator, x.shape[1]), []
+    for velocity in derived.values():
+        k = simulator.states.index(velocity)
+        step = 0.1 * float(np.std(x[k])) or 1.0
+        up, down = x.copy(), x.copy()
+        up[k] += step
+        down[k] -= step
+        found = (simulator.rate(t, up, u, p) - simulator.rate(t, down, u, p)) / (2.0 * step)
+        slopes.append(np.nan_to_num(np.median(found, axis=1)))  # a dry friction turns at few of the instants
+    return np.column_stack(slopes) if slopes else np.zeros((len(simulator.states), 0))
+
+
+def rounded_off(simulator: Simulator, derived: Mapping[str, str], x: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return by how much derived speeds lack what their positions move in each step, shape (n_derived, n_rows)."""
+    names = list(simulator.states)
+    q, v = ([names.index(name) for name in some] for some in (derived.keys(), derived.values()))
+    return lacking(x[q], x[v], log)
+
+
+def lacking(q: np.ndarray, v: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return by how much speeds lack what positions move in each step, shape (n_signals, n_rows)."""
+    lack = (after(q, log) - q) / log.dt - 0.5 * (v + after(v, log))
+    lack[:, [b - 1 for _, b in log.spans]] = 0.0  # no step begins there
+    return np.asarray(lack)
+
+
+def with_what_lacks(
+    force: Callable[[np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray, log: PortLog
+) -> np.ndarray:
+    """Return a force over a derived speed, and over what the speed lacks where the force is straight in it."""
+    step = 0.1 * float(np.std(v)) or 1.0
+    slope = float(np.nan_to_num(np.median((force(v + step) - force(v - step)) / (2.0 * step))))
+    lack = lacking(q[None], v[None], log)
+    return np.asarray(force(v) + slope * 0.5 * (lack + before(lack, log))[0])
