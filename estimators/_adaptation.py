@@ -51,7 +51,7 @@ VOLUME_COLUMNS = ("V", "V_eps", "V_P")
 """What `transform` appends: volume (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
 
 DEFAULT_PULL = 1e-4
-"""Pull toward the source where nothing tells its strength."""
+"""Pull toward the source where nothing determines its strength."""
 
 PUBLISHED_BATCH = 128
 """Batch of Adam in an adaptation, as published."""
@@ -107,7 +107,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` serves as well. With four trajectories or more the
+            Run of each row; a column ``trajectory`` serves as well. With four runs or more the
             strength of the prior is chosen on whole ones.
 
         Returns
@@ -148,8 +148,8 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         """Take in a batch of the target muscle: the adaptation, from the source, to all rows so far.
 
         Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
-        the volume included; beyond, that of a fair sample of the stream. Whether the muscle is another one is not
-        guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew. Memory does not grow.
+        the volume included; beyond, that of a fair sample of the stream. A change of the muscle is not detected here:
+        `pamid.online.ChangeMonitor` does that, and `fit` starts again. Memory does not grow.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row.
+            Run of each row.
 
         Returns
         -------
@@ -315,11 +315,11 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
 
     def _warn_of_weak_prior(self, n_samples: int) -> None:
-        """Warn where more parameters are trained than samples tell, and next to nothing holds them."""
+        """Warn where more parameters than samples are trained under next to no prior."""
         if self.weight_decay_ < 1e-9 and n_samples < self.n_parameters_ and self._trainer(0.0).max_iter > 1:
             warnings.warn(
-                f"{n_samples} samples are to tell {self.n_parameters_} parameters, and weight_decay="
-                f"{self.weight_decay_:g} hardly holds them to the source. Expected a prior that fills the gap. Set "
+                f"{n_samples} samples have to determine {self.n_parameters_} parameters, and weight_decay="
+                f"{self.weight_decay_:g} hardly ties them to the source. Expected a stronger prior. Set "
                 "weight_decay='auto', or adapt fewer parameters.",
                 ExcitationWarning,
                 stacklevel=6,
@@ -441,7 +441,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row.
+            Run of each row.
 
         Returns
         -------
@@ -474,7 +474,7 @@ def _mean_square(parameters: Any, problem: Any, activation: str) -> float:
 
 
 ONE_WAY = 0.05
-"""Share of the way that must go in each direction, for a signal to count as moving both ways."""
+"""Least share of the path in each direction for a signal to count as moving both ways."""
 
 
 def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
@@ -485,9 +485,9 @@ def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
         if len(rate) > 2 and up + down > 0 and min(up, down) < ONE_WAY * (up + down):
             warnings.warn(
                 f"The {what} of the target's log goes one way only: {name} is "
-                f"{'positive' if up > down else 'negative'} along {max(up, down) / (up + down):.0%} of its way. "
+                f"{'positive' if up > down else 'negative'} along {max(up, down) / (up + down):.0%} of its path. "
                 "Expected both directions. What differs between them, such as friction, stays as in the source; record "
-                "a run that goes back.",
+                "a run that returns.",
                 ExcitationWarning,
                 stacklevel=5,
             )

@@ -1,4 +1,4 @@
-"""What all estimators share: reading named signals from a table, trajectories, and scikit-learn's contract."""
+"""What all estimators share: reading named signals from a table, runs, and scikit-learn's contract."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     exactly the needed signals, in the order of `reads`. The parameter `signals` overrides both: it maps a signal to
     a column, by name or by position, and may send several signals to one column.
 
-    A column named ``trajectory`` in a DataFrame is never a signal: it names each row's trajectory.
+    A column named ``trajectory`` in a DataFrame is never a signal: it names each row's run.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
@@ -98,7 +98,7 @@ class SignalEstimator(TakesFrames, BaseEstimator):
         if target.shape != (len(table), 2):
             raise ShapeError(
                 f"y has shape {target.shape} for {len(table)} rows.",
-                "two columns, force (N) and flow (kg/s), one row a sample",
+                "two columns, force (N) and flow (kg/s), one row per sample",
                 "Pass np.column_stack([F, mdot]).",
             )
         return table, target
@@ -196,7 +196,7 @@ def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
         table = None
     if table is None or table.dtype != np.float64 or table.ndim != 2 or not len(table):
         return None
-    # A sum is finite only if all numbers are; one that overflows is left to the validation.
+    # A sum is finite only if all numbers are; the validation handles overflow.
     if table.shape[1] != estimator.n_features_in_ or not isfinite(table.sum()):
         return None
     return table

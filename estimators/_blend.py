@@ -1,4 +1,4 @@
-"""Whether a source helps at all, and how much of it an adaptation keeps: measured on trajectories left out."""
+"""Whether a source helps at all, and how much of it an adaptation keeps: measured on runs left out."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ WIDTH = 0.5
 """Standard deviation of the fresh fit's weight under its prior about 0: half of all it can be."""
 
 BLOCKS = 5
-"""Stretches that a trajectory is cut into where there are too few to leave out whole ones."""
+"""Stretches that a run is cut into where there are too few to leave out whole ones."""
 
 FEW_TRAJECTORIES = 4
-"""Trajectories below which neither the pull nor the share of the source is measured on whole ones."""
+"""Number of runs below which neither the pull nor the share of the source is measured on whole runs."""
 
 
 class _Outcome(NamedTuple):
@@ -71,7 +71,7 @@ class Blending:
         codes: np.ndarray | None,
         linear: tuple[Any, Any, Any],
     ) -> None:
-        """Measure, for each target, what is left on samples held out by the adapted model, by a fresh fit, by both.
+        """Measure, for each target, what is left on held-out samples by the adapted model, by a fresh fit, by both.
 
         `linear` is what the network's part is linearised from: the problem, the adapter, and where it starts.
         """
@@ -111,10 +111,10 @@ class Blending:
         if errors["fresh"] >= errors["adapted"] or not found.weight:
             return
         warnings.warn(
-            f"On {law.target} the source does not help as it is: on samples held out the adapted model leaves "
-            f"{errors['adapted']:.3g} {law.unit}, a fit of the same samples without the source {errors['fresh']:.3g} "
-            f"{law.unit}. Expected less with a source. Predictions keep {found.kept:.0%} of it; volumes are those of "
-            "the adapted model. Use a source more like the target, or blend=False to keep it whole.",
+            f"For {law.target} the source does not help: on held-out samples the adapted model's error is "
+            f"{errors['adapted']:.3g} {law.unit}, that of a fit without the source {errors['fresh']:.3g} {law.unit}. "
+            f"Expected a smaller error with a source. Predictions keep {found.kept:.0%} of it; volumes are those of "
+            "the adapted model. Use a source more like the target, or blend=False to keep all of it.",
             AdaptationWarning,
             stacklevel=7,
         )
@@ -123,7 +123,7 @@ class Blending:
         """Return what the source itself says of the target's signals, shape (n_samples, n_laws)."""
         source = self._target(hybrid_of(self.source, type(self).__name__))
         with warnings.catch_warnings():
-            # That another muscle moves elsewhere is what an adaptation is for.
+            # An adaptation is meant for muscles that move elsewhere.
             warnings.simplefilter("ignore", ExtrapolationWarning)
             return predicted(source, table)
 
@@ -139,7 +139,7 @@ class Blending:
             process = self.processes_[k]
             if process is not None and weights[k]:
                 rows = _rows(state, said[:, k], law)
-                # Beyond its samples a fresh fit knows nothing, the adapted model its law and its source.
+                # Outside its samples a fresh fit has no information, the adapted model has its law and its source.
                 out[:, k] += weights[k] * process.known(rows) * (process.predict(rows) - out[:, k])
         return out
 
@@ -157,7 +157,7 @@ def _rows(state: State, said: np.ndarray, law: Any) -> SourceRows:
 
 
 def _blocks(codes: np.ndarray | None, n: int) -> np.ndarray:
-    """Return which of n samples are held out together: whole trajectories, or stretches where there are few."""
+    """Return which of n samples are held out together: whole runs, or stretches where there are few."""
     trajectory = np.zeros(n, dtype=int) if codes is None else np.unique(codes, return_inverse=True)[1]
     count = int(trajectory.max()) + 1
     if count >= FEW_TRAJECTORIES:
@@ -175,7 +175,7 @@ def _outcome(rows: SourceRows, y: np.ndarray, weight: np.ndarray, blocks: np.nda
     for name, keep in (("fresh", False), ("both", True)):
         fits[name] = SourceProcess.fit(rows, y, weight, blocks, keep=keep)
         errors[name] = _error(y - fits[name][1], weight)
-        if errors["fresh"] >= errors["adapted"]:  # the source helps: nothing more is asked
+        if errors["fresh"] >= errors["adapted"]:  # the source helps: nothing more is needed
             return _Outcome(0.0, None, 1.0, errors)
     process, held_out = fits[min(fits, key=lambda name: errors[name])]
     share = share_of_fresh(held_out - adapted, y - adapted, weight, blocks)

@@ -43,7 +43,7 @@ def row_weights(sample_weight: Any, table: np.ndarray) -> np.ndarray:
 
 
 def fit_arguments(model: Any, weight: np.ndarray | None, groups: np.ndarray | None) -> dict[str, Any]:
-    """Return those of weights and trajectories that are given and that the fit of a model takes."""
+    """Return those of weights and runs that are given and that the fit of a model takes."""
     from sklearn.utils.validation import has_fit_parameter
 
     given = {"sample_weight": weight, "groups": groups}
@@ -55,7 +55,7 @@ def check_squares(y: Any) -> None:
     size = float(np.nanmax(np.abs(y), initial=0.0))
     if size > np.sqrt(np.finfo(np.float64).max / max(np.size(y), 1)):
         raise ParameterError(
-            f"y reaches {size:.4g}, whose square is no number any more.",
+            f"y reaches {size:.4g}, whose square overflows.",
             "a target in SI units, such as a force in N or a flow in kg/s",
             "Look for the damaged sample, or correct the unit.",
         )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ._pihm import HybridModel
 
 ROUNDS = 2
-"""Turns in which geometry and effects are fitted, each to what the other leaves."""
+"""Rounds in which geometry and effects are fitted alternately, each to the other's residual."""
 
 
 class Seen(NamedTuple):
@@ -68,12 +68,12 @@ def plant_of(model: HybridModel) -> Plant:
 
 
 def whole_log(model: HybridModel, X: np.ndarray) -> WholeLog:
-    """Return the signals of whole trajectories in the order of time."""
+    """Return the signals of whole runs in order of time."""
     names = [str(name) for name in getattr(model, "feature_names_in_", ())]
     if TRAJECTORY not in names:
         raise MissingTrajectoryError(
-            "Effects remember what was before, and X has no column 'trajectory'.",
-            "a DataFrame whose column 'trajectory' names each row's run, rows in the order of time",
+            "The effects have memory, but X has no column 'trajectory'.",
+            "a DataFrame whose column 'trajectory' names each row's run, rows in order of time",
             "Add the column.",
         )
     import pandas as pd
@@ -85,9 +85,7 @@ def whole_log(model: HybridModel, X: np.ndarray) -> WholeLog:
     steps[starts[1:] - 1] = np.nan
     dt = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 1.0
     if not dt > 0 or np.nanmin(steps, initial=dt) <= 0:
-        raise MissingColumnError(
-            "The time does not go on within a trajectory.", "rows in the order of time, s", "Sort the table."
-        )
+        raise MissingColumnError("Time does not increase within a run.", "rows in order of time, s", "Sort the table.")
     eps, deps, P, dP = state_of(model, X)
     return WholeLog(Signals(time=time, position=eps, velocity=deps, pressure=P, pressure_rate=dP), dt, starts)
 

@@ -80,8 +80,8 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row. It does not change the fit, only its standard errors: residuals of one
-            trajectory are then taken as dependent.
+            Run of each row. It does not change the fit, only its standard errors: residuals of one
+            run are then taken as dependent.
 
         Returns
         -------
@@ -91,7 +91,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, y, weight = self._read_weighted(X, y, sample_weight, reset=True, ensure_min_samples=2)
         state = state_of(self, table)
-        if np.abs(state.deps).max(initial=0.0) < _AT_REST:  # rounding of a filter, which a damping must not answer to
+        if np.abs(state.deps).max(initial=0.0) < _AT_REST:  # rounding of a filter, which must not enter a damping
             state = state._replace(deps=np.zeros(len(table)))
         check_units({name: self._signal(table, name) for name in self.reads} | {"F": y})
         warn_of_still_signals(state, self._moving, type(self).__name__)

@@ -26,7 +26,7 @@ class TakesFrames:
 
 
 def _reads_table(method: Callable[..., Any]) -> bool:
-    """Tell whether a method of this package has X as first parameter and is not wrapped yet."""
+    """Return whether a method of this package has X as first parameter and is not wrapped yet."""
     own = method.__module__.startswith("pamid.") and not getattr(method, "takes_frames", False)
     return own and [*inspect.signature(method).parameters][1:2] == ["X"]
 

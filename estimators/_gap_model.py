@@ -51,7 +51,7 @@ def hybrid_with(causes: Sequence[Any], equation: str, plant: Plant | None) -> Hy
     if plant is None or equation not in kinds:
         raise IncompatibleError(
             f"The diagnosis is of {equation}{'' if plant else ' without a plant'}.",
-            "force or flow of a muscle, whose length and diameter plant= tells",
+            "force or flow of a muscle, whose length and diameter plant= gives",
             "Pass plant= before the fit, or predict with the diagnoser itself.",
         )
     values = [

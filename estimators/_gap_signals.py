@@ -47,7 +47,7 @@ def spoken(verdict: str, causes: Sequence[Any]) -> str:
 
 
 def run_names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
-    """Return the name of each trajectory, by code."""
+    """Return the name of each run, by code."""
     first = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1])
     named = np.asarray(groups).ravel() if groups is not None else None
     if named is None and has_trajectory_column(X):
@@ -103,21 +103,19 @@ def notes_on(signals: Mapping[str, np.ndarray], codes: np.ndarray, columns: Coll
     """Return what a reader must know of the signals; raise where their clock cannot be used."""
     notes = []
     if codes[-1] == 0:
-        notes.append("One trajectory only: intervals over trajectories cannot be given; stretches of it are held out.")
+        notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
     if "time" in signals:
         steps, same = np.diff(signals["time"]), np.diff(codes) == 0
         if np.any(steps[same] < 0):
-            raise TimeOrderError(
-                "Time runs backwards within a trajectory.", "rows in the order of time", "Sort each trajectory."
-            )
+            raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
         each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
         if each and max(each) > 1.1 * min(each):
             notes.append(
-                f"The trajectories are sampled every {min(each):.3g} to {max(each):.3g} s; their median counts, so "
-                "that time constants are uncertain by as much."
+                f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
+                "constants are uncertain by as much."
             )
     if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
-        notes.append(f"Constant, and so no cause can rest on it: {', '.join(still)}.")
+        notes.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
     if "position" in signals and not {"position", "velocity"} & set(columns):
-        notes.append("No column is a position: effects that follow one follow what drives the system instead.")
+        notes.append("No column is a position: effects of the position follow the drive of the system instead.")
     return notes

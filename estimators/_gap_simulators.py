@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def is_simulator(nominal: Any) -> bool:
-    """Tell whether a nominal model is a simulator with ports, without loading any."""
+    """Return whether a nominal model is a simulator with ports, without loading any."""
     return "pamid.simulators.base" in {c.__module__ for c in type(nominal).__mro__}
 
 
@@ -55,7 +55,7 @@ def _log(X: Any, y: Any, groups: Any, simulator: Any) -> tuple[pd.DataFrame, str
     mine = [p for p in shown if name in (p.name, p.source)] or [p for p in shown if p.source not in X.columns]
     if len(mine) != 1:
         raise MissingColumnError(
-            f"y is {name!r}, which is no output or state of the simulator.",
+            f"y is {name!r}, which is neither an output nor a state of the simulator.",
             f"one of {', '.join(p.source for p in shown)}",
             "Give y as a Series of that name.",
         )

@@ -21,7 +21,7 @@ from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._streaming import Streaming
 
 IMPLAUSIBLE = 2.0
-"""Factor between fitted and stated diameter beyond which the fit is not that of a muscle: four times the force."""
+"""Factor between fitted and stated diameter beyond which the fit is implausible: four times the force."""
 
 
 @lru_cache(maxsize=64)  # a controller asks row by row

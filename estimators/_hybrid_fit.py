@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 VOLUMES = ("anchored", "neural")
 
 AUTO_FRACTION = 0.2
-"""Share of the trajectories that ``validation_fraction="auto"`` holds out."""
+"""Share of the runs that ``validation_fraction="auto"`` holds out."""
 
 AUTO_TRAJECTORIES = 5
-"""Trajectories below which ``validation_fraction="auto"`` holds none out."""
+"""Number of runs below which ``validation_fraction="auto"`` holds none out."""
 
 
 def check_parameters(model: HybridModel) -> None:
@@ -83,15 +83,15 @@ def without_repeats(
 
 
 def early_stopping_rows(model: HybridModel, codes: np.ndarray | None, n: int, rng: Any, trainer: Any) -> np.ndarray:
-    """Draw the whole trajectories that early stopping watches."""
+    """Draw the whole runs that early stopping watches."""
     fraction = AUTO_FRACTION if model.validation_fraction == "auto" else float(model.validation_fraction)
     if model.validation_fraction == "auto" and trainer.keeps_last:
-        fraction = 0.0  # rows that nothing is decided by are better learnt from
+        fraction = 0.0  # rows that decide nothing are better used for learning
     if codes is None or not fraction:
         if fraction and model.validation_fraction != "auto":
             raise MissingTrajectoryError(
                 f"validation_fraction={fraction:g}, and neither groups nor a column 'trajectory'.",
-                "one of the two, to hold whole trajectories out",
+                "one of the two, to hold out whole runs",
                 "Pass groups=, keep a 'trajectory' column in a DataFrame, or set validation_fraction=0.",
             )
         return np.zeros(n, dtype=bool)
@@ -100,9 +100,9 @@ def early_stopping_rows(model: HybridModel, codes: np.ndarray | None, n: int, rn
         return np.zeros(n, dtype=bool)
     if len(names) < 3:
         raise TooFewTrajectoriesError(
-            f"validation_fraction={fraction:g} with {len(names)} trajectories.",
-            "at least three trajectories to hold one out",
-            "Give more trajectories, or set validation_fraction=0.",
+            f"validation_fraction={fraction:g} with {len(names)} runs.",
+            "at least three runs to hold one out",
+            "Give more runs, or set validation_fraction=0.",
         )
     return drawn_rows(codes, fraction, rng, left=2)
 

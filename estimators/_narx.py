@@ -103,11 +103,11 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, SI units, in time order within each trajectory, at one sampling period throughout.
+            Inputs, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
             Output, for instance absolute pressure (Pa) or contraction ratio.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -117,9 +117,9 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         Raises
         ------
         MissingTrajectoryError
-            If nothing tells which rows form a trajectory.
+            If nothing says which rows form a run.
         InterleavedTrajectoryError
-            If the rows of a trajectory are not contiguous.
+            If the rows of a run are not contiguous.
         """
         self._check_parameters()
         table, y = self._read(X, y, reset=True)
@@ -142,7 +142,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         theta = self._one_step(phi, step / self.step_scale_)
         model = self._model()
         stretches = free_run.segments(inputs, z, past, slices, int(self.horizon))
-        self._codes_of_fit = codes  # lets a callback score on the rows of the fit without being told trajectories
+        self._codes_of_fit = codes  # lets a callback score on the rows of the fit without being given the runs
         steps = Marquardt(
             theta,
             lambda at: free_run.normal_equations(model, at, stretches, self.step_scale_),
@@ -173,14 +173,14 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
 
     # --- prediction ---------------------------------------------------------------------------------------------
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run freely along each trajectory, and warn where the run had to be held.
+        """Simulate each run freely, and warn where it had to be held.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs and, if `start` names it, the output before the first row; as in fit.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -198,7 +198,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         return run.y
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
-        """Run freely along each trajectory.
+        """Simulate each run freely.
 
         The output before the first row is the signal `start`, or the mean of the first outputs of the fit. A run that
         leaves the outputs of the fit by more than `margin` of their range is held at that edge and flagged.
@@ -208,7 +208,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs, as in fit.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -240,7 +240,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         y : array_like, shape (n_samples,)
             Measured output.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -268,7 +268,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
 
     # --- runs ---------------------------------------------------------------------------------------------------
     def _free(self, u: np.ndarray, start: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
-        """Run all trajectories; return scaled outputs and where they were held."""
+        """Simulate all runs; return scaled outputs and where they were held."""
         room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
         low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
         high = (self.output_high_ + room - self.output_mean_) / self.output_scale_

@@ -87,7 +87,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `direction` is set; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row, read if `direction` is set; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -97,7 +97,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         Raises
         ------
         MissingTrajectoryError
-            If the direction of motion is asked for and nothing tells trajectories.
+            If the direction of motion is asked for and nothing names the runs.
         """
         self._check_parameters()
         rng = local_generator(self.random_state)
@@ -135,10 +135,10 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Take in a batch of a stream: the fit of all rows so far, or of late ones if `forget_rows` is set.
 
-        Up to 5,000 different rows are remembered, with `direction` 20,000 in whole trajectories; beyond, a fair sample.
+        Up to 5,000 different rows are remembered, with `direction` 20,000 in whole runs; beyond, a fair sample.
         With `forget_rows` their weight fades by 1/e over so many rows. Once most of it has faded, the network goes on
         from where it stands, which it keeps as far as the memory says nothing, and its error on the memory never rises.
-        Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew.
+        A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit` starts again.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         sample_weight : array_like, shape (n_samples,), optional
             Weights.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, as in fit.
+            Run of each row, as in fit.
 
         Returns
         -------
@@ -162,7 +162,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         """Train on from where the network stands; scales stay."""
         columns = self._columns(rows.X, rows.X, rows.unit)
         x, z = self._scaled(columns, rows.y)
-        # Rows that have faded tell no more, but what they said is in the weights: nothing draws these to zero.
+        # Faded rows add no information, but theirs is in the weights: nothing pulls these to zero.
         steps = marquardt_on_rows(self.weights_, x, z, rows.weight, float(self.alpha), held=True)
         slow, taken = 0, 0
         while taken < int(self.max_iter) and slow < _SLOW:
@@ -204,7 +204,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `direction` is set.
+            Run of each row, read if `direction` is set.
 
         Returns
         -------

@@ -119,7 +119,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.target_scale_ = np.array([spread_of(Y[:, k], train) for k in range(len(laws))])
         self.anchor_: VolumeModel | None = None
         if anchored:
-            # A handful of parameters needs every run; what is held out judges the correction alone.
+            # A handful of parameters needs every run; held-out runs judge only the correction.
             self.anchor_ = fit_anchor(
                 [(law, state, Y[:, k], weight) for k, law in enumerate(laws)],
                 rest_length=self.rest_length,
@@ -140,7 +140,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
         split = problem.split(rows) if held_out.any() else (problem, None)
         self._train(split, start, rng, original)
-        if not self.effects:  # which a stream of single rows cannot tell
+        if not self.effects:  # which a stream of single rows does not determine
             self._remember(*original, sample_weight, groups)
         return self
 
@@ -175,8 +175,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
         Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them; beyond,
         that of a fair sample that stands for the whole stream. A call costs no more than a fit to the memory, which
-        does not grow. Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor` tells it, and
-        `fit` begins anew.
+        does not grow. A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit`
+        starts again.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row.
+            Run of each row.
 
         Returns
         -------
@@ -196,9 +196,9 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         """
         if self.effects:
             raise IncompatibleError(
-                "The model has effects with memory, and a stream is remembered row by row.",
-                "whole trajectories, in one fit",
-                "Fit again on all trajectories.",
+                "The model has effects with memory, but partial_fit remembers single rows.",
+                "whole runs, in one fit",
+                "Fit again on all runs.",
             )
         return self._partial_fit_rows(X, y, sample_weight, groups)
 

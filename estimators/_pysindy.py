@@ -41,7 +41,7 @@ def sparse_regression(
 ) -> tuple[np.ndarray, int]:
     """Regress targets on few of the terms."""
     with sklearn.config_context(enable_metadata_routing=False), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Sparsity parameter is too big")  # told in our own words below
+        warnings.filterwarnings("ignore", message="Sparsity parameter is too big")  # reported in our own words below
         regression = _make(optimizer, threshold, alpha, max_iter)
         try:
             regression.fit(terms, targets)
@@ -90,7 +90,7 @@ def _make(optimizer: Any, threshold: float, alpha: float, max_iter: int) -> Any:
 
 
 def differentiate(x: np.ndarray, t: np.ndarray, window: int) -> np.ndarray:
-    """Differentiate the columns of one trajectory: smoothed finite differences, plain ones for `window` below 5."""
+    """Differentiate the columns of one run: smoothed finite differences, plain ones for `window` below 5."""
     from pysindy import FiniteDifference, SmoothedFiniteDifference
 
     with sklearn.config_context(enable_metadata_routing=False):

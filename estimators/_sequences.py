@@ -13,7 +13,7 @@ from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_s
 
 
 class SequenceScore:
-    """The score of estimators that predict along trajectories."""
+    """The score of estimators that predict along runs."""
 
     predict: Callable[..., np.ndarray]
 
@@ -29,7 +29,7 @@ class SequenceScore:
         sample_weight : array_like, shape (n_samples,), optional
             Weight of each row.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -42,12 +42,12 @@ class SequenceScore:
 
 
 class SequenceMixin(SequenceScore):
-    """Numbers the trajectories of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
+    """Numbers the runs of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
 
     one_trajectory: bool
     trajectory_column: int | None
     _codes_of_fit: np.ndarray | None = None
-    """Trajectories of the rows of a fit under way."""
+    """Runs of the rows of the current fit."""
 
     def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         """Trajectory number of each row, for rows in time order."""
@@ -73,7 +73,7 @@ def last_direction(values: np.ndarray, codes: np.ndarray, travel: float) -> np.n
     """Return +1 where a signal last rose, −1 where it last fell, and what lies between while it turns.
 
     A turn is complete once the signal has travelled `travel` the other way, as the play of a mechanism: noise that is
-    small against it turns nothing. Each trajectory starts at 0.
+    small against it turns nothing. Each run starts at 0.
     """
     out = np.zeros(len(values))
     for rows in trajectory_slices(codes):

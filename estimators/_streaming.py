@@ -20,13 +20,13 @@ MEMORY_ROWS = 5_000
 """Rows that a model of single rows remembers."""
 
 HALF = 0.5
-"""Weight a remembered row, on average, below which most of what was learnt is no longer in the memory."""
+"""Mean weight of a remembered row below which most of what was learnt is no longer in the memory."""
 
 GROWN = 2
-"""Growth of what counts in a memory that has faded at which a model is fitted anew instead of going on."""
+"""Growth of the weight in a faded memory at which a model is refitted instead of continued."""
 
 MEMORY_ROWS_IN_ORDER = 20_000
-"""Rows that a model of trajectories remembers: neighbours in time tell little that is new."""
+"""Rows that a model of runs remembers: neighbours in time add little information."""
 
 
 class StreamMemory:
@@ -80,7 +80,7 @@ class StreamMemory:
         if nothing_new:
             pass
         elif counting < min(HALF * len(rows), GROWN * fitted):
-            self._continue(rows)  # what has faded is none to fit to from nothing; the estimator still knows it
+            self._continue(rows)  # faded rows are too few for a fit from scratch; the estimator still contains them
         else:
             self._refit(rows, grouped)
             fitted = len(rows)
@@ -91,7 +91,7 @@ class StreamMemory:
         """Fit to what is remembered."""
         X, y, given = self._arguments(rows, grouped)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ExcitationWarning)  # told of the batch that it is true of, when it came
+            warnings.simplefilter("ignore", ExcitationWarning)  # already reported for the batch it applies to
             self._own.fit(X, y, **given)
 
     def _continue(self, rows: Rows) -> None:
@@ -117,7 +117,7 @@ class StreamMemory:
 
     # --- what an estimator may say of itself --------------------------------------------------------------------
     def _stream_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> tuple[Rows, bool]:
-        """Validate a batch; say also whether its rows are distinguished by trajectories."""
+        """Validate a batch; say also whether its rows are distinguished by runs."""
         table, target = self._stream_table(X, y)
         weight = row_weights(sample_weight, table)
         codes = self._stream_codes(X, table, groups)
@@ -147,7 +147,7 @@ class StreamMemory:
         return "one_trajectory" in self._own.get_params(deep=False)
 
     def _whole(self, grouped: bool) -> bool:
-        """Whether the memory keeps or drops whole trajectories instead of rows."""
+        """Whether the memory keeps or drops whole runs instead of rows."""
         return self._in_order() or (grouped and not self._weighs())
 
     def _fade(self, weight: float) -> float:
@@ -165,9 +165,9 @@ class Streaming(StreamMemory):
         """Take in a batch of a stream: the fit of all rows so far, as long as the memory holds them.
 
         Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
-        Beyond, it is the fit to a fair sample of the stream, with the weight of all; memory does not grow. A call costs
-        no more than a fit to the memory. Whether the muscle is another one is not guessed: `pamid.online.ChangeMonitor`
-        tells it, and `fit` begins anew.
+        Beyond, it is the fit to a random sample of the stream, with the weight of all; memory does not grow. A call
+        costs no more than a fit to the memory. A change of the muscle is not detected here:
+        `pamid.online.ChangeMonitor` does that, and `fit` starts again.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Streaming(StreamMemory):
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
+            Run of each row, as in ``fit``; no run continues from one call to the next.
 
         Returns
         -------
@@ -192,21 +192,21 @@ class SequenceStreaming(StreamMemory):
     """The same for an estimator whose ``fit`` takes no weights."""
 
     def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
-        """Take in further trajectories: the fit of all so far, as long as the memory holds them.
+        """Take in further runs: the fit of all so far, as long as the memory holds them.
 
         Up to `MEMORY_ROWS_IN_ORDER` rows, the model after any number of batches is that of one ``fit`` on all their
-        trajectories; one that came before adds nothing. Beyond, it is the fit to a fair sample of whole trajectories;
-        memory does not grow. A call costs no more than a fit to the memory. Whether the system is another one is not
-        guessed: `pamid.online.ChangeMonitor` tells it, and `fit` begins anew.
+        runs; a repeated run adds nothing. Beyond, it is the fit to a random sample of whole runs;
+        memory does not grow. A call costs no more than a fit to the memory. A change of the system is not detected
+        here: `pamid.online.ChangeMonitor` does that, and `fit` starts again.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            What ``fit`` takes, SI units, in time order within each trajectory.
+            What ``fit`` takes, SI units, in time order within each run.
         y : array_like
             Target, as in ``fit``.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, as in ``fit``; no trajectory goes on from one call to the next.
+            Run of each row, as in ``fit``; no run continues from one call to the next.
 
         Returns
         -------

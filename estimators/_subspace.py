@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_EDGE = 1.0 - 1e-6  # largest pole: a free run must not explode
+_EDGE = 1.0 - 1e-6  # largest pole: a free run must not diverge
 
 
 class Realisation(NamedTuple):
@@ -67,7 +67,7 @@ def projection(u: np.ndarray, z: np.ndarray, slices: list[slice], rows: int) -> 
         flat = [np.ones((n, 1)), u[ahead].reshape(n, -1), u[past].reshape(n, -1), z[past], z[ahead]]
         parts.append(np.concatenate(flat, axis=1))
     data = np.concatenate(parts)
-    R = np.asarray(np.linalg.qr(data, mode="r")).T  # the lower factor of the data, one row a signal
+    R = np.asarray(np.linalg.qr(data, mode="r")).T  # the lower factor of the data, one row per signal
     first = 1 + rows * u.shape[1]  # a constant is no state
     second = first + rows * (u.shape[1] + 1)
     told, left = R[second:, first:second], R[second:, first:]
@@ -84,7 +84,7 @@ def _realised(
     gamma = gamma * np.sqrt(s[:n])
     A = _inside(np.linalg.lstsq(gamma[:-1], gamma[1:], rcond=None)[0])
     C, m = gamma[0].copy(), u.shape[1]
-    # y is linear in B, D, a constant and the first states: one column a number of them.
+    # y is linear in B, D, a constant and the first states: one column for each of their numbers.
     own = n * m + m + 1
     columns = np.zeros((len(z), own + n * len(slices)))
     columns[:, n * m : own] = np.column_stack([u, np.ones(len(u))])

@@ -1,4 +1,4 @@
-"""Which rows belong to which trajectory: ``groups`` where routing brings it, a column where it does not."""
+"""Which rows belong to which run: ``groups`` where routing brings it, a column where it does not."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from sklearn.utils.validation import _num_samples
 from pamid.errors import ColumnTypeError, InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
 
 TRAJECTORY = "trajectory"
-"""Name of the column that says to which trajectory a row belongs."""
+"""Name of the column that says to which run a row belongs."""
 
 
 def has_trajectory_column(X: Any) -> bool:
-    """Say whether X is a DataFrame with a ``trajectory`` column."""
+    """Return whether X is a DataFrame with a ``trajectory`` column."""
     return isinstance(X, pd.DataFrame) and TRAJECTORY in X.columns
 
 
@@ -57,14 +57,16 @@ def _first_text(column: pd.Series[Any]) -> Any:
 def trajectory_codes(
     X: Any, groups: Any, *, one_trajectory: bool = False, needed_by: str | None = None
 ) -> np.ndarray | None:
-    """Number the trajectories of the rows of X from 0, in order of appearance."""
+    """Number the runs of the rows of X from 0, in order of appearance."""
     n = _num_samples(X)
     keys = []
     if groups is not None:
         groups = np.asarray(groups).ravel()
         if groups.shape[0] != n:
             raise ShapeError(
-                f"groups has {groups.shape[0]} entries for {n} rows.", "one entry a row", "Pass one group for each row."
+                f"groups has {groups.shape[0]} entries for {n} rows.",
+                "one entry per row",
+                "Pass one group for each row.",
             )
         keys.append(pd.factorize(groups)[0])
     if has_trajectory_column(X):
@@ -75,8 +77,7 @@ def trajectory_codes(
         if needed_by is None:
             return None
         raise MissingTrajectoryError(
-            f"{needed_by} needs to know which rows form a trajectory, and got neither groups nor a column "
-            f"'{TRAJECTORY}'.",
+            f"{needed_by} needs to know which rows form a run, and got neither groups nor a column '{TRAJECTORY}'.",
             "one of the two",
             "Pass groups= (with metadata routing on, or directly to fit), keep a 'trajectory' column in a DataFrame "
             "(serves with routing off), or set one_trajectory=True if all rows are one run.",
@@ -86,15 +87,15 @@ def trajectory_codes(
         borders = np.flatnonzero(np.diff(codes)) + 1
         if len(borders) + 1 != len(np.unique(codes)):
             raise InterleavedTrajectoryError(
-                f"{needed_by} got {len(np.unique(codes))} trajectories in {len(borders) + 1} separate blocks of rows.",
-                "the rows of each trajectory to be contiguous and in time order",
-                "Sort the table by trajectory and time, and do not shuffle rows.",
+                f"{needed_by} got {len(np.unique(codes))} runs in {len(borders) + 1} separate blocks of rows.",
+                "the rows of each run to be contiguous and in time order",
+                "Sort the table by run and time, and do not shuffle rows.",
             )
     return codes
 
 
 def trajectory_slices(codes: np.ndarray) -> list[slice]:
-    """Return the rows of each trajectory as slices, for codes that are contiguous."""
+    """Return the rows of each run as slices, for codes that are contiguous."""
     borders = np.flatnonzero(np.diff(codes)) + 1
     edges = [0, *borders.tolist(), len(codes)]
     return [slice(a, b) for a, b in pairwise(edges)]

@@ -34,23 +34,24 @@ from ._trajectories import trajectory_codes
 BRAID_UNITS = ("m²", "m²", "m²", "N", "N", "N")
 CARRIED_UNITS = ("-", "-", "Pa", "Pa", "Pa", "N")
 BEYOND_CHANCE = 2.0
-"""Standard errors over runs by which a fit without the source must be the better one to get a share."""
+"""Standard errors over runs by which a fit without the source must be better to get a share."""
 CARRIED_SIZES = (1.0, 1.0, BAR, BAR / 0.1, BAR / 0.1**2)
 
 
 class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
-    r"""Tension of a muscle as a map of contraction and an equivalent pressure, with what a source muscle tells of both.
+    r"""Tension of a muscle as a map of contraction and an equivalent pressure, both adapted from a source muscle if
+    given.
 
     .. math:: F = A_0\,g(\varepsilon, p^*), \qquad p^* = p + \sum_k w_k (p_k - p)
 
     The memories :math:`p_k` of the gauge pressure are those of a tube (lags), of bladder and braid (relaxations) and
     of hysteresis (plays). Without a source, g is a braid with an elastic bladder that falls slack, and a Gaussian
-    process for what it leaves. With a source, g is the source's, scaled by the bore: its gain, the scale of its
+    process for the remainder. With a source, g is the source's, scaled by the bore: its gain, the scale of its
     contraction, the threshold pressure and the preload are adapted, the weights :math:`w_k` stay near the source's, a
-    Gaussian process learns the remainder. Where a fit without the source does better on runs held out, beyond chance,
-    these choose how much of the source is kept.
+    Gaussian process learns the remainder. Where a fit without the source does significantly better on held-out runs,
+    these decide how much of the source is kept.
 
-    Signals: ``eps`` and ``P``; with memory ``time`` and a column ``trajectory``, whole runs in the order of time. Rows
+    Signals: ``eps`` and ``P``; with memory ``time`` and a column ``trajectory``, whole runs in order of time. Rows
     of weight 0 are remembered and not fitted: that is how few samples of force come with a whole log of pressure.
 
     Parameters
@@ -61,14 +62,14 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
     rest_diameter : float, default=0.02
         D₀ of the muscle, m.
     max_contraction : float, optional
-        Contraction at which the muscle pulls no more at its working pressure, as data sheets state it. If both muscles
-        state it, contractions are compared as shares of it.
+        Contraction at which the muscle no longer pulls at its working pressure, as data sheets state it. If both
+        muscles state it, contractions are compared as shares of it.
     pressure_memory : bool, default=True
-        Whether the pressure's past is read. Without it each row stands for itself.
+        Whether the pressure's past is read. Without it rows are independent.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     max_samples : int, default=600
-        Most samples that are fitted, evenly taken; the cost grows with their cube.
+        Most samples that are fitted, evenly spaced; the cost grows with their cube.
     signals : dict, optional
         Column of X for each signal.
 
@@ -83,7 +84,7 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
     source_kept_ : float
         Share of the prediction that comes from the source; 0 without one.
     held_out_errors_ : dict
-        What runs held out leave, N, noisy samples counting for less: "carried", "fresh".
+        Errors on held-out runs, N, with noisy samples weighted less: "carried", "fresh".
     process_ : NamedProcess
         Named part and remainder.
 
@@ -158,11 +159,11 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
         X : DataFrame or array, shape (n_samples, n_columns)
             Columns ``eps`` (dimensionless) and ``P`` (Pa, absolute), with memory ``time`` (s) and ``trajectory``.
         y : array_like, shape (n_samples,)
-            Tension, N. Its values on rows of weight 0 are not looked at.
+            Tension, N. Its values on rows of weight 0 are ignored.
         sample_weight : array_like, shape (n_samples,), optional
-            Weights, one against another; a weight of 2 is the same row twice.
+            Relative weights; a weight of 2 equals the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Run of each row: what is held out together, and is off together.
+            Run of each row: rows of a run are held out together and share an error.
 
         Returns
         -------
@@ -179,7 +180,7 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
         rows = np.flatnonzero(weight > 0)
         if len(rows) < 2:
             raise FitError(f"{len(rows)} samples have a weight.", "two or more", "Give weights to more rows.")
-        # Rows that are the same in everything tell no more than one of them, however often a stream brings them.
+        # Identical rows carry no more information than one of them, however often a stream repeats them.
         alike = np.column_stack([eps, p, past, y_])[rows]
         _, first, back = np.unique(alike, axis=0, return_index=True, return_inverse=True)
         weight, given = weight.copy(), weight
@@ -187,7 +188,7 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
         rows = rows[np.sort(first)]
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), self.max_samples)).round().astype(int))]
         codes = trajectory_codes(X, groups)
-        if codes is None:  # rows that are alike cannot tell of each other when one is held out
+        if codes is None:  # identical rows must not predict each other when one is held out
             codes = np.unique(np.column_stack([eps, p]), axis=0, return_inverse=True)[1].ravel()
         jump = past[rows, ROUGH] if self.pressure_memory else np.zeros(len(rows))
         samples = NamedRows(
@@ -237,7 +238,7 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
         Parameters
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
-            The signals that the fit read; with memory whole runs in the order of time.
+            The signals that the fit read; with memory whole runs in order of time.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Intervals that hold on a new trajectory: conformal prediction over whole trajectories."""
+"""Intervals that hold on a new run: conformal prediction over whole runs."""
 
 from __future__ import annotations
 
@@ -47,33 +47,33 @@ class PredictionInterval(NamedTuple):
 
 
 class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
-    r"""Wrap a regressor to predict with intervals that are valid on unseen trajectories.
+    r"""Wrap a regressor to predict with intervals that are valid on unseen runs.
 
-    Every trajectory is predicted by a fit on others. A trajectory of :math:`n_k` samples weighs each of its errors with
+    Every run is predicted by a fit on others. A run of :math:`n_k` samples weighs each of its errors with
     :math:`1/((K+1)\,n_k)`, the new one weighs :math:`1/(K+1)` at infinity, and half the width of the interval is the
-    weighted quantile of the absolute errors. Samples of one trajectory may depend on each other in any way; needed is
-    only that the new trajectory could have been one of the others. Folds of single rows would promise too much.
+    weighted quantile of the absolute errors. Samples of one run may depend on each other in any way; only the runs have
+    to be exchangeable. Folds of single rows would give intervals that are too narrow.
 
     Parameters
     ----------
     estimator : estimator
         A regressor of one target.
     confidence : float, default=0.9
-        Share of the samples of a new trajectory, on average over trajectories, that the interval holds.
+        Share of the samples of a new run, on average over runs, that the interval holds.
     n_splits : int, default=5
-        Folds of whole trajectories.
+        Folds of whole runs.
     independent_rows : bool, default=False
-        Whether to take each row for a trajectory of its own where nothing tells trajectories.
+        Whether to treat each row as a run where nothing names the runs.
 
     Attributes
     ----------
     estimator_ : estimator
-        The regressor, fitted on all trajectories.
+        The regressor, fitted on all runs.
     half_width_ : float
-        Half the width of the interval, in the target's unit; infinite if there are too few trajectories for the
+        Half the width of the interval, in the target's unit; infinite if there are too few runs for the
         confidence (at least ``confidence / (1 - confidence)`` are needed).
     n_trajectories_ : int
-        Trajectories that the errors are from.
+        Runs that the errors are from.
 
     References
     ----------
@@ -111,7 +111,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return tags
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> ConformalRegressor:
-        """Fit the regressor, and find its errors on trajectories that it has not seen.
+        """Fit the regressor, and find its errors on unseen runs.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         y : array, shape (n_samples,)
             Target.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` serves as well.
+            Run of each row; a column ``trajectory`` serves as well.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         self.half_width_ = float(errors[order][place]) if place < len(errors) else np.inf
         if not np.isfinite(self.half_width_):
             warnings.warn(
-                f"{len(names)} trajectories cannot promise a confidence of {self.confidence:g}: the interval is "
+                f"{len(names)} runs cannot support a confidence of {self.confidence:g}: the interval is "
                 f"infinite. Expected at least {int(np.ceil(self.confidence / (1 - self.confidence) - 1e-9))}. Record "
                 "more runs, or lower confidence.",
                 ExcitationWarning,
@@ -174,7 +174,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return table, target[:, None]
 
     def _fitted(self, X: Any, y: np.ndarray, codes: np.ndarray) -> Any:
-        """Fit a clone; it is told its trajectories if it asks for them."""
+        """Fit a clone; it is told its runs if it asks for them."""
         model = clone(self.estimator)
         if isinstance(model, SignalEstimator) and "groups" in model.fit.__code__.co_varnames:
             return forget(model.fit(X, y, groups=codes))
@@ -199,7 +199,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return np.asarray(self.estimator_.predict(X))
 
     def predict_interval(self, X: Any) -> PredictionInterval:
-        """Return the interval that holds on a new trajectory.
+        """Return the interval that holds on a new run.
 
         Parameters
         ----------

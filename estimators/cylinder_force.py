@@ -21,7 +21,7 @@ class CylinderForce(BalanceRegressor):
 
     .. math:: F = A\,p + b + (f_0 + f_1\,p)\,\tanh\frac{\dot x}{v_0} + c\,\dot x, \qquad p = P - P_\mathrm{atm}
 
-    Friction adds to a force that moves the rod and takes away from one that it delivers: the fit finds the sign.
+    Friction adds to a force that moves the rod and subtracts from one that it delivers: the fit finds the sign.
     Signals: ``dx`` and ``P``.
 
     Parameters
@@ -49,7 +49,7 @@ class CylinderForce(BalanceRegressor):
     covariance_ : ndarray, shape (5, 5)
         Their covariance.
     factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` goes on.
+        Triangular factor of all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Sum of the weights of all rows seen.
     signal_columns_ : dict of str to int

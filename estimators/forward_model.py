@@ -17,16 +17,16 @@ _MARGIN = 0.05  # of an output's range, by which an answer may pass the outputs 
 
 
 class ForwardAnswer(NamedTuple):
-    """What a forward model answers, row by row, and how far it is to be trusted.
+    """Predictions of a forward model, row by row, with flags of their reliability.
 
     Parameters
     ----------
     outputs : ndarray, shape (n_samples, n_outputs)
         Outputs within their bounds.
     saturated : ndarray of bool, shape (n_samples,)
-        Whether a bound is the answer.
+        Whether the output is at a bound.
     extrapolated : ndarray of bool, shape (n_samples,)
-        Whether the fit had no rows near.
+        Whether the fit had no rows nearby.
 
     Examples
     --------
@@ -59,10 +59,9 @@ class ForwardModel(OneLayerRegressor):
     hidden : int, default=10
         Units of the hidden layer.
     direction : bool, default=False
-        Whether the last direction of the first input is an input, too; needs trajectories in time order.
+        Whether the last direction of the first input is an input, too; needs runs in time order.
     direction_step : float, default=100000
-        By how much it must come back before its direction has turned, in its unit (Pa); in between the input is in
-        between.
+        Reversal over which the direction switches, in its unit (Pa); the input changes gradually over it.
     alpha : float, default=0.01
         Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     max_iter : int, default=200
@@ -70,13 +69,13 @@ class ForwardModel(OneLayerRegressor):
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3
-        Initial weights tried for a few steps, of which the best goes on.
+        Initial weights tried for a few steps; the best are trained further.
     forget_rows : float, optional
         Rows over which `partial_fit` forgets; by default all rows count alike.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     random_state : int or RandomState, optional
         Seed of the initial weights.
     signals : mapping of str to str or int, optional
@@ -169,14 +168,14 @@ class ForwardModel(OneLayerRegressor):
         return tags
 
     def assess(self, X: Any, groups: Any = None) -> ForwardAnswer:
-        """Answer within bounds, and say of each row whether the answer is to be trusted.
+        """Predict within bounds, and flag rows whose prediction is unreliable.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `direction` is set.
+            Run of each row, read if `direction` is set.
 
         Returns
         -------
@@ -191,8 +190,8 @@ class ForwardModel(OneLayerRegressor):
     def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:
         if outside.any():
             warnings.warn(
-                f"ForwardModel: {int(outside.sum())} of {len(bare)} rows lie away from the data of the fit. Expected "
-                "pressures and loads that it had. The answer is bounded; assess() tells each row.",
+                f"ForwardModel: {int(outside.sum())} of {len(bare)} rows lie outside the data of the fit. Expected "
+                "pressures and loads that it covered. Predictions are bounded; assess() marks each row.",
                 ExtrapolationWarning,
                 stacklevel=4,
             )

@@ -26,10 +26,10 @@ from ._trajectories import has_trajectory_column, trajectory_codes
 class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstimator):
     r"""Diagnose the gap between a model of one equation and measured data, and predict with the gap closed.
 
-    The residual :math:`y - f(X)` of any fitted model f is held against every effect of the library that the signals
-    allow: friction, hysteresis, elasticity, creep, loads, faults of sensors. What neighbouring
-    samples, and runs that repeat each other, differ by counts as noise; an effect that leaves far more than that is not
-    the cause, and the verdict is then ``"unknown"``.
+    The residual :math:`y - f(X)` of any fitted model f is compared with every effect of the library that the signals
+    allow: friction, hysteresis, elasticity, creep, loads, faults of sensors. Differences between neighbouring samples
+    and between repeated runs count as noise; an effect that leaves far more than that is not the cause, and the verdict
+    is then ``"unknown"``.
 
     .. math:: \hat y = f(X) + \sum_i g_i(X;\,\hat\phi_i)
 
@@ -37,16 +37,17 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     ----------
     nominal : estimator, callable, pamid.simulators.Simulator or None, default=None
         The model: a fitted regressor or pipeline, or a function that takes X and returns the modelled target. None
-        models nothing: y is the gap. A `sklearn.frozen.FrozenEstimator` survives `sklearn.base.clone` fitted. Of a
-        simulator y, a Series, is a state or output; ``corrected_`` is it with the causes, `predict` a free run of that.
+        models nothing: y is the gap. A `sklearn.frozen.FrozenEstimator` survives `sklearn.base.clone` fitted. For a
+        simulator, y is a Series named after a state or output; ``corrected_`` is the simulator with the causes, and
+        `predict` a free run of it.
     effects : "all" or sequence of str, default="all"
         The library: names of effects that may be causes, see `pamid.effects.all_effects`.
     signals : mapping of str to str or int, optional
         Column of each role, by name or position: ``time`` (s), ``position``, ``velocity``, ``pressure`` (Pa),
         ``pressure_rate`` (Pa/s), ``command``, ``flow`` (kg/s), ``force`` (N). By default the columns that pamid names:
         ``eps`` or ``q``, ``deps`` or ``dq``, ``P``, ``dP``, ``u``, ``mdot``, ``F``, ``time``, or the roles themselves.
-        A pressure in another unit than pascal is taken as such, for a flow as the head over an outlet. Where nothing
-        is a position, what drives the system (a voltage, a load) stands for it.
+        A pressure in another unit than pascal is taken as such, for a flow as the head over an outlet. Without a
+        position, what drives the system (a voltage, a load) takes its place.
     equation : {"force", "torque", "flow"}, default="force"
         What y is: effects add to it with the hook of that name.
     position_scale : float or None, default=None
@@ -61,14 +62,14 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         "position": "rad"}``: those in which the causes' parameters are reported. By default SI for a muscle, else
         "target unit", "position unit", "pressure unit".
     sense : "auto", 1 or -1, default="auto"
-        1 where y is what an actuator delivers, so that friction takes away from it; -1 where y is what moves the thing,
-        so that friction adds to it. "auto" takes whichever explains clearly more, and 1 with a plant.
+        1 where y is what an actuator delivers, from which friction subtracts; -1 where y is the driving force, to which
+        friction adds. "auto" takes the one that explains clearly more, and 1 with a plant.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     learned_remainder : bool, default=False
-        Whether `predict` also adds what a function of the signals of no particular form says of what the causes leave,
-        see `pamid.gap.learned`; with the verdict ``"unknown"`` that is the whole gap. It explains nothing, and holds
-        for the states that were seen.
+        Whether `predict` also adds a nonparametric function of the signals, fitted to what the causes leave, see
+        `pamid.gap.learned`; with the verdict ``"unknown"`` that is the whole gap. It explains nothing, and holds for
+        the states that were seen.
     random_state : int, RandomState or None, default=None
         Draws behind p-values and intervals.
 
@@ -79,11 +80,11 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     verdict_ : str
         ``"cause"``, ``"class"``, ``"several"``, ``"unknown"`` or ``"none"``.
     gap_ : bool
-        Whether model and data part beyond the noise.
+        Whether model and data disagree beyond the noise.
     p_value_ : float
         Probability of as much evidence without a gap.
     where_ : dict
-        Regions, bands of frequency and trajectories in which the gap lies.
+        Regions, bands of frequency and runs in which the gap lies.
     candidates_, causes_, closure_ : list
         The library with confidences; the causes with shares, parameters and intervals; how far the gap closes.
     next_experiment_ : NextExperiment or None
@@ -97,14 +98,14 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         What `diagnosis_` is made of.
     remainder_ : dict of str to ndarray
         The learned remainder; empty without one. Its ``share`` is the share of the mean square of what the causes leave
-        that it predicts on trajectories that it has not seen.
+        that it predicts on unseen runs.
     position_scale_ : float
         The length or angle that counts as a strain of one.
     noise_floor_ : float
-        Standard deviation of the noise of a window's mean of y less the model, in the unit of y: what neighbouring
-        samples, and runs that repeat each other, differ by.
+        Standard deviation of the noise of a window's mean of y less the model, in the unit of y, from differences
+        between neighbouring samples and between repeated runs.
     explainable_floor_ : float
-        What a flexible learner leaves on held-out trajectories, in the unit of y.
+        What a flexible learner leaves on held-out runs, in the unit of y.
     explainable_share_ : float
         Share of the gap beyond the noise that this learner predicts.
     signal_columns_ : dict of str to int
@@ -180,7 +181,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         y : array_like, shape (n_samples,)
             Measured target.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; without it a column ``trajectory`` serves.
+            Run of each row; without it a column ``trajectory`` serves.
         where : array_like of bool, shape (n_samples,), optional
             Rows that count, such as those of a muscle under tension; windows with any other are left out.
 
@@ -192,7 +193,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Raises
         ------
         MissingTrajectoryError
-            Nothing tells trajectories.
+            Nothing names the runs.
         MissingColumnError
             X has no column with a role.
         ExcitationError
@@ -227,7 +228,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             more.append(f"{what} Those rows are left out.")
         without = stuck if where is None else stuck | ~column_or_1d(where).astype(bool)
         if without.all():
-            raise ExcitationError("No row counts.", "rows that meet the condition", "Correct where=.")
+            raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
         gathered = gather(
             signals,
             y,
@@ -245,11 +246,12 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         )
         evidence, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
         notes.append(
-            "The noise is what neighbouring samples, and runs that repeat each other, differ by. A learner on the "
-            f"same signals and their past predicts {100 * self.explainable_share_:.0f} % of the gap on held-out runs."
+            "The noise is estimated from differences between neighbouring samples and between repeated runs. A learner "
+            f"on the same signals and their past predicts {100 * self.explainable_share_:.0f} % of the gap on held-out "
+            "runs."
         )
         if self.scaling_.target < 0:
-            more.append("Effects add to y what they take from the motion: y is what moves it, not what it delivers.")
+            more.append("Effects add to y: the target is the driving force, not the delivered one.")
         seed = np.random.RandomState(rng.randint(2**31 - 1))
         found = explain(evidence, library, seed, notes + more)
         told = outward(found, self.scaling_, self._units())
@@ -268,9 +270,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Take in a further log of the same test rig, and diagnose all that was seen.
 
-        The trajectories of all calls are held and diagnosed together, as one ``fit`` on all of them would; a trajectory
-        that came before adds nothing. Above 100,000 rows whole trajectories are dropped at random, so that memory does
-        not grow.
+        The runs of all calls are held and diagnosed together, as one ``fit`` on all of them would; a repeated run adds
+        nothing. Above 100,000 rows whole runs are dropped at random, so that memory does not grow.
 
         Parameters
         ----------
@@ -279,8 +280,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         y : array_like, shape (n_samples,)
             Measured target.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; without it a column ``trajectory`` serves, and without both the log is one
-            trajectory.
+            Run of each row; without it a column ``trajectory`` serves, and without both the log is one
+            run.
 
         Returns
         -------
@@ -368,7 +369,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         X : DataFrame or array, shape (n_samples, n_columns)
             Signals, as in `fit`.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, for causes with memory.
+            Run of each row, for causes with memory.
 
         Returns
         -------
@@ -393,7 +394,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Returns
         -------
         StaticPIHM or ThermodynamicPIHM
-            Of a muscle of the size that `plant` tells. Causes that it cannot hold are warned of.
+            For a muscle of the size that `plant` gives. Causes that it cannot contain raise a warning.
 
         Raises
         ------
@@ -417,7 +418,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # it adds to a model what the library names, and no more
+        tags.regressor_tags.poor_score = True  # it adds only named effects of the library to a model
         return tags
 
     # --- signals --------------------------------------------------------------------------------------------
@@ -440,7 +441,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
 
     def _table(self, table: np.ndarray, codes: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the signals by role; a velocity that was not given is differentiated within each trajectory.
+        """Return the signals by role; a velocity that was not given is differentiated within each run.
 
         Where nothing is a position, the command (or the force) that drives the thing stands for it: hysteresis and
         creep then act on that.

@@ -143,8 +143,8 @@ class GeometricFlow(GeometricRegressor):
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row. It does not change the fit, only its standard errors: residuals of one
-            trajectory are then taken as dependent.
+            Run of each row. It does not change the fit, only its standard errors: residuals of one
+            run are then taken as dependent.
 
         Returns
         -------

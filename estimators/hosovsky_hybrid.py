@@ -71,8 +71,8 @@ class HosovskyHybrid(EmpiricalForce):
 
     Notes
     -----
-    The surface is Sárosi's of six parameters, which Hošovský and co-workers use for Festo muscles; the two are put
-    together here as later papers quote them, without the papers at hand.
+    The surface is Sárosi's of six parameters, which Hošovský and co-workers use for Festo muscles; the two are combined
+    here as later papers quote them; the originals were not available.
 
     References
     ----------
@@ -139,7 +139,7 @@ class HosovskyHybrid(EmpiricalForce):
 
     @staticmethod
     def _checked_instances() -> list[HosovskyHybrid]:
-        # one column for all three signals leaves only these terms apart from each other
+        # with one column for all three signals only these terms are distinguishable
         apart = dict.fromkeys(("a1", "a4", "a5", "b1", "b0"), 0.0)
         one = {"eps": 0, "deps": 0, "P": 0}
         return [HosovskyHybrid(signals=one, fixed=apart, atmospheric_pressure=0.0, max_iter=20)]

@@ -20,7 +20,7 @@ _SLACK = 0.01  # of the range of pressure, by which a bare answer may pass a lim
 
 
 class PressureAnswer(NamedTuple):
-    """What an inverse model answers, row by row, and how far it is to be trusted.
+    """Answers of an inverse model, row by row, with flags of their reliability.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ def answer_within(
         return pressure
     text = (
         f"{who}: of {len(pressure)} wanted pairs {int(saturated.sum())} ask for a pressure beyond its limits and "
-        f"{int(extrapolated.sum())} lie away from the data of the fit (the first: row {int(np.argmax(flagged))})."
+        f"{int(extrapolated.sum())} lie outside the data of the fit (the first: row {int(np.argmax(flagged))})."
     )
     expected = "pairs of force and contraction that the muscle reached in the fit"
     if policy == "raise":
-        raise UnreachableError(text, expected, "Ask for less, or fit on runs that reach them; assess() tells each row.")
+        raise UnreachableError(text, expected, "Ask for less, or fit on runs that reach them; assess() marks each row.")
     warnings.warn(
-        f"{text} Expected {expected}. The answer is bounded; assess() tells each row.",
+        f"{text} Expected {expected}. Pressures are bounded; assess() marks each row.",
         ExtrapolationWarning,
         stacklevel=5,
     )
@@ -76,10 +76,9 @@ class InverseModel(OneLayerRegressor):
     .. math:: P = \bar P + \sigma_P \left(w^\top \tanh\!\left(W^\top s + b\right) + c\right), \quad
         s = \left(\frac{F - \bar F}{\sigma_F}, \frac{\varepsilon - \bar\varepsilon}{\sigma_\varepsilon}, \dots\right)
 
-    with one hidden layer, trained by Levenberg–Marquardt. A muscle answers to a pressure with force and shortening
-    together; the inverse turns a wanted pair into the set value of a pressure loop. Rates are further inputs
-    (``inputs=("F", "eps", "deps")``), and so is the last direction of the motion, in which the friction of the braid
-    shows.
+    with one hidden layer, trained by Levenberg–Marquardt. A muscle responds to a pressure with force and shortening
+    together; the inverse turns a wanted pair into the set point of a pressure loop. Rates are further inputs
+    (``inputs=("F", "eps", "deps")``), and so is the last direction of the motion, on which braid friction depends.
 
     Parameters
     ----------
@@ -89,10 +88,10 @@ class InverseModel(OneLayerRegressor):
     hidden : int, default=20
         Units of the hidden layer.
     direction : bool, default=False
-        Whether the last direction of the contraction is an input, too; needs trajectories in time order.
+        Whether the last direction of the contraction is an input, too; needs runs in time order.
     direction_step : float, default=0.01
-        Contraction that the muscle must come back before its direction has turned, dimensionless; in between the
-        input is in between.
+        Reversal of the contraction over which the direction switches, dimensionless; the input changes gradually over
+        it.
     alpha : float, default=0.01
         Weight decay: factor of the squared weights in the sum of squares of the standardised target, dimensionless.
     max_iter : int, default=200
@@ -100,18 +99,18 @@ class InverseModel(OneLayerRegressor):
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3
-        Initial weights tried for a few steps, of which the best goes on.
+        Initial weights tried for a few steps; the best are trained further.
     pressure_limits : (float, float), optional
         Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
-        What `predict` does about pairs that ask for a pressure beyond the limits or lie away from the data of the
-        fit: bound the answer and warn, bound it silently, or raise `UnreachableError`.
+        What `predict` does about pairs that ask for a pressure beyond the limits or lie outside the data of the fit:
+        bound the answer and warn, bound it silently, or raise `UnreachableError`.
     forget_rows : float, optional
         Rows over which `partial_fit` forgets; by default all rows count alike.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     random_state : int or RandomState, optional
         Seed of the initial weights.
     signals : mapping of str to str or int, optional
@@ -147,7 +146,7 @@ class InverseModel(OneLayerRegressor):
 
     Notes
     -----
-    The study that the settings follow met unseen sets within 5 to 8 % of the range at most; it trained on a slow
+    The study that the settings follow predicted unseen sets to within 5 to 8 % of the range; it trained on a slow
     sinusoidal pressure, 0 to 7 bar, under loads of 15 to 100 kg.
 
     References
@@ -218,14 +217,14 @@ class InverseModel(OneLayerRegressor):
         self.signals = signals
 
     def assess(self, X: Any, groups: Any = None) -> PressureAnswer:
-        """Answer within the limits, and say of each row whether the answer is to be trusted.
+        """Answer within the limits, and flag rows whose answer is unreliable.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Wanted signals, SI units.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `direction` is set.
+            Run of each row, read if `direction` is set.
 
         Returns
         -------

@@ -57,8 +57,8 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         P_\mathrm{low} \le P^\ast \le P_\mathrm{high}
 
     The range of pressure is searched on a grid for a change of sign of F − F_wanted, which is then narrowed to
-    rounding. Where the force is not monotonic the lowest root counts; where there is none the answer is the pressure
-    of the grid whose force comes nearest, flagged.
+    rounding. Where the force is not monotonic the lowest root is taken; without a root the answer is the grid pressure
+    with the closest force, flagged.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         Force model that reads ``eps``, ``P`` and perhaps ``deps``, ``dP``; `GeometricForce` by default. It is fitted
         with the inverse; ``sklearn.frozen.FrozenEstimator(model)`` keeps one that is fitted already.
     grid : int, default=33
-        Pressures at which roots are looked for.
+        Pressures at which roots are searched for.
     pressure_limits : (float, float), optional
         Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
@@ -96,7 +96,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
 
     Notes
     -----
-    A model that reads the rate of the pressure is asked for a resting pressure, ``dP`` = 0: the wanted pressure's own
+    A model that reads the rate of the pressure is evaluated at constant pressure, ``dP`` = 0: the wanted pressure's own
     rate is not known.
 
     Examples
@@ -176,7 +176,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, handed on to the model.
+            Run of each row, handed on to the model.
 
         Returns
         -------
@@ -229,7 +229,7 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         return answer_within(*self.assess(X), self.on_unreachable, type(self).__name__)
 
     def assess(self, X: Any) -> PressureAnswer:
-        """Answer within the limits, and say of each row whether the answer is to be trusted.
+        """Answer within the limits, and flag rows whose answer is unreliable.
 
         Parameters
         ----------

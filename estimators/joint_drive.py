@@ -46,7 +46,7 @@ class JointDrive(BalanceRegressor):
     covariance_ : ndarray, shape (6, 6)
         Their covariance.
     factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` goes on.
+        Triangular factor of all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Sum of the weights of all rows seen.
     signal_columns_ : dict of str to int

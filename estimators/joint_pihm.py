@@ -25,8 +25,8 @@ class JointPIHM(HybridModel):
     .. math:: F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
         \dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T},
 
-    each counted in units of its own spread. Where no volume satisfies both, one of the laws lacks something: compare
-    `StaticPIHM` and `ThermodynamicPIHM` with this model to see by how much.
+    each in units of its own standard deviation. Where no volume satisfies both, one of the laws lacks something:
+    compare `StaticPIHM` and `ThermodynamicPIHM` with this model to see by how much.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ class JointPIHM(HybridModel):
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
     validation_fraction : float or "auto", default="auto"
-        Share of whole trajectories held out for early stopping; the model that is best on them is kept, which is what
+        Share of whole runs held out for early stopping; the model that is best on them is kept, which is what
         keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere and with
+        ``"auto"`` is 0.2 where one of them names five runs or more, and 0 elsewhere and with
         ``trainer="adam"``, which as printed keeps its last epoch.
     effects : sequence of str or Effect, or dict of str to dict, optional
         Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
         memory, friction, leaks; a dict holds the values at which the search for them begins. Geometry and
         effects are identified in turns; the network learns what both leave and reads what the effects remember. X is
-        then a DataFrame of whole trajectories in the order of time, with ``time`` (s) and ``trajectory``; rows that
+        then a DataFrame of whole runs in order of time, with ``time`` (s) and ``trajectory``; rows that
         only carry the memory get a sample weight of 0.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
@@ -175,7 +175,7 @@ class JointPIHM(HybridModel):
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row.
+            Run of each row.
 
         Returns
         -------

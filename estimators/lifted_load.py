@@ -58,9 +58,9 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     margin : float, default=0.1
         Share of the range of contraction of the fit by which a run may leave it.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     signals : mapping of str to str or int, optional
         Column of a signal, by name or position, where it is not the signal's own name or place.
 
@@ -73,7 +73,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     pressure_low_, pressure_high_ : float
         Range of pressure of the fit, Pa.
     n_lifted_ : int
-        Rows that told the force: those whose load was off its stand.
+        Rows that determine the force: those whose load was off its stand.
     signal_columns_ : dict of str to int
         Column of each signal.
     n_features_in_ : int
@@ -164,11 +164,11 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            Time (s), absolute pressure ``P`` (Pa) and load (kg), the rows of each trajectory in time order.
+            Time (s), absolute pressure ``P`` (Pa) and load (kg), the rows of each run in time order.
         y : array_like, shape (n_samples,)
             Contraction ratio.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -178,14 +178,14 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         Raises
         ------
         MissingTrajectoryError, TimeOrderError, ParameterError
-            If nothing tells the trajectories, time does not increase within one, or a load is not positive.
+            If nothing names the runs, time does not increase within one, or a load is not positive.
         IncompatibleError
             If the model reads other signals than ``eps``, ``deps``, ``P``, ``dP``, or learns sequences.
 
         Warns
         -----
         ExcitationWarning
-            If all rows have the same load, which hardly tells the force.
+            If all rows have the same load, which hardly determines the force.
         """
         check_sizes(self, rest_length=0.0, step=0.0, margin=0.0)
         model = self._own_model()
@@ -226,14 +226,14 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         return self
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run freely along each trajectory, and warn where the run had to be held.
+        """Simulate each run freely, and warn where it had to be held.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Time, pressure and load, as in fit, and the signal `start` if there is one.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -251,14 +251,14 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         return run.y
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
-        """Run freely along each trajectory, all side by side.
+        """Simulate all runs freely, side by side.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             As in `predict`.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -330,7 +330,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     def _checked_instances() -> list[LiftedLoad]:
         from .polynomial_force import PolynomialForce
 
-        # each row a trajectory of its own, as predictions must not change with the order of rows
+        # each row a run of its own, as predictions must not change with the order of rows
         one: dict[str, Any] = {"signals": {"P": 0}, "trajectory_column": 0, "time": None, "load": 20.0}
         return [LiftedLoad(PolynomialForce(1), **one)]
 

@@ -38,16 +38,16 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
     order : int or "auto", default="auto"
         Number of states.
     max_order : int, default=8
-        Most states that "auto" looks at.
+        Most states that "auto" considers.
     block_rows : int, default=20
-        Rows of past and of future that the projection looks at; more than the order.
+        Rows of past and of future that the projection uses; more than the order.
     start : str, optional
-        Signal that holds, in the first row of each trajectory, the output before it. A free run starts at rest under
+        Signal that holds, in the first row of each run, the output before it. A free run starts at rest under
         its first inputs, and where `start` is given from the likeliest state with that output.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     signals : mapping of str to str or int, optional
         Column of a signal, by name or position, where it is not the signal's own name or place.
 
@@ -64,7 +64,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
     poles_ : ndarray of complex, shape (n_states,)
         Eigenvalues of A.
     orders_ : list of dict
-        For each order that was looked at: ``order``, ``correlation`` (canonical, of past and future, that
+        For each order that was tried: ``order``, ``correlation`` (canonical, of past and future, that
         its last state carries), ``fit`` (of free runs, %) and ``criterion``.
     input_mean_, input_scale_ : ndarray, shape (n_inputs,)
         Mean and standard deviation of the inputs, in their units.
@@ -148,11 +148,11 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, SI units, in time order within each trajectory, at one sampling period throughout.
+            Inputs, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
             Output, for instance absolute pressure (Pa) or contraction ratio.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -162,7 +162,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         Raises
         ------
         MissingTrajectoryError
-            If nothing tells which rows form a trajectory.
+            If nothing says which rows form a run.
         ShortTrajectoryError
             If the runs are too short for the projection.
         """
@@ -212,14 +212,14 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         return min(found, key=lambda r: r.criterion) if self.order == "auto" else found[-1]
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run freely along each trajectory.
+        """Simulate each run freely.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs and, if `start` names it, the output before the first row; as in fit.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -264,7 +264,9 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
             import control
         except ImportError:
             raise MissingDependencyError(
-                "python-control is not installed.", "it, to hand a model on", "pip install 'pamid[control]'."
+                "python-control is not installed.",
+                "the package control, to convert the model",
+                "pip install 'pamid[control]'.",
             ) from None
         B, size = self.B_ / self.input_scale_, self.output_scale_
         D = (size * self.D_ / self.input_scale_)[None]
@@ -272,7 +274,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
 
     @staticmethod
     def _checked_instances() -> list[LinearStateSpace]:
-        # each row a trajectory of its own, as predictions must not change with the order of rows
+        # each row a run of its own, as predictions must not change with the order of rows
         one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
         return [LinearStateSpace(("x",), max_order=2, block_rows=3, **one)]
 

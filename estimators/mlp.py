@@ -40,7 +40,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     .. math:: y = \bar y + \sigma_y\, N\!\left(\frac{s - \bar s}{\sigma_s}\right), \quad
         s = (\varepsilon, P, \dot P) \text{ or any other signals}
 
-    trained on the mean squared error. Rows are independent, and the network sees no history.
+    trained on the mean squared error. Rows are independent: the network has no memory.
 
     Parameters
     ----------
@@ -56,22 +56,22 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     learning_rate : float, default=0.003
         First rate of Adam, dimensionless, as inputs and target are standardised.
     batch_size : int, default=256
-        Rows of a mini-batch. If there are no more rows than that, every step sees them all.
+        Rows of a mini-batch. If there are no more rows than that, every step uses them all.
     max_iter : int, default=200
         Most epochs (Adam) or iterations (L-BFGS).
     alpha : float, default=0.0
         Weight decay: factor of the sum of squared weights in the loss, dimensionless.
     early_stopping : bool, default=False
-        Whether to hold out whole trajectories, keep the weights that do best on them, and stop when they cease to
+        Whether to hold out whole runs, keep the weights that do best on them, and stop when they cease to
         improve. Otherwise the training loss decides.
     validation_fraction : float, default=0.2
-        Share of the trajectories that is held out, dimensionless.
+        Share of the runs that is held out, dimensionless.
     patience : int, default=30
         Epochs without improvement after which the fit ends.
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless.
     random_state : int or RandomState, optional
-        Seed of the initial weights, the order of rows and the choice of held-out trajectories.
+        Seed of the initial weights, the order of rows and the choice of held-out runs.
     device : str, default="cpu"
         Device of torch on which the network is trained.
     signals : mapping of str to str or int, optional
@@ -88,7 +88,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     loss_curve_ : list of float
         Training loss of each epoch: mean squared error in units of the target's variance, and the weight decay.
     validation_curve_ : list of float
-        The same error on the held-out trajectories; empty without early stopping.
+        The same error on the held-out runs; empty without early stopping.
     n_iter_ : int
         Epochs of the fit.
     signal_columns_ : dict of str to int
@@ -104,8 +104,8 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
     Notes
     -----
-    Weights equal repetition, to rounding, wherever a step sees all rows. A fit that is interrupted keeps its best
-    weights so far and warns. Callbacks of scikit-learn are supported (``set_callbacks``).
+    Sample weights are equivalent to repeated rows, up to rounding, where a step uses all rows. A fit that is
+    interrupted keeps its best weights so far and warns. Callbacks of scikit-learn are supported (``set_callbacks``).
 
     References
     ----------
@@ -133,9 +133,9 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        if equation == "dynamic":  # the comparison says what drives the output
+        if equation == "dynamic":  # the comparison gives the inputs of the output
             return {"": {}}
-        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # what the hybrid models see, too
+        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
 
     def __init__(
         self,
@@ -189,11 +189,11 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units.
         y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or whatever the network shall give.
+            Force (N), mass flow (kg/s) or any other target.
         sample_weight : array_like, shape (n_samples,), optional
             Weight of each row.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
+            Run of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
             too.
 
         Returns
@@ -204,7 +204,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         Raises
         ------
         MissingTrajectoryError
-            If early stopping is asked for and nothing tells trajectories.
+            If early stopping is asked for and nothing names the runs.
         DivergedError
             If the loss is not finite from the first epoch.
         """

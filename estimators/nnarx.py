@@ -23,23 +23,23 @@ class NNARX(NARXRegressor):
     .. math:: y_t = y_{t-1} + \sigma\, N(y_{t-1}, \dots, y_{t-n_a}, u_t, \dots, u_{t-n_b+1})
 
     with one hidden layer that gives the step of the output. It is fitted to single steps first, then to free runs
-    over `horizon` rows, whose derivatives are carried along the run: a model that is right one step ahead may drift
-    or burst when it runs on its own outputs.
+    over `horizon` rows, whose derivatives are carried along the run: a model that is right one step ahead may drift or
+    diverge when it runs on its own outputs.
 
     Parameters
     ----------
     inputs : sequence of str, default=("P", "load")
         Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
     output_lags : int, default=2
-        Rows of its own past that the output sees.
+        Past rows of the output that the model reads.
     input_lags : int, default=2
-        Rows of the inputs that it sees, the present one first.
+        Rows of the inputs that it reads, the present one first.
     hidden : int, default=10
         Units of the hidden layer.
     horizon : int, default=50
-        Rows of the free runs that the fit looks at; 1 for single steps.
+        Rows of the free runs that the fit uses; 1 for single steps.
     start : str, optional
-        Signal that holds, in the first row of each trajectory, the output before it; by default a free run starts
+        Signal that holds, in the first row of each run, the output before it; by default a free run starts
         from the mean of the first outputs of the fit.
     alpha : float, default=1.0
         Weight decay: factor of 1e-6 of the squared weights in the mean squared error, dimensionless.
@@ -50,9 +50,9 @@ class NNARX(NARXRegressor):
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     random_state : int or RandomState, optional
         Seed of the initial weights.
     signals : mapping of str to str or int, optional
@@ -69,7 +69,7 @@ class NNARX(NARXRegressor):
     step_scale_ : float
         Root mean square of the output's step from row to row, in units of `output_scale_`.
     start_mean_ : float
-        Mean of the first outputs of the trajectories of the fit.
+        Mean of the first outputs of the runs of the fit.
     loss_curve_ : list of float
         Mean squared error over the horizon after each step of the fit, in units of the output's variance.
     n_iter_ : int
@@ -178,6 +178,6 @@ class NNARX(NARXRegressor):
 
     @staticmethod
     def _checked_instances() -> list[NNARX]:
-        # each row a trajectory of its own, as predictions must not change with the order of rows
+        # each row a run of its own, as predictions must not change with the order of rows
         one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0, "random_state": 0}
         return [NNARX(("x",), hidden=2, horizon=4, max_iter=3, **one)]

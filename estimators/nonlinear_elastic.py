@@ -21,7 +21,7 @@ class NonlinearElastic(EmpiricalForce):
     .. math:: F = K(p, s)\, s, \quad K = c_0 + c_1 s^2 + c_2\, p\, s + c_3\, p^2, \quad
         s = L_0 (\varepsilon_c - \varepsilon)
 
-    with the gauge pressure p and the stretch s from the contraction ε_c at which the muscle pulls no more. Signals:
+    with the gauge pressure p and the stretch s from the contraction ε_c at which the muscle no longer pulls. Signals:
     ``eps`` and ``P``.
 
     Parameters
@@ -69,7 +69,7 @@ class NonlinearElastic(EmpiricalForce):
 
     Notes
     -----
-    The stiffness is written as later papers quote it, without the paper at hand. It claims no physics: the force at
+    The stiffness is taken from later papers; the original was not available. It claims no physics: the force at
     zero gauge pressure is what the rubber gives, and it need not rise with the pressure outside the data.
 
     References
@@ -110,7 +110,7 @@ class NonlinearElastic(EmpiricalForce):
         check_positive(self, "rest_length")
         inf = np.inf
         found = (
-            FitParameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle pulls no more"),
+            FitParameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle no longer pulls"),
             FitParameter("c0", "N/m", -inf, inf, True, "stiffness without pressure"),
             FitParameter("c1", "N/m³", -inf, inf, True, "its rise with the stretch squared"),
             FitParameter("c2", "N/(Pa m²)", -inf, inf, True, "its rise with pressure times stretch"),

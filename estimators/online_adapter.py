@@ -36,9 +36,9 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     .. math:: y = Q\,f(\varepsilon, \dot\varepsilon, P, \dot P) + \sum_e g_e(\cdot\,; \theta_e) + v
 
     with the source model's prediction f (force in N or flow in kg/s). ``fit`` takes a healthy stretch: it finds the
-    reference of Q and θ, the noise, and how large the sums of the drift alarm are by themselves. ``partial_fit`` takes
+    reference of Q and θ, the noise, and how large the sums of the drift alarm are without drift. ``partial_fit`` takes
     the samples that follow, any number at a time, in their order; its state does not grow. Samples count less the older
-    they are, outliers and a sensor that stands still are left out. Where two blocks in a row are likelier after a jump
+    they are, outliers and readings of a frozen sensor are left out. Where two blocks in a row are likelier after a jump
     of the parameters than without one, by more than the odds of one in `forgetting_time`, what was before is forgotten
     at once, as far as the jump demands.
 
@@ -62,7 +62,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     alarm_memory : float, default=0.5
         Memory of the drift alarm, s.
     alarm_hold : float, default=1.2
-        Seconds for which its evidence must stay above its threshold; by then it can tell which parameter it is.
+        Seconds for which its evidence must stay above its threshold; by then it is clear which parameter drifts.
     false_alarms_per_hour : float, default=1
         False alarms that are allowed in an hour of signal.
     play : float, default=0
@@ -90,7 +90,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         Drifts since the fit, at most the last hundred: ``parameter``, ``sample``, ``time`` (s since the fit),
         ``strength`` (above one) and ``change``.
     n_samples_seen_, n_rejected_ : int
-        Samples taken, and left out as outliers, as missing or as those of a sensor that stands still.
+        Samples taken, and left out as outliers, as missing or as those of a frozen sensor.
 
     See Also
     --------
@@ -165,11 +165,11 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         Parameters
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle, in the order of time.
+            Signals of the muscle, in order of time.
         y : array, shape (n_samples,)
             What the source predicts, measured: force (N) or mass flow (kg/s).
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` serves as well. Without either the rows are one run.
+            Run of each row; a column ``trajectory`` serves as well. Without either the rows are one run.
 
         Returns
         -------
@@ -188,7 +188,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         H, modelled = self._design(table, start, streamed, trajectory_codes(X, groups))
         noise, step = _robust(y - modelled), np.zeros_like(start)
         for _ in range(3):
-            # A weak pull to the prior keeps what the stretch does not excite where it started.
+            # A weak pull to the prior keeps unexcited parameters at their start.
             rows = np.vstack([H / noise, np.diag(1.0 / self.spread_)])
             step = np.linalg.lstsq(rows, np.append((y - modelled) / noise, 0.0 * start), rcond=None)[0]
             noise = _robust(y - modelled - H @ step)
@@ -200,7 +200,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         residual = y - modelled - H @ step
         alarm.calibrate(np.array([alarm.statistic(H[b], residual[b], noise) for b in blocks]))
         self.alarm_scale_ = alarm.scale
-        # Residuals that depend on each other tell less than as many that do not.
+        # Correlated residuals carry less information than as many independent ones.
         self.effective_noise_ = noise * float(np.clip(np.median(alarm.scale), 1.0, 30.0))
         estimate = RecursiveEstimate(start, self.spread_, np.inf)
         for b in blocks:
@@ -221,11 +221,11 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         Parameters
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle, in the order of time, going on where the last call ended.
+            Signals of the muscle, in order of time, going on where the last call ended.
         y : array, shape (n_samples,)
             Measured force (N) or mass flow (kg/s); NaN where there is none.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row. What effects remember starts afresh where it changes within a call.
+            Run of each row. What effects remember starts afresh where it changes within a call.
 
         Returns
         -------
@@ -292,9 +292,9 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         Parameters
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle; with effects that remember, in the order of time.
+            Signals of the muscle; with effects that remember, in order of time.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; without them and without a column ``trajectory`` the rows are one run.
+            Run of each row; without them and without a column ``trajectory`` the rows are one run.
 
         Returns
         -------
@@ -304,7 +304,7 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
         check_is_fitted(self, "values_")
         table, _ = self._read(X, reset=False)
         streamed = self._streamed()
-        # Where nothing remembers, it does not matter where a run begins.
+        # Without memory, it does not matter where a run begins.
         codes = trajectory_codes(X, groups) if streamed or groups is not None else None
         return self._design(table, self.values_, streamed, codes)[1]
 
@@ -413,7 +413,7 @@ STILL = 4.0
 """Noise by which a model must move while a sensor does not before the sensor counts as stuck."""
 
 ALARMS = 100
-"""Alarms that are remembered."""
+"""Number of alarms kept."""
 
 
 def _robust(residual: np.ndarray) -> float:

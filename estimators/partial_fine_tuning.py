@@ -28,16 +28,16 @@ class PartialFineTuning(AdaptedModel):
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"
         Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` takes it from what cross-validation over whole trajectories leaves, at the cost of one step;
+        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
         where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
     validation_fraction : float or "auto", default=0.0
-        Share of whole trajectories held out for early stopping.
+        Share of whole runs held out for early stopping.
     blend : {"auto"} or bool, default="auto"
-        Whether samples held out decide, once, how much a fresh fit of the same samples takes part in the predictions
+        Whether held-out samples decide, once, the share of a fresh fit of the same samples in the predictions
         (`pamid.adapters.source_process`), so that they are not worse than without a source. ``"auto"`` leaves the
         published algorithm as published.
     warm_start : bool, default=False
-        Whether another ``fit`` goes on from where the adaptation stands.
+        Whether another ``fit`` continues the present adaptation.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
     device : str, default="cpu"
@@ -58,7 +58,7 @@ class PartialFineTuning(AdaptedModel):
     source_kept_ : ndarray, shape (n_targets,)
         Share of the source in the predictions: of the adapted model, and of the source within the fresh fit.
     held_out_errors_ : list of dict
-        Root mean square errors on samples held out, in the target's unit: ``adapted``, ``fresh`` (without the source)
+        Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
         and ``both`` (a fresh fit that reads the source's prediction).
     n_iter_, loss_curve_, validation_curve_, status_
         As in `StaticPIHM`.

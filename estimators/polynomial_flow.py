@@ -51,7 +51,7 @@ class PolynomialFlow(PolynomialRegressor):
     covariance_ : ndarray, shape (n_coefficients, n_coefficients)
         Their covariance.
     factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` goes on.
+        Triangular factor of all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Sum of the weights of all rows seen.
     signal_columns_ : dict of str to int

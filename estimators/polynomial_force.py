@@ -36,7 +36,7 @@ class PolynomialForce(PolynomialRegressor):
     rest_length : float, default=0.2
         L₀, m; scales the volume, not the force.
     rest_volume : float, default=0
-        Volume at rest, m³, which no force can tell: `volume` counts from there.
+        Volume at rest, m³, which force does not determine: `volume` counts from there.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     signals : mapping of str to (str or int), optional
@@ -55,7 +55,7 @@ class PolynomialForce(PolynomialRegressor):
     covariance_ : ndarray, shape (n_coefficients, n_coefficients)
         Their covariance.
     factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` goes on.
+        Triangular factor of all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Sum of the weights of all rows seen.
     signal_columns_ : dict of str to int

@@ -26,9 +26,9 @@ class PolynomialNARX(NARXRegressor):
     inputs : sequence of str, default=("P", "load")
         Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
     output_lags : int, default=2
-        Rows of its own past that the output sees.
+        Past rows of the output that the model reads.
     input_lags : int, default=2
-        Rows of the inputs that it sees, the present one first.
+        Rows of the inputs that it reads, the present one first.
     degree : int, default=3
         Highest degree of a monomial.
     n_terms : int, default=12
@@ -36,9 +36,9 @@ class PolynomialNARX(NARXRegressor):
     threshold : float, default=1e-6
         Share of the step's variance that a term must explain to enter, dimensionless.
     horizon : int, default=50
-        Rows of the free runs that the fit looks at; 1 for single steps.
+        Rows of the free runs that the fit uses; 1 for single steps.
     start : str, optional
-        Signal that holds, in the first row of each trajectory, the output before it; by default a free run starts
+        Signal that holds, in the first row of each run, the output before it; by default a free run starts
         from the mean of the first outputs of the fit.
     alpha : float, default=1e-3
         Ridge: factor of 1e-6 of the squared coefficients in the mean squared error, dimensionless.
@@ -49,9 +49,9 @@ class PolynomialNARX(NARXRegressor):
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     signals : mapping of str to str or int, optional
         Column of a signal, by name or position, where it is not the signal's own name or place.
 
@@ -64,7 +64,7 @@ class PolynomialNARX(NARXRegressor):
     terms_ : list of str
         The terms, such as ``"y[t-1]*P[t]"``, in the order in which they were chosen.
     coefficients_ : dict of str to float
-        The coefficients by term, in the output's unit a row.
+        The coefficients by term, in the output's unit per row.
     standard_errors_ : dict of str to float
         Their standard errors, in the same unit.
     input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
@@ -74,7 +74,7 @@ class PolynomialNARX(NARXRegressor):
     step_scale_ : float
         Root mean square of the output's step from row to row, in units of `output_scale_`.
     start_mean_ : float
-        Mean of the first outputs of the trajectories of the fit.
+        Mean of the first outputs of the runs of the fit.
     loss_curve_ : list of float
         Mean squared error over the horizon after each step of the fit, in units of the output's variance.
     n_iter_ : int
@@ -166,7 +166,7 @@ class PolynomialNARX(NARXRegressor):
     def _derivatives(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         M = _monomials(phi, self.powers_)
         to_phi = np.zeros_like(phi)
-        for i in range(int(self.output_lags)):  # those of the inputs are never asked for
+        for i in range(int(self.output_lags)):  # those of the inputs are never needed
             lower = self.powers_.copy()
             lower[:, i] = np.maximum(lower[:, i] - 1, 0)
             to_phi[:, i] = _monomials(phi, lower) @ (theta * self.powers_[:, i])

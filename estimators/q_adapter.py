@@ -55,16 +55,16 @@ class QAdapter(AdaptedModel):
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"
         Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` takes it from what cross-validation over whole trajectories leaves, at the cost of one step;
+        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
         where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
     validation_fraction : float or "auto", default=0.0
-        Share of whole trajectories held out for early stopping.
+        Share of whole runs held out for early stopping.
     blend : {"auto"} or bool, default="auto"
-        Whether samples held out decide, once, how much a fresh fit of the same samples takes part in the predictions
+        Whether held-out samples decide, once, the share of a fresh fit of the same samples in the predictions
         (`pamid.adapters.source_process`), so that they are not worse than without a source. ``"auto"`` leaves the
         published algorithm as published.
     warm_start : bool, default=False
-        Whether another ``fit`` goes on from where the adaptation stands.
+        Whether another ``fit`` continues the present adaptation.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
     device : str, default="cpu"
@@ -79,7 +79,7 @@ class QAdapter(AdaptedModel):
     q0_ : float
         The factor by geometry or as given; that of the data where there is neither.
     q0_uncertainty_, q_uncertainty_ : float
-        Standard uncertainties of both, the second from residuals that depend within a trajectory.
+        Standard uncertainties of both, the second from residuals that depend within a run.
     model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
         The model of the target muscle, of the source's class.
     n_parameters_ : int
@@ -91,7 +91,7 @@ class QAdapter(AdaptedModel):
     source_kept_ : ndarray, shape (n_targets,)
         Share of the source in the predictions: of the adapted model, and of the source within the fresh fit.
     held_out_errors_ : list of dict
-        Root mean square errors on samples held out, in the target's unit: ``adapted``, ``fresh`` (without the source)
+        Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
         and ``both`` (a fresh fit that reads the source's prediction).
     n_iter_, loss_curve_, validation_curve_, status_
         As in `StaticPIHM`.
@@ -224,8 +224,8 @@ class QAdapter(AdaptedModel):
         score = f * (y - fitted * f)
         scatter = float((w * score**2).sum())
         if codes is not None and np.ptp(codes) > 0:
-            # Residuals of one trajectory depend on each other: what they tell of Q together counts once. Those of a
-            # single trajectory sum to nothing, so that rows count there.
+            # Residuals of one run depend on each other: their information about Q counts once. Those of a
+            # single run sum to nothing, so that rows count there.
             scatter = float((np.bincount(codes, weights=(w * score).sum(axis=1)) ** 2).sum())
         error = float(np.sqrt(scatter)) / information if information > 0 else np.inf
         error = max(error, 1e-9 * abs(fitted)) if np.isfinite(fitted) else np.inf
@@ -254,7 +254,7 @@ class QAdapter(AdaptedModel):
         apart = abs(fitted - self.q0_)
         if apart > FAR_SIGMAS * np.hypot(self.q0_uncertainty_, error):
             warnings.warn(
-                f"The data ask for Q = {fitted:.4g} ± {error:.2g}, the geometry for {self.q0_:.4g} ± "
+                f"The data give Q = {fitted:.4g} ± {error:.2g}, the geometry for {self.q0_:.4g} ± "
                 f"{self.q0_uncertainty_:.2g}. Expected them to agree. Check the sizes of both muscles (m) and the "
                 "units of the target's data; size_uncertainty says how well the sizes are known.",
                 AdaptationWarning,

@@ -28,11 +28,11 @@ from ._trajectories import encode_text_columns, trajectory_codes, trajectory_sli
 
 
 class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEstimator):
-    """Append the rates of columns, taken within each trajectory.
+    """Append the rates of columns, taken within each run.
 
-    For each column ``x`` a column ``dx`` with its rate is appended; rows keep their number and order. Smoothing is as
-    strong as the signals ask for: `fit` chooses one cut-off frequency a column over all trajectories, and `transform`
-    uses it on any later log.
+    For each column ``x`` a column ``dx`` with its rate is appended; rows keep their number and order. Smoothing adapts
+    to the signals: `fit` chooses one cut-off frequency per column over all runs, and `transform` uses it on any later
+    log.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
     method : {"savgol", "spline", "kalman"}, default="savgol"
         Savitzky-Golay filter, cubic smoothing spline, or Kalman/RTS smoother of constant acceleration.
     tuning : "auto", float or sequence of float, default="auto"
-        Cut-off frequency, Hz, one for all or one a column; "auto": the one with the least estimated squared error of
+        Cut-off frequency, Hz, one for all or one per column; "auto": the one with the least estimated squared error of
         the rate (Stein's unbiased risk estimate for the derivative, DOI 10.1214/aos/1176345632).
     inputs : mapping of column to sequence of columns, optional
         Known inputs that make the rate of a column jump, such as ``{"P": ["flow"]}`` with the flow that the valve's law
@@ -57,7 +57,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
     sampling_period : float or None, default=None
         Time between rows, s, where there is no time column.
     one_trajectory : bool, default=False
-        Whether all rows are one run, where neither `groups` nor a column ``trajectory`` tells.
+        Whether all rows are one run, where neither `groups` nor a column ``trajectory`` names them.
 
     Attributes
     ----------
@@ -78,12 +78,12 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
     See Also
     --------
-    pamid.signals.differentiate : The same for arrays of one trajectory.
+    pamid.signals.differentiate : The same for arrays of one run.
 
     Notes
     -----
-    Rates of the rows near the ends of a trajectory rest on fewer neighbours and are less certain. Rates depend on
-    neighbouring rows: take them on whole trajectories, before rows are thinned.
+    Rates of the rows near the ends of a run rest on fewer neighbours and are less certain. Rates depend on
+    neighbouring rows: take them on whole runs, before rows are thinned.
 
     Examples
     --------
@@ -140,16 +140,16 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return tags
 
     def fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:
-        """Choose the cut-off frequency of each column over all trajectories.
+        """Choose the cut-off frequency of each column over all runs.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, trajectory by trajectory.
+            Table whose rows are samples in time order, run by run.
         y : None
             Ignored.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
+            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------
@@ -159,9 +159,9 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Raises
         ------
         MissingTrajectoryError
-            If nothing tells which rows form a trajectory.
+            If nothing says which rows form a run.
         MissingColumnError
-            If a column is not there, or there is neither time nor `sampling_period`.
+            If a column is missing, or there is neither time nor `sampling_period`.
         """
         table = validate_data(
             self, encode_text_columns(X, self._read_columns()), dtype=np.float64, ensure_min_samples=2
@@ -215,19 +215,19 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return self
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> RateTransformer:
-        """Choose the cut-off frequencies over the trajectories of all calls.
+        """Choose the cut-off frequencies over the runs of all calls.
 
-        They are those of one `fit` on all trajectories up to 20,000 rows; above, those of a fair sample of whole ones.
-        A trajectory that came before adds nothing.
+        They are those of one `fit` on all runs up to 20,000 rows; above, those of a random sample of whole ones.
+        A repeated run adds nothing.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, trajectory by trajectory.
+            Table whose rows are samples in time order, run by run.
         y : None
             Ignored.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
+            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------
@@ -250,9 +250,9 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, trajectory by trajectory.
+            Table whose rows are samples in time order, run by run.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
+            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------
@@ -263,7 +263,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Raises
         ------
         ShortTrajectoryError
-            If a trajectory has fewer than two rows.
+            If a run has fewer than two rows.
         """
         check_is_fitted(self, "cutoffs_")
         table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
@@ -314,11 +314,11 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, trajectory by trajectory.
+            Table whose rows are samples in time order, run by run.
         y : None
             Ignored.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
+            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------
@@ -380,7 +380,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
                 self.cutoffs_ = np.insert(self.cutoffs_, place, cutoff)
 
     def _clock(self, table: np.ndarray, rows: slice) -> np.ndarray:
-        """Times of a trajectory, s."""
+        """Times of a run, s."""
         times = self._times(table, rows)
         return np.arange(rows.stop - rows.start) * float(self.sampling_period or 1.0) if times is None else times
 
@@ -398,9 +398,9 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         short = next((s for s in slices if s.stop - s.start < 2), None)
         if short is not None:
             raise ShortTrajectoryError(
-                f"{type(self).__name__} got a trajectory of 1 sample, in row {short.start + 1}.",
-                "at least 2 samples in each trajectory",
-                "Pass whole trajectories: a rate needs neighbours.",
+                f"{type(self).__name__} got a run of 1 sample, in row {short.start + 1}.",
+                "at least 2 samples in each run",
+                "Pass whole runs: a rate needs neighbours.",
             )
         return slices
 
@@ -409,11 +409,11 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
     @staticmethod
     def _warn_of_irregular_times(times: list[np.ndarray | None]) -> None:
-        """Warn once for all trajectories."""
+        """Warn once for all runs."""
         said = [s for s in (irregularity(t) for t in times if t is not None) if s]
         if said:
             warnings.warn(
-                f"{len(said)} of {len(times)} trajectories are not sampled evenly. {said[0]}",
+                f"{len(said)} of {len(times)} runs are not sampled evenly. {said[0]}",
                 SamplingWarning,
                 stacklevel=5,
             )

@@ -1,4 +1,4 @@
-"""A recurrent network on trajectories: the baseline with memory that knows no physics."""
+"""A recurrent network on runs: the baseline with memory that knows no physics."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
 
     with a gated recurrent unit, a long short-term memory or a plain Elman cell as :math:`f`, on standardised signals
-    :math:`s` and target. The state :math:`h` starts anew in each trajectory: it is what the cell reaches when the
-    first row is held for `burn_in` rows, in the fit as in a prediction. Nothing passes from one trajectory to the
+    :math:`s` and target. The state :math:`h` starts again in each run: it is what the cell reaches when the
+    first row is held for `burn_in` rows, in the fit as in a prediction. Nothing passes from one run to the
     next.
 
     Parameters
@@ -56,10 +56,10 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     window : int, default=50
         Rows over which the error is traced back in time, after which one step is made; the state is carried on.
     segment_length : int or None, default=1000
-        Longer trajectories are cut, in the fit alone, into segments of so many rows that run side by side; each is
-        led into by the `burn_in` rows before it. None leaves trajectories whole.
+        Longer runs are cut, in the fit alone, into segments of so many rows that run side by side; each is preceded by
+        the `burn_in` rows before it. None keeps runs whole.
     burn_in : int, default=25
-        Rows that lead into a trajectory or a segment before its first row counts.
+        Rows that lead into a run or a segment before its first row counts.
     learning_rate : float, default=0.01
         First rate of Adam, dimensionless, lowered along a half cosine.
     batch_size : int, default=32
@@ -67,21 +67,21 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     max_iter : int, default=50
         Most epochs.
     early_stopping : bool, default=False
-        Whether to hold out whole trajectories, keep the weights that do best on them, and stop when they cease to
+        Whether to hold out whole runs, keep the weights that do best on them, and stop when they cease to
         improve. Otherwise the training loss decides.
     validation_fraction : float, default=0.2
-        Share of the trajectories that is held out, dimensionless.
+        Share of the runs that is held out, dimensionless.
     patience : int, default=20
         Epochs without improvement after which the fit ends.
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names: a change of its value begins a
-        new trajectory.
+        Position of the column that names the runs, for arrays that have no names: a change of its value begins a
+        new run.
     random_state : int or RandomState, optional
-        Seed of the initial weights, the order of segments and the choice of held-out trajectories.
+        Seed of the initial weights, the order of segments and the choice of held-out runs.
     device : str, default="cpu"
         Device of torch on which the network runs.
     signals : mapping of str to str or int, optional
@@ -98,7 +98,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     loss_curve_ : list of float
         Training loss of each epoch: mean squared error in units of the target's variance.
     validation_curve_ : list of float
-        The same error on the held-out trajectories; empty without early stopping.
+        The same error on the held-out runs; empty without early stopping.
     n_iter_ : int
         Epochs of the fit.
     signal_columns_ : dict of str to int
@@ -134,7 +134,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
 
     Examples
     --------
-    A force that lags behind the pressure can't be told from the row alone:
+    A force that lags behind the pressure cannot be predicted from one row alone:
 
     >>> import numpy as np, pandas as pd
     >>> from pamid.estimators import Recurrent
@@ -157,9 +157,9 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        if equation == "dynamic":  # the comparison says what drives the output
+        if equation == "dynamic":  # the comparison gives the inputs of the output
             return {"": {}}
-        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # what the hybrid models see, too
+        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
 
     def __init__(
         self,
@@ -219,11 +219,11 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each trajectory, at one sampling period throughout.
+            Signals, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or whatever the network shall give.
+            Force (N), mass flow (kg/s) or any other target.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -233,9 +233,9 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         Raises
         ------
         MissingTrajectoryError
-            If nothing tells which rows form a trajectory.
+            If nothing says which rows form a run.
         InterleavedTrajectoryError
-            If the rows of a trajectory are not contiguous.
+            If the rows of a run are not contiguous.
         DivergedError
             If the loss is not finite from the first epoch.
         """
@@ -264,7 +264,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         def validate() -> float:
             return self._mean_square(network, inputs, wanted, validation)
 
-        # lets a callback score on the rows of the fit without being told trajectories
+        # lets a callback score on the rows of the fit without being given the runs
         self._codes_of_fit = codes
         try:
             with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
@@ -288,20 +288,20 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         return self
 
     def _mean_square(self, network: Network, inputs: Any, wanted: Any, pieces: list[Piece]) -> float:
-        """Mean squared error over whole trajectories, in units of the target's variance."""
+        """Mean squared error over whole runs, in units of the target's variance."""
         outputs = self._run(network, inputs, pieces)
         rows = np.concatenate([p.rows() for p in pieces])
         return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run the network along each trajectory, from its burn-in to its end.
+        """Run the network along each run, from its burn-in to its end.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each trajectory.
+            Signals, SI units, in time order within each run.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -363,7 +363,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     def _epoch(
         self, network: Network, adam: AdamSteps, inputs: Any, wanted: Any, pieces: list[Piece], rng: np.random.Generator
     ) -> float:
-        """One pass over all pieces, a step a window; returns the mean squared error met on the way."""
+        """One pass over all pieces, a step per window; returns the mean squared error met on the way."""
         import torch
 
         order = rng.permutation(len(pieces))
@@ -405,7 +405,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     @staticmethod
     def _checked_instances() -> list[Recurrent]:
         # scikit-learn's checks ask for predictions that do not change with the order of rows; what has a memory gives
-        # them only where each row is a trajectory of its own, which the values of the first column make it
+        # them only where each row is a run of its own, which the values of the first column make it
         small: dict[str, Any] = {
             "signals": {"x": 0}, "trajectory_column": 0, "hidden": 2, "window": 4, "burn_in": 2, "max_iter": 2,
             "random_state": 0,

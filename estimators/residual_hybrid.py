@@ -51,7 +51,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3
-        Initial weights tried for a few steps, of which the best goes on.
+        Initial weights tried for a few steps; the best are trained further.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     random_state : int or RandomState, optional
@@ -168,7 +168,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         sample_weight : array_like, shape (n_samples,), optional
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, handed on to the model.
+            Run of each row, handed on to the model.
 
         Returns
         -------
@@ -205,7 +205,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         self.gauge_scale_ = float(np.sqrt(np.average(p * p, weights=share))) or 1.0
         factor = p / self.gauge_scale_
         self.residual_scale_ = float(np.sqrt(np.average(residual[used] ** 2, weights=share))) or 1.0
-        # A row counts by the square of what stands before the network there, and asks for residual over that.
+        # A row is weighted by the square of the network's factor there, with the residual over that factor as target.
         small = np.abs(factor) < 1e-3
         safe = np.where(small, 1.0, factor)
         wanted = np.where(small, 0.0, residual[used] / self.residual_scale_ / safe)[:, None]

@@ -19,10 +19,11 @@ from ._tiny_source import tiny_source
 SCALES = ("length", "diameter", "dead_volume")
 
 WEAK = 0.1
-"""Relative standard uncertainty from which on data do not tell a scale; a dead volume's is relative to the muscle's."""
+"""Relative standard uncertainty above which data do not determine a scale; a dead volume's is relative to the
+muscle's."""
 
 ALIKE = 1e4
-"""Condition of the Gauss–Newton Hessian, its columns of one length, from which on data do not distinguish scales."""
+"""Condition of the Gauss–Newton Hessian, its columns of one length, above which data do not distinguish scales."""
 
 
 class _Solution(NamedTuple):
@@ -40,9 +41,9 @@ class ScaleAdapter(AdaptedModel):
         F_\mathrm{target} = Q_D^2\,F_\mathrm{source}
 
     with the ratios of lengths :math:`Q_L` and diameters :math:`Q_D` and the volume :math:`V_d` of tubes and fittings.
-    Force does not see the length (of the volume and of the lever it acts on, one divides the other) nor a dead volume;
-    flow sees length and diameter only as the product of both; together they distinguish them. The problem is linear and
-    solved at once. Scales that the data cannot tell are refused.
+    Force depends neither on the length (the volume's and the lever's cancel) nor on a dead volume;
+    flow depends on length and diameter only through D²L; together they distinguish them. The problem is linear and
+    solved at once. Scales that the data do not determine are refused.
 
     Parameters
     ----------
@@ -63,12 +64,12 @@ class ScaleAdapter(AdaptedModel):
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"
         Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` takes it from what cross-validation over whole trajectories leaves, at the cost of one step;
+        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
         where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
     validation_fraction : float or "auto", default=0.0
-        Share of whole trajectories held out for early stopping.
+        Share of whole runs held out for early stopping.
     warm_start : bool, default=False
-        Whether another ``fit`` goes on from where the adaptation stands.
+        Whether another ``fit`` continues the present adaptation.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
     device : str, default="cpu"
@@ -162,7 +163,7 @@ class ScaleAdapter(AdaptedModel):
         source = hybrid_of(self.source, type(self).__name__)
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length
         self.diameter_factor_ = (self.rest_diameter or source.rest_diameter) / source.rest_diameter
-        # What the source says at its own length: the law's lever is then part of the scales.
+        # The source's prediction at its own length: the law's lever is then part of the scales.
         laws = source.laws()
         f = predicted(model, table, laws)
         dead = np.column_stack([np.asarray(law.coefficients(state_of(model, table)).V) + 0.0 * f[:, 0] for law in laws])
@@ -175,7 +176,7 @@ class ScaleAdapter(AdaptedModel):
             solution = self._solve(parts, wanted, weight, codes)
             if reason := self._reason(wanted, solution, model):
                 raise FitError(
-                    f"The data cannot tell {' and '.join(wanted)}: {reason}",
+                    f"The data do not determine {' and '.join(wanted)}: {reason}",
                     "data that excite each scale on its own",
                     "Ask for fewer scales, or record runs that change the pressure at rest and move the muscle.",
                 )
@@ -274,7 +275,7 @@ class ScaleAdapter(AdaptedModel):
             if not error < WEAK * size:
                 return f"{name} is known to {error / size:.0%} only."
             if name != "dead_volume" and value <= 0:
-                return f"the data ask for a negative {name}; check signs, units and columns."
+                return f"the data give a negative {name}; check signs, units and columns."
         return ""
 
     def _largest(

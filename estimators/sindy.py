@@ -35,15 +35,15 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     bias : bool, default=True
         Whether there is a constant term.
     sign_of : sequence of str, default=()
-        Signals whose sign enters the library too, for what changes with the direction of motion (``("deps",)``).
+        Signals whose sign enters the library too, for effects of the direction of motion (``("deps",)``).
     optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer, default="stlsq"
         Sparse regression: sequentially thresholded least squares, sparse relaxed regularised regression, or greedy
         orthogonal selection. An instance of PySINDy is cloned, and brings its own settings.
     threshold : float, default=0.02
         Terms whose coefficient is smaller are dropped; in units of the target's root mean square for a term scaled
-        to root mean square one (dimensionless). Of no effect for "frols".
+        to root mean square one (dimensionless). No effect for "frols".
     alpha : float, default=1e-6
-        Ridge penalty in the scaled problem, dimensionless; of no effect for "sr3".
+        Ridge penalty in the scaled problem, dimensionless; no effect for "sr3".
     max_iter : int, default=20
         Most iterations; for "frols" the most terms.
     target : str, default="y"
@@ -70,7 +70,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     n_iter_ : int
         Iterations of the sparse regression.
     factor_ : ndarray
-        Triangular factor of terms and target over all rows seen, from which `partial_fit` goes on.
+        Triangular factor of terms and target over all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Sum of the weights of all rows seen.
     reference_scales_ : ndarray, shape (n_signals,)
@@ -84,12 +84,12 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
 
     See Also
     --------
-    SINDyModel : Learns rates of change from trajectories, and simulates.
+    SINDyModel : Learns rates of change from runs, and simulates.
 
     Notes
     -----
-    Weights equal repetition: `sample_weight` scales the rows of the regression by its root, and all scales are
-    weighted.
+    Sample weights are equivalent to repeated rows: `sample_weight` scales the rows of the regression by its root, and
+    all scales are weighted.
 
     References
     ----------
@@ -161,7 +161,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units.
         y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or whatever the polynomial shall give.
+            Force (N), mass flow (kg/s) or any other target.
         sample_weight : array_like, shape (n_samples,), optional
             Weight of each row.
 
@@ -178,8 +178,9 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
         """Take in further rows: after any number of batches the polynomial is that of one `fit` on all of them.
 
-        The rows are compressed into a triangular factor of fixed size, which tells the sparse regression all that the
-        rows would; an optimizer of PySINDy that draws among rows draws among those of the factor, in `fit` too.
+        The rows are compressed into a triangular factor of fixed size, which gives the sparse regression the same
+        information as the rows; an optimizer of PySINDy that draws among rows draws among those of the factor, in `fit`
+        too.
 
         Parameters
         ----------

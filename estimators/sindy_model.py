@@ -1,4 +1,4 @@
-"""Sparse dynamics from trajectories, by PySINDy: rates of change, and their simulation."""
+"""Sparse dynamics from runs, by PySINDy: rates of change, and their simulation."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Inputs = Callable[[float], Any]
 
 
 class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
-    r"""Sparse dynamics of a muscle or a bench, learnt from trajectories.
+    r"""Sparse dynamics of a muscle or a bench, learnt from runs.
 
     .. math:: \dot x_i = \sum_k \Xi_{ik}\, \theta_k(x, u), \quad \Xi \text{ sparse}
 
-    with monomials :math:`\theta_k` of states and inputs. The rates are differentiated within each trajectory, or
+    with monomials :math:`\theta_k` of states and inputs. The rates are differentiated within each run, or
     given as y. `predict` gives the rates; `simulate` integrates them.
 
     Parameters
@@ -68,14 +68,14 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     smoothing_window : int, default=11
         Rows of the smoothing before differentiation, odd; below 5 nothing is smoothed.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     signals : mapping of str to str or int, optional
         Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
     coef_ : ndarray, shape (n_states, n_terms)
-        Coefficient of each term in each rate, in units of the state a second over units of the term.
+        Coefficient of each term in each rate, in units of the state per second over units of the term.
     coefficients_ : dict of str to dict
         For each state the terms that were kept, and their coefficients.
     terms_ : list of str
@@ -91,7 +91,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     n_iter_ : int
         Iterations of the sparse regression.
     factor_ : ndarray
-        Triangular factor of terms and rates over all rows seen, from which `partial_fit` goes on.
+        Triangular factor of terms and rates over all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Number of rows seen.
     reference_scales_ : ndarray, shape (n_signals,)
@@ -183,11 +183,11 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            States and inputs, SI units, in time order within each trajectory.
+            States and inputs, SI units, in time order within each run.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
-            Rates of the states, in their units a second, if they are known; time order then plays no part.
+            Rates of the states, in their units per second, if they are known; time order then plays no part.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of a DataFrame serves too.
+            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -197,9 +197,9 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Raises
         ------
         MissingTrajectoryError
-            If rates have to be differentiated and nothing tells which rows form a trajectory.
+            If rates have to be differentiated and nothing says which rows form a run.
         ShortTrajectoryError
-            If a trajectory is shorter than the smoothing window.
+            If a run is shorter than the smoothing window.
         """
         columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
         self._check_library(self.reads)
@@ -209,19 +209,19 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         return self._named()
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
-        """Take in further trajectories: after any number of batches the dynamics are those of one `fit` on all.
+        """Take in further runs: after any number of batches the dynamics are those of one `fit` on all.
 
         Rates are differentiated within the batch; its rows are then compressed into a triangular factor of fixed size,
-        which tells the sparse regression all that the rows would.
+        which gives the sparse regression the same information as the rows.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
-            States and inputs, SI units, in time order within each trajectory.
+            States and inputs, SI units, in time order within each run.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
             Rates of the states, as in `fit`.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; no trajectory goes on from one call to the next.
+            Run of each row; no run continues from one call to the next.
 
         Returns
         -------
@@ -256,7 +256,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Returns
         -------
         ndarray, shape (n_samples,) or (n_samples, n_states)
-            Rates, in the states' units a second; one-dimensional for one state.
+            Rates, in the states' units per second; one-dimensional for one state.
         """
         check_is_fitted(self)
         columns, _ = self._read(X, reset=False)
@@ -275,7 +275,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         sample_weight : array_like, shape (n_samples,), optional
             Weight of each row.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row, needed if y is None.
+            Run of each row, needed if y is None.
 
         Returns
         -------
@@ -316,7 +316,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Raises
         ------
         DivergedError
-            If the states leave the finite numbers.
+            If the states become infinite.
         """
         from scipy.integrate import solve_ivp
 
@@ -329,7 +329,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         start = np.array([x0[s] for s in self.states] if isinstance(x0, Mapping) else x0, dtype=float).ravel()
         if start.shape != (len(self.states),):
             raise ShapeError(
-                f"x0 has {start.size} entries.", f"{len(self.states)} ({', '.join(self.states)})", "Pass one a state."
+                f"x0 has {start.size} entries.", f"{len(self.states)} ({', '.join(self.states)})", "Pass one per state."
             )
         drive = self._drive(t, u)
         limit = 1e6 * np.maximum(self.signal_scales_[: len(start)], np.abs(start))
@@ -369,7 +369,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             raise ShapeError(
                 f"u has {len(table)} rows for {len(t)} times.",
                 f"{n} inputs ({', '.join(self.inputs)}) at each time, or a function of time",
-                "Pass u with one row a time.",
+                "Pass u with one row per time.",
             )
         return lambda time: np.array([np.interp(time, t, column) for column in table.T])
 
@@ -382,12 +382,12 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             raise ShapeError(
                 f"y has {rates.shape[1]} columns.",
                 f"the rates of {len(self.states)} states ({', '.join(self.states)})",
-                "Pass one column a state, or no y to have the rates differentiated.",
+                "Pass one column per state, or no y to have the rates differentiated.",
             )
         return rates
 
     def _rates(self, X: Any, columns: np.ndarray, groups: Any) -> np.ndarray:
-        """Differentiate the states within each trajectory."""
+        """Differentiate the states within each run."""
         codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
         assert codes is not None  # needed_by raises instead
         states = np.column_stack([self._signal(columns, name) for name in self.states])
@@ -398,16 +398,16 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             n = rows.stop - rows.start
             if n < least:
                 raise ShortTrajectoryError(
-                    f"Trajectory number {number} has {n} rows.",
+                    f"Run number {number} has {n} rows.",
                     f"at least {least} for differentiation with smoothing_window={self.smoothing_window}",
-                    "Use a smaller odd smoothing_window, leave the trajectory out, or pass the rates as y.",
+                    "Use a smaller odd smoothing_window, leave the run out, or pass the rates as y.",
                 )
             t = np.arange(n) * float(self.sampling_period) if self.sampling_period is not None else time[rows]
             if not (np.diff(t) > 0).all():
                 raise TimeOrderError(
-                    f"Time does not increase in trajectory number {number}.",
+                    f"Time does not increase in run number {number}.",
                     "increasing times in s",
-                    "Sort the rows of each trajectory by time and drop doubled rows.",
+                    "Sort the rows of each run by time and drop repeated rows.",
                 )
             rates[rows] = differentiate(states[rows], t, int(self.smoothing_window))
         return rates

@@ -23,7 +23,7 @@ class StaticForceMap(EmpiricalForce):
         c = (1 - \varepsilon) \cos\theta_0, \quad \delta = \frac{\sqrt{t^2 - c^2}}{\sin\theta_0}, \quad t = 1 + \kappa p
 
     with the gauge pressure p, the inner area A₀, the angle θ₀ of the threads to the axis, the diameter δ in units of
-    that at rest, threads that give by κ, and a membrane that resists shortening (k_a) and widening (k_r). F₀ is what
+    that at rest, threads that stretch by κ, and a membrane that resists shortening (k_a) and widening (k_r). F₀ is what
     the clamped muscle pulls at rest. Signals: ``eps`` and ``P``.
 
     Parameters
@@ -70,8 +70,8 @@ class StaticForceMap(EmpiricalForce):
 
     Notes
     -----
-    The paper's authors set up this balance for Festo muscles of 10 and 20 mm and met their force maps within 4.4 %
-    and 2.35 % at most. The elastic energies here are quadratic, a form of our own, without the paper at hand.
+    The paper's authors set up this balance for Festo muscles of 10 and 20 mm and matched their force maps within 4.4 %
+    and 2.35 % at most. The elastic energies here are quadratic, our own form, since the paper was not available.
 
     References
     ----------

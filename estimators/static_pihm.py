@@ -30,12 +30,12 @@ class StaticPIHM(HybridModel):
     rest_length : float, default=0.2
         Rest length L₀ of the muscle, m.
     rest_diameter : float, default=0.02
-        Rest diameter D₀, m. Force does not tell the volume at rest; this does.
+        Rest diameter D₀, m. Force does not determine the volume at rest; this does.
     atmospheric_pressure : float, default=101325
         Ambient pressure, Pa, absolute.
     volume_model : {"anchored", "neural"}, default="anchored"
         ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
-        (`pamid.volume.ContactVolume`) and lets it fade outside the data, which holds far better where no data were.
+        (`pamid.volume.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far better.
     hidden_layer_sizes : tuple of int, default=(128, 128)
         Widths of the hidden layers.
     activation : {"softplus", "tanh", "silu"}, default="softplus"
@@ -46,14 +46,14 @@ class StaticPIHM(HybridModel):
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
     validation_fraction : float or "auto", default=0
-        Share of whole trajectories held out for early stopping; the model that is best on them is kept. Needs
-        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them tells of five trajectories or more,
+        Share of whole runs held out for early stopping; the model that is best on them is kept. Needs
+        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them names five runs or more,
         but 0 with ``trainer="adam"``, which as printed keeps its last epoch.
     effects : sequence of str or Effect, or dict of str to dict, optional
         Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
         memory, friction, leaks; a dict holds the values at which the search for them begins. Geometry and
         effects are identified in turns; the network learns what both leave and reads what the effects remember. X is
-        then a DataFrame of whole trajectories in the order of time, with ``time`` (s) and ``trajectory``; rows that
+        then a DataFrame of whole runs in order of time, with ``time`` (s) and ``trajectory``; rows that
         only carry the memory get a sample weight of 0.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
@@ -170,7 +170,7 @@ class StaticPIHM(HybridModel):
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
+            Run of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
 
         Returns
         -------

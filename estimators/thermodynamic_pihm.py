@@ -40,7 +40,7 @@ class ThermodynamicPIHM(HybridModel):
         T, K.
     volume_model : {"anchored", "neural"}, default="anchored"
         ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
-        (`pamid.volume.ContactVolume`) and lets it fade outside the data, which holds far better where no data were.
+        (`pamid.volume.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far better.
     hidden_layer_sizes : tuple of int, default=(128, 128)
         Widths of the hidden layers.
     activation : {"softplus", "tanh", "silu"}, default="softplus"
@@ -51,15 +51,15 @@ class ThermodynamicPIHM(HybridModel):
     max_iter, batch_size, weight_decay : optional
         Override those of the trainer.
     validation_fraction : float or "auto", default="auto"
-        Share of whole trajectories held out for early stopping; the model that is best on them is kept, which is what
+        Share of whole runs held out for early stopping; the model that is best on them is kept, which is what
         keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them tells of five trajectories or more, and 0 elsewhere and with
+        ``"auto"`` is 0.2 where one of them names five runs or more, and 0 elsewhere and with
         ``trainer="adam"``, which as printed keeps its last epoch.
     effects : sequence of str or Effect, or dict of str to dict, optional
         Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
         memory, friction, leaks; a dict holds the values at which the search for them begins. Geometry and
         effects are identified in turns; the network learns what both leave and reads what the effects remember. X is
-        then a DataFrame of whole trajectories in the order of time, with ``time`` (s) and ``trajectory``; rows that
+        then a DataFrame of whole runs in order of time, with ``time`` (s) and ``trajectory``; rows that
         only carry the memory get a sample weight of 0.
     signals : dict, optional
         Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
@@ -181,7 +181,7 @@ class ThermodynamicPIHM(HybridModel):
         sample_weight : array, shape (n_samples,), optional
             Weights of the samples.
         groups : array, shape (n_samples,), optional
-            Trajectory of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
+            Run of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
 
         Returns
         -------

@@ -63,9 +63,9 @@ class ThreeElement(EmpiricalForce):
     .. math:: F = F_c(p) - K(p)\,x - B(p)\,\dot x, \quad x = L_0\,\varepsilon, \qquad
         M \ddot x + B(p)\,\dot x + K(p)\,x = F_c(p) - M g
 
-    F_c, K and B are piecewise linear in the gauge pressure p, with values at the knots as parameters, and K and B are
-    others while the muscle fills than while it vents; in between they pass over smoothly with the rate of the
-    pressure. Signals: ``eps``, ``deps``, ``P`` and ``dP``.
+    F_c, K and B are piecewise linear in the gauge pressure p, with values at the knots as parameters, and K and B
+    differ between filling and venting, with a smooth transition over the rate of the pressure. Signals: ``eps``,
+    ``deps``, ``P`` and ``dP``.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class ThreeElement(EmpiricalForce):
     pieces : int, default=2
         Pieces of the range of pressure between knots.
     turn_rate : float, default=20000
-        Rate of the pressure within which filling passes over to venting, Pa/s.
+        Rate of the pressure over which filling passes into venting, Pa/s.
     fixed : mapping of str to float, optional
         Parameters that are held, and their values, SI units.
     atmospheric_pressure : float, default=101325
@@ -238,7 +238,7 @@ class ThreeElement(EmpiricalForce):
         TimeOrderError
             If the time does not increase.
         ShapeError
-            If there is not one pressure a time.
+            If there is not one pressure per time.
         ParameterError
             If the load is not positive.
         """
@@ -283,7 +283,7 @@ class ThreeElement(EmpiricalForce):
 
     @staticmethod
     def _checked_instances() -> list[ThreeElement]:
-        # one column for all four signals leaves only some terms apart from each other
+        # with one column for all four signals only some terms are distinguishable
         apart = dict.fromkeys(("K_vent0", "K_fill1", "K_vent1", "B_fill0", "B_vent0", "B_fill1", "B_vent1"), 0.0)
         one = {"eps": 0, "deps": 0, "P": 0, "dP": 0}
         return [ThreeElement(signals=one, pieces=1, fixed=apart, atmospheric_pressure=0.0)]

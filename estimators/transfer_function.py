@@ -35,9 +35,9 @@ class TransferFunction(NARXRegressor):
     delay : int, default=0
         Dead time d of all inputs, in rows.
     horizon : int, default=1000
-        Rows of the free runs that the fit looks at, each from measured outputs; 1 for single steps (ARX).
+        Rows of the free runs that the fit uses, each from measured outputs; 1 for single steps (ARX).
     start : str, optional
-        Signal that holds, in the first row of each trajectory, the output before it; by default a free run starts
+        Signal that holds, in the first row of each run, the output before it; by default a free run starts
         from the mean of the first outputs of the fit.
     margin : float, default=0.2
         Share of the range of the outputs of the fit by which a free run may leave it, dimensionless.
@@ -46,9 +46,9 @@ class TransferFunction(NARXRegressor):
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
     one_trajectory : bool, default=False
-        Whether all rows are one trajectory, where neither groups nor a column says otherwise.
+        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
-        Position of the column that tells trajectories, for arrays that have no names.
+        Position of the column that names the runs, for arrays that have no names.
     signals : mapping of str to str or int, optional
         Column of a signal, by name or position, where it is not the signal's own name or place.
 
@@ -67,7 +67,7 @@ class TransferFunction(NARXRegressor):
     coefficients_ : dict of str to float
         All coefficients by name, such as ``"a1"`` and ``"b0 P"``.
     standard_errors_ : dict of str to float
-        Their standard errors, in the same units, where free runs err by white noise.
+        Their standard errors, in the same units, if the errors of free runs are white.
     coef_ : ndarray, shape (n_poles + n_inputs * (n_zeros + 1) + 1,)
         The parameters as they were fitted, in standardised signals.
     input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
@@ -77,7 +77,7 @@ class TransferFunction(NARXRegressor):
     step_scale_ : float
         Root mean square of the output's step from row to row, in units of `output_scale_`.
     start_mean_ : float
-        Mean of the first outputs of the trajectories of the fit.
+        Mean of the first outputs of the runs of the fit.
     loss_curve_ : list of float
         Mean squared error over the horizon after each step of the fit, in units of the output's variance.
     n_iter_ : int
@@ -151,12 +151,12 @@ class TransferFunction(NARXRegressor):
 
     @property
     def output_lags(self) -> int:  # type: ignore[override]
-        """Rows of its own past that the output sees."""
+        """Past rows of the output that the model reads."""
         return int(self.n_poles)
 
     @property
     def input_lags(self) -> int:  # type: ignore[override]
-        """Rows of each input that the output sees."""
+        """Rows of each input that the model reads."""
         return int(self.n_zeros) + 1
 
     def _check_parameters(self) -> None:
@@ -229,7 +229,9 @@ class TransferFunction(NARXRegressor):
             import control
         except ImportError:
             raise MissingDependencyError(
-                "python-control is not installed.", "it, to hand a model on", "pip install 'pamid[control]'."
+                "python-control is not installed.",
+                "the package control, to convert the model",
+                "pip install 'pamid[control]'.",
             ) from None
         b, a = self.numerators_[input_name], self.denominator_
         size = max(len(a), len(b) + int(self.delay))
@@ -239,7 +241,7 @@ class TransferFunction(NARXRegressor):
 
     @staticmethod
     def _checked_instances() -> list[TransferFunction]:
-        # each row a trajectory of its own, as predictions must not change with the order of rows
+        # each row a run of its own, as predictions must not change with the order of rows
         one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
         return [TransferFunction(("x",), n_poles=1, n_zeros=0, horizon=4, max_iter=3, **one)]
 

@@ -46,5 +46,5 @@ def subclasses(package: str, base: type[Kind], leave_out: Collection[str] = ()) 
 
 
 def _is_below(thing: Any, base: type[Kind]) -> TypeGuard[type[Kind]]:
-    """Tell whether a thing is a whole class that names a base, which may be a protocol."""
+    """Return whether a thing is a whole class that names a base, which may be a protocol."""
     return inspect.isclass(thing) and base in thing.__mro__[1:] and not inspect.isabstract(thing)

@@ -66,7 +66,7 @@ def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
 def unpack(data: bytes, name: str, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
     """Return the entries of a zip archive given as bytes; `read_archive` without the file."""
     if not data.startswith(b"PK\x03\x04"):
-        what = "is empty" if not data else f"starts with {data[:8]!r}, so it is no zip archive"
+        what = "is empty" if not data else f"starts with {data[:8]!r}, so it is not a zip archive"
         raise TruncatedModelError(
             f"{name} {what}.", "a model file written by pamid.persistence.save", "Check that this is the right file."
         )

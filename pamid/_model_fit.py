@@ -39,7 +39,7 @@ def _features(_: Any, held: Mapping[str, Any]) -> str:
         return f"n_features_in_ is {n!r:.40}"
     if "feature_names_in_" in held:
         if not isinstance(names, np.ndarray) or names.ndim != 1 or not all(isinstance(x, str) for x in names):
-            return "feature_names_in_ is no list of names"
+            return "feature_names_in_ is not a list of names"
         if "n_features_in_" in held and len(names) != n:  # a search has it as a property
             return f"{len(names)} names for {n} features"
     return ""
@@ -90,7 +90,7 @@ def _polynomial(model: Any, held: Mapping[str, Any]) -> str:
     powers, coef = held.get("powers_"), held.get("scaled_coef_", held.get("coef_"))
     if isinstance(powers, np.ndarray):
         if powers.ndim != 2 or powers.dtype.kind not in "iu" or not ((powers >= 0) & (powers <= MOST_DEGREE)).all():
-            return "powers_ is no table of degrees"
+            return "powers_ is not a table of degrees"
         if (found := np.shape(np.asarray(coef)))[-1:] != (len(powers),):
             return f"{len(powers)} terms and coefficients of {found}"
         if any(np.size(np.asarray(held[k])) != np.size(np.asarray(coef)) for k in ("coef_",) if k in held):
@@ -116,7 +116,7 @@ def _layers(_: Any, held: Mapping[str, Any]) -> str:
         return _chained([(np.shape(weights[f"W{k}"]), np.shape(weights[f"b{k}"])) for k in range(n)], None)
     if isinstance(weights, list):
         if len(weights) % 2 or not all(isinstance(w, np.ndarray) and w.dtype.kind == "f" for w in weights):
-            return "weights_ is no list of weights and offsets"
+            return "weights_ is not a list of weights and offsets"
         return _chained([(w.shape[::-1], b.shape) for w, b in zip(weights[::2], weights[1::2], strict=True)], None)
     return ""
 
@@ -170,7 +170,7 @@ def _order(_: Any, held: Mapping[str, Any]) -> str:
     if "knots_" in held and len(knots) != held.get("pieces", 0) + 1:
         return f"{len(knots)} knots of {held.get('pieces')!r:.20} pieces"
     if inside.ndim != 2 or len(inside) != 2 or inside.dtype.kind != "f" or (inside[0] > inside[1]).any():
-        return "input_range_ is no range"
+        return "input_range_ is not a range"
     return ""
 
 

@@ -107,7 +107,7 @@ def own_estimators() -> frozenset[str]:
 
 @cache
 def own_type(module: str, name: str) -> bool:
-    """Say whether a type is a public estimator, a trainer, splitter, dataclass or named tuple of pamid."""
+    """Return whether a type is a public estimator, a trainer, splitter, dataclass or named tuple of pamid."""
     if module.startswith("pamid.estimators."):
         return f"{module}.{name}" in own_estimators()
     if module not in _own_modules() or not name.isidentifier():
@@ -123,7 +123,7 @@ def own_type(module: str, name: str) -> bool:
 
 
 def allowed(loader: str, module: str, name: str, trusted: frozenset[str]) -> bool:
-    """Say whether a node of this kind may bring this type to life."""
+    """Return whether a node of this kind may bring this type to life."""
     full = f"{module}.{name}"
     if loader in _SIMPLE_LOADERS:
         return full in _SIMPLE_LOADERS[loader]

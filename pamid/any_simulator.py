@@ -27,8 +27,8 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
     Parameters
     ----------
     path : path-like
-        The page of a bench, a cylinder, a joint or a muscle; the page of a function, equations, a python-control
-        system, a MuJoCo model or an FMU; or such a model itself, ``.xml`` or ``.fmu``.
+        The simulator file of a bench, a cylinder, a joint or a muscle; the simulator file of a function, equations, a
+        python-control system, a MuJoCo model or an FMU; or such a model itself, ``.xml`` or ``.fmu``.
     trust : bool, default=False
         Whether code that the file names (a Python function, an FMU) may run.
 
@@ -40,9 +40,9 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
     Raises
     ------
     UntrustedCodeError
-        It names code, and there is no trust.
+        It names code, and ``trust`` is False.
     SimulatorFileError, ParameterError
-        The file is missing, no TOML, or says something that cannot be.
+        The file is missing, not valid TOML, or contains something invalid.
 
     Examples
     --------
@@ -138,8 +138,8 @@ def diagnose(
     ----------
     log : DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; several logs by name, in the order in which they were
-        recorded. Of several logs causes are shared unless one came or went between two days; the page of a cylinder,
-        a joint or a muscle takes them as runs of one log.
+        recorded. Of several logs causes are shared unless one came or went between two days; the simulator file of a
+        cylinder, a joint or a muscle takes them as runs of one log.
     simulator : BenchParameters, System or Simulator
         The simulator, see `read_simulator`.
     effects : "all" or sequence of str, default="all"
@@ -150,7 +150,7 @@ def diagnose(
         An earlier diagnosis to continue: ``diagnosis.history``, or the result of `pamid.gap.several.read_history`. The
         logs are added to it.
     rows : array of bool, shape (n_rows,), optional
-        Rows of the log that count, for the page of a cylinder, a joint or a muscle.
+        Rows of the log that count, for the simulator file of a cylinder, a joint or a muscle.
     alone : bool, optional
         Whether a log by itself is diagnosed without findings log by log; by default where ``log`` is one DataFrame.
     seed : int, default=0
@@ -166,9 +166,9 @@ def diagnose(
     Raises
     ------
     UnknownOptionError
-        The library has no effect of a name.
+        The library has no effect of such a name.
     ParameterError
-        ``effects`` with ``since``, or ``conditions`` for the page of a cylinder, a joint or a muscle.
+        ``effects`` with ``since``, or ``conditions`` for the simulator file of a cylinder, a joint or a muscle.
     MissingColumnError, ShortTrajectoryError, ExcitationError, IncompatibleError
         The logs cannot be used.
 

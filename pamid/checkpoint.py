@@ -61,14 +61,14 @@ class Checkpoint:
             results, settings, version = found["results"], found["settings"], found["pamid_checkpoint"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise CheckpointError(
-                f"{self.path} is no checkpoint: {str(error)[:80]}.",
+                f"{self.path} is not a checkpoint: {str(error)[:80]}.",
                 "a file that an interrupted run has left",
-                "Choose another file, or delete this one to begin anew.",
+                "Choose another file, or delete this one to start again.",
             ) from None
         if version != _FORMAT or settings != self.settings or not isinstance(results, dict):
             raise CheckpointError(
                 f"{self.path} is the checkpoint of another run, with {json.dumps(settings)[:120]}.",
                 f"one with {json.dumps(self.settings)[:120]}",
-                "Choose another file, or delete this one to begin anew.",
+                "Choose another file, or delete this one to start again.",
             )
         return results

@@ -144,7 +144,7 @@ class PressureReferenceError(UnitError):
     """Gauge pressure where absolute pressure is needed, or the reverse."""
 
 
-# --- time and trajectories ----------------------------------------------------------------------------------
+# --- time and runs ----------------------------------------------------------------------------------
 class TimeError(SignalError):
     """Time is not usable."""
 
@@ -152,7 +152,7 @@ class TimeError(SignalError):
 
 
 class TimeOrderError(TimeError):
-    """Time does not increase within a trajectory."""
+    """Time does not increase within a run."""
 
 
 class SamplingError(TimeError):
@@ -160,7 +160,7 @@ class SamplingError(TimeError):
 
 
 class TrajectoryError(LogError):
-    """Something is wrong with the trajectories of a log."""
+    """Something is wrong with the runs of a log."""
 
     page = "docs/logs.md#the-tidy-table"
 
@@ -172,17 +172,17 @@ class MissingTrajectoryError(TrajectoryError):
 
 
 class InterleavedTrajectoryError(TrajectoryError):
-    """The rows of a trajectory are not contiguous."""
+    """The rows of a run are not contiguous."""
 
 
 class TooFewTrajectoriesError(TrajectoryError):
-    """Fewer trajectories than a grouped split needs."""
+    """Fewer runs than a grouped split needs."""
 
     page = "docs/pipelines.md"
 
 
 class ShortTrajectoryError(TrajectoryError):
-    """A trajectory has fewer samples than an operation needs."""
+    """A run has fewer samples than an operation needs."""
 
 
 # --- parameters and fits ------------------------------------------------------------------------------------
@@ -322,7 +322,7 @@ class PamidWarning(UserWarning):
 
 
 class UnitWarning(PamidWarning):
-    """Values that look like another unit than expected."""
+    """Values that seem to be in a unit other than expected."""
 
 
 class ReadingWarning(PamidWarning):
@@ -350,7 +350,7 @@ class EffectsWarning(PamidWarning):
 
 
 class SimulatorWarning(PamidWarning):
-    """A simulator of a user's own is random, or keeps something between calls."""
+    """A user's simulator is random, or keeps state between calls."""
 
 
 class StreamChangeWarning(PamidWarning):

@@ -100,7 +100,7 @@ def _commit(stage: Path, folder: Path, names: Collection[str]) -> None:
 
 
 def _as_a_whole(folder: Path) -> bool:
-    """Say whether nothing speaks against putting another folder in this one's place."""
+    """Return whether nothing speaks against putting another folder in this one's place."""
     if not folder.exists():
         return True
     here, about = Path.cwd(), folder.stat()
@@ -205,7 +205,7 @@ def _finish_others(folder: Path, names: Collection[str]) -> None:
 
 
 def _is_unfinished(stage: Path) -> bool:
-    """Say whether the record of a move that failed half-way needs what lies in the stage."""
+    """Return whether the record of a move that failed half-way needs what lies in the stage."""
     try:
         return bool(json.loads((stage.parent / UNFINISHED).read_text(encoding="utf-8"))["from"] == stage.name)
     except (OSError, ValueError, KeyError, TypeError):

@@ -128,12 +128,12 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
     ModelNotFoundError
         There is no such file.
     TruncatedModelError
-        The file is no model file, cut off or damaged.
+        The file is not a model file, or is cut off or damaged.
     ModelVersionError
         The file is of a format newer than this version of pamid, or of none.
     HostileModelError
-        The file names a type that is not on the allow-list, gives an object something that it does not hold, such as a
-        place on the disk or a function, holds arrays that do not fit together, or takes too much memory.
+        The file names a type that is not on the allow-list, gives an object an attribute that it may not have, such as
+        a path or a function, holds arrays that do not fit together, or takes too much memory.
 
     Examples
     --------

@@ -95,7 +95,7 @@ def reads_of(model: Any, otherwise: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def is_sequential(model: Any) -> bool:
-    """Tell whether an estimator reads the sequence of samples, as it says itself or by its parameters."""
+    """Return whether an estimator reads the sequence of samples, as it says itself or by its parameters."""
     return bool(getattr(model, "sequential", "one_trajectory" in model.get_params()))
 
 

@@ -50,7 +50,7 @@ def read_small_text(path: Path, what: str, errors: TomlErrors) -> str:
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            kind = "a folder" if stat.S_ISDIR(found.st_mode) else "no regular file"
+            kind = "a folder" if stat.S_ISDIR(found.st_mode) else "not a regular file"
             raise errors.missing(f"{path} cannot be read: it is {kind}.", what, "Name a file.")
         if found.st_size > MAX_BYTES:
             raise errors.oversized(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PIECES = 10
 """Pieces of the healthy stretch; the stream is looked at in pieces as long, so that both are filtered alike."""
 NAMED = 3
-"""Pieces of a change that are diagnosed together: a third of what the healthy stretch says of the rig."""
+"""Pieces of a change that are diagnosed together: a third of the healthy stretch."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class SimulatorWatch:
     A healthy stretch is diagnosed first: what the simulator lacks from the start is no change. What is left of each
     equation is then watched by a `pamid.online.ChangeMonitor`. After an alarm the rows since the change are diagnosed
     with the healthy stretch, as a log of another day (`pamid.diagnose` with ``since``); the watch then learns the rig
-    anew as it has become.
+    again as it has become.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class SimulatorWatch:
         import pandas as pd
 
         if self.history is None:
-            raise ParameterError("The rig has not been learnt.", "a healthy stretch first", "Call learn.")
+            raise ParameterError("The monitor has not been trained.", "a healthy stretch first", "Call learn.")
         self._waiting = pd.concat([self._waiting, log], ignore_index=True)
         found: list[StreamChange] = []
         while (piece := self._next_piece()) is not None:
@@ -197,7 +197,7 @@ class SimulatorWatch:
             evidence = evidence_of(piece, self._now)
         except (ShortTrajectoryError, MissingColumnError):  # the rest of a run, or a signal that does not come
             return {}
-        # Like signals are like inputs and states: an output that left its old values is what a change looks like.
+        # Inputs and states are compared: an output that left its old values is a change.
         by = {p.name for p in self.simulator.ports if p.kind in ("input", "state")}
         table = pd.DataFrame({k: v[evidence.centre] for k, v in evidence.log.channels.items() if k in by})
         begins = float(piece["time"].iloc[0])

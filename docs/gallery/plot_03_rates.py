@@ -3,9 +3,9 @@ Rates: three methods, tuned by the signal itself
 ================================================
 
 Rates are not measured; they are estimated, and they decide the error of a flow model. Three methods, each tuned by
-the signal itself, on a triangle of pressure with the noise of a usual sensor. A sharp corner and a quiet slope ask
-for opposite things, and the methods settle on nearly the same; the differences of neighbouring samples, in grey, show
-what is to be overcome.
+the signal itself, on a triangle of pressure with the noise of a typical sensor. A sharp corner and a smooth slope need
+opposite settings, and the methods reach nearly the same compromise; the differences of neighbouring samples, in grey,
+show the noise that they overcome.
 """
 
 import matplotlib.pyplot as plt

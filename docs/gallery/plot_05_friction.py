@@ -2,10 +2,10 @@
 Six kinds of friction have six shapes
 =====================================
 
-Six effects that all widen the loop of force over contraction, each alone on the twin, under a slow and a fast sine.
-The picture shows what the effect adds to the force: dry friction jumps at the reversal and does not care for speed,
-viscous friction opens with it, Bouc–Wen hysteresis turns gradually, creep follows the time that passes. A diagnosis
-distinguishes them by these shapes, and only as far as a log shows them.
+Six effects that all widen the loop of force over contraction, each alone on the simulated bench, under a slow and a
+fast sine. The picture shows what the effect adds to the force: dry friction jumps at the reversal and does not depend
+on speed, viscous friction grows with it, Bouc–Wen hysteresis turns gradually, creep depends on elapsed time. A
+diagnosis distinguishes them by these shapes, and only as far as a log shows them.
 """
 
 import matplotlib.pyplot as plt

@@ -5,7 +5,7 @@ Slow gas is isothermal, quick gas adiabatic
 Compressed quickly, air warms and has no time to cool: adiabatic, exponent 1.4. Compressed slowly it stays at the
 temperature of the walls: isothermal, exponent 1. The effect ``heat_transfer`` goes from one to the other with the
 frequency, where a ``polytropic_exponent`` is the same at all of them. Here a chamber of fixed volume is filled and
-vented by a sine of pressure; the flow tells the exponent that the chamber shows.
+vented by a sine of pressure; the flow shows the chamber's effective exponent.
 """
 
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ V = plant.volume(np.array([0.1]))
 
 
 def shown_exponent(effect, frequency):
-    """Return γ or 1 where the flow is that of an adiabatic or an isothermal chamber, and what lies between."""
+    """Return γ or 1 where the flow is that of an adiabatic or an isothermal chamber, and values in between."""
     t = np.linspace(0, 4 / frequency, 4000, endpoint=False)
     w = 2 * np.pi * frequency
     P, dP = 3e5 + 2e4 * np.sin(w * t), 2e4 * w * np.cos(w * t)

@@ -1,10 +1,10 @@
 """
-What a test rig records in one run
-==================================
+What a bench records in one run
+===============================
 
 Two muscles pull at a joint against each other, each behind its own valve. The joint follows a sine, then a step;
 below, the pressures that this takes, the flow into each muscle, and their forces. Everything is as the sensors of a
-bench would show it, noise and steps of the converter included.
+bench would show it, noise and quantisation included.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 A cause is named, and the map turns white
 =========================================
 
-A log of a bench with Coulomb friction, and a simulator that knows of none. The maps show the mean of measured minus
-modelled force over the state: without friction in the simulator one colour lies on each side of standstill, and with
-the named cause added both maps are white.
+A log of a bench with Coulomb friction, and a simulator without it. The maps show the mean of measured minus
+modelled force over the state: without friction in the simulator the colours differ between the two directions of
+motion, and with the named cause added both maps are white.
 """
 
 from textwrap import fill
@@ -24,6 +24,6 @@ for sentence in answers(found):
 display = GapDisplay.from_diagnosis(found).plot("map", x="eps", y="deps")
 
 # %%
-# How sure is that? Every effect of the library stands in the ranking, with the reason why it was ruled out.
+# How sure is that? Every effect of the library is in the ranking, with the reason why it was ruled out.
 
 ranking = GapDisplay.from_diagnosis(found).plot("ranking")

@@ -2,8 +2,9 @@
 No effect fits: the answer is unknown
 =====================================
 
-The load cell drags a soft stop along that no effect of the library describes. The honest answer is ``unknown``:
-nothing is added to the simulator, but the map still says where to look, and the leftover what it depends on.
+The load cells read an additional ripple over the contraction, which no effect of a bench in the library describes. The
+honest answer is ``unknown``: nothing is added to the simulator, but the map still says where to look, and the remainder
+what it depends on.
 """
 
 from textwrap import fill

@@ -1,9 +1,9 @@
 """
-A model of another muscle from some dozen samples
-=================================================
+A model of another muscle from a few dozen samples
+==================================================
 
 A model of muscle A, trained on plenty of data, becomes a model of muscle B, which is twice as wide. ``QAdapter``
-keeps what both share and learns a factor on the volume; the same network from scratch must find everything anew. The
+keeps what both share and learns a factor on the volume; the same network from scratch must learn everything again. The
 dashed line is the model of B on all its data.
 """
 

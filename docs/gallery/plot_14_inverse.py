@@ -2,9 +2,9 @@
 Which pressure brings this force at this contraction
 ====================================================
 
-A controller asks the other way round: a wanted force and contraction, and the pressure that brings both about. The
+A controller needs the reverse: the pressure that produces a wanted force and contraction. The
 inverse model learns it from lifts of four loads and answers for loads that it has not seen. Up and down differ by the
-hysteresis of the braid, so the model is told the last direction of the motion.
+hysteresis of the braid, so the model also reads the last direction of motion.
 """
 
 import matplotlib.pyplot as plt

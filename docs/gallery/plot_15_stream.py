@@ -3,8 +3,8 @@ A muscle wears, and the alarm says when
 =======================================
 
 ``OnlineAdapter`` follows a muscle sample by sample at 1 kHz: a Kalman filter over a factor on the model's prediction.
-From 8 s on the muscle loses force, 12 % over ten seconds. The alarm fires once the drift cannot be chance. The band
-is two standard deviations of what the filter knows; it trails a steady drift by its forgetting time of a second.
+From 8 s on the muscle loses force, 12 % over ten seconds. The alarm fires once the drift cannot be chance. The band is
+two standard deviations of the filter's estimate; it trails a steady drift by its forgetting time of a second.
 """
 
 import matplotlib.pyplot as plt

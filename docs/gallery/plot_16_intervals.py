@@ -2,10 +2,10 @@
 Only whole runs held out give intervals that hold
 =================================================
 
-How far off may a prediction be on a run that nobody has seen? The residuals of the fit are too small, here those of a
-forest that knows its samples nearly by heart; and folds of single samples are no better, since the neighbours of each
-held-out sample were in the fit. ``ConformalRegressor`` holds whole runs out, around any regressor. Below, one new
-run, and how many samples of 16 new runs the intervals hold.
+How large may the error of a prediction be on an unseen run? The residuals of the fit are too small, here those of a
+forest that has nearly memorised its samples; and folds of single samples are no better, since the neighbours of each
+held-out sample were in the fit. ``ConformalRegressor`` holds whole runs out, around any regressor. Below, one new run,
+and the share of the samples of 16 new runs that the intervals cover.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,7 @@
 One step ahead flatters; a free run does not
 ============================================
 
-One-step predictions always look good. In a free run a model is given its first value and the inputs, and lives on its
+One-step predictions always look good. In a free run a model is given its first value and the inputs, and feeds back its
 own output. A neural autoregressive model of a muscle that lifts a load, fitted to free runs, on a load and a motion
 that it has not seen.
 """

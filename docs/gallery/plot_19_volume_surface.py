@@ -3,7 +3,7 @@ How far from the data a volume is known
 =======================================
 
 The gas volume that a hybrid model has learnt from the flow, over contraction and pressure, with its uncertainty as
-lines: the spread among fits on other draws of runs. Pale is what no sample came near. Runs that hold the joint or one
+lines: the spread among fits on other draws of runs. Pale regions had no samples nearby. Runs that hold the joint or one
 pressure widen the region in which the volume is known.
 """
 

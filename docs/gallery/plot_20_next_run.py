@@ -3,7 +3,7 @@ Diagnose, design a run, record it, diagnose again
 =================================================
 
 Slow sines leave a class: a dead volume, another exponent of the gas and a warmer gas explain them alike. The next run
-is designed such that these, each refitted, differ most; it is recorded, and the diagnosis goes on. To the left the
+is designed such that these, each refitted, differ most; it is recorded, and the diagnosis continues. To the left the
 confidences after each log, to the right the designed run.
 """
 

@@ -1,4 +1,4 @@
-r"""A law with named parameters and memories of the pressure, and a Gaussian process for what it leaves.
+r"""A law with named parameters and memories of the pressure, and a Gaussian process for the remainder.
 
 .. math:: F = [m_\theta(\varepsilon, p^*) + r(\varepsilon, p^*)]_+, \qquad
     p^* = p + \sum_k w_k (p_k - p), \qquad
@@ -27,7 +27,7 @@ BAR = 1e5
 CONTRACTION = 0.05
 """Contraction over which the remainder changes."""
 RUN = 0.05
-"""Standard deviation of what a whole run is off, as when a muscle warms up or is mounted anew."""
+"""Standard deviation of an error common to a run, as when a muscle warms up or is remounted."""
 JUMP = 0.25
 """Distance between the pressure and its lag of 60 ms at which a sample's noise has doubled."""
 SLACK = 0.1

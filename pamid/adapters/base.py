@@ -30,7 +30,7 @@ class Adapter(Protocol):
     """
 
     name: ClassVar[str]
-    """By which name estimators and searches ask for it."""
+    """Name by which estimators and searches refer to it."""
 
     def initial(self, source: Arrays, generator: np.random.Generator) -> Arrays:
         """Return the psi where the adaptation starts."""

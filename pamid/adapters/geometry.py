@@ -68,5 +68,5 @@ def volume_ratio(
         )
     length, diameter = sizes[1] / sizes[0]
     q0 = float(length * diameter**2)
-    # each size stands in the ratio twice, once for each muscle
+    # each size enters the ratio twice, once for each muscle
     return Scale(q0, q0 * float(np.sqrt(2 * spread[0] ** 2 + 2 * (2 * spread[1]) ** 2)))

@@ -34,7 +34,7 @@ STARTS = {"source": 0.0, "level": 0.0, "length": 0.0, "noise": -3.0, "rate": -3.
 """Centres of the priors, logarithms; all signals are in units of their own spread."""
 
 OPTIONS = {"maxiter": 100, "ftol": 1e-4}
-"""What the search is exact to: a hundredth of a nat, more than that few samples tell."""
+"""Tolerance of the search: a hundredth of a nat, less than few samples can resolve."""
 
 JITTER = 1e-8
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Antagonist:
     r"""Two muscles on one pulley.
 
-    The state of each run is (q, q̇, P₁, P₂), one column a run:
+    The state of each run is (q, q̇, P₁, P₂), one column per run:
 
     .. math:: L_{1,2} = L_0 (1 - \varepsilon_0) \mp r q, \qquad J\ddot q = r\,(F_1 - F_2) - b_q\,\dot q
 

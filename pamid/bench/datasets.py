@@ -139,9 +139,9 @@ def dataset(
     effects : sequence, default=()
         Effects of the bench: objects, names, or pairs (name, parameters).
     muscle : str, optional
-        ``"A"``, ``"B"`` or ``"C"``, where it is not the one of the data set (B for triangles and steps).
+        ``"A"``, ``"B"`` or ``"C"``, to replace that of the data set (B for triangles and steps).
     params : BenchParameters, optional
-        Another bench altogether; then ``muscle`` is not looked at.
+        Another bench altogether; then ``muscle`` is ignored.
     **options
         Passed on to `simulate`, such as ``truth=True``.
 

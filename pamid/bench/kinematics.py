@@ -69,7 +69,7 @@ def unfold(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     MissingColumnError
         The log lacks ``time``, ``q``, or the pressure of both muscles.
     MissingTrajectoryError
-        The log does not name its trajectories.
+        The log does not name its runs.
 
     Examples
     --------

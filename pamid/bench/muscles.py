@@ -31,7 +31,7 @@ class Muscles:
     Parameters
     ----------
     params : BenchParameters
-        The bench; its effects are not looked at.
+        The bench; its effects are ignored.
     shape : tuple of int
         Shape of the arrays, such as (2, n_runs).
     effects : sequence of Effect, default=()

@@ -92,7 +92,7 @@ class MuscleParameters:
     rest_length: float = _quantity("m", 0.005, 5.0, "Lengths are in m: a muscle of 200 mm has 0.2.")
     rest_diameter: float = _quantity("m", 0.0005, 0.3, "Diameters are in m: a muscle of 20 mm has 0.02.")
     braid_angle: float = _quantity(
-        "rad", 0.02, _LOCKED_ANGLE - 0.01, "Angles are in rad: 25 degrees are 0.436.", "at rest"
+        "rad", 0.02, _LOCKED_ANGLE - 0.01, "Angles are in rad: 25 degrees is 0.436.", "at rest"
     )
     initial_contraction: float = _quantity(
         "-", -0.3, 0.4, "The contraction is a ratio: 12 % is 0.12.", "at joint angle 0"
@@ -154,7 +154,7 @@ class GasParameters:
         "-", 1.0, 1.7, "Air has 1.4, an isothermal chamber 1.", default=HEAT_CAPACITY_RATIO
     )
     gas_constant: float = _quantity("J/(kg K)", 50.0, 5000.0, "Air has 287 J/(kg K), not 0.287.", default=GAS_CONSTANT)
-    temperature: float = _quantity("K", 150.0, 600.0, "Temperatures are in K: 20 °C are 293.", default=TEMPERATURE)
+    temperature: float = _quantity("K", 150.0, 600.0, "Temperatures are in K: 20 °C is 293.", default=TEMPERATURE)
     atmospheric_pressure: float = _quantity(
         "Pa",
         30_000.0,
@@ -164,7 +164,7 @@ class GasParameters:
         default=ATMOSPHERIC_PRESSURE,
     )
     supply_pressure: float = _quantity(
-        "Pa", 30_000.0, 5e6, "Pressures are absolute, in Pa: 6 bar gauge are 700000.", "absolute", default=700_000.0
+        "Pa", 30_000.0, 5e6, "Pressures are absolute, in Pa: 6 bar gauge is 700000.", "absolute", default=700_000.0
     )
 
     def __post_init__(self) -> None:
@@ -225,8 +225,8 @@ class JointParameters:
     >>> joint = JointParameters(pulley_radius=0.04, inertia=0.02, viscous_damping=0.08)  # m, kg m², N m s/rad
     """
 
-    pulley_radius: float = _quantity("m", 0.001, 1.0, "Radii are in m: 40 mm are 0.04.")
-    inertia: float = _quantity("kg m^2", 1e-6, 100.0, "Inertia is in kg m²: 200 kg cm² are 0.02.")
+    pulley_radius: float = _quantity("m", 0.001, 1.0, "Radii are in m: 40 mm is 0.04.")
+    inertia: float = _quantity("kg m^2", 1e-6, 100.0, "Inertia is in kg m²: 200 kg cm² is 0.02.")
     viscous_damping: float = _quantity("N m s/rad", 0.0, 100.0, "Damping is in N m s/rad.")
 
     def __post_init__(self) -> None:
@@ -319,7 +319,9 @@ class BenchParameters:
         for name, value in self.tolerance.items():
             if name not in NUMBERS:
                 raise UnknownParameterError(
-                    f"tolerance names {name!r}, which is no parameter.", f"one of {', '.join(NUMBERS)}", "Correct it."
+                    f"tolerance names {name!r}, which is not a parameter.",
+                    f"one of {', '.join(NUMBERS)}",
+                    "Correct it.",
                 )
             checked[name] = check_number(
                 value, f"tolerance.{name}", "-", 0.0, 0.9, "Tolerances are relative: 2 % is 0.02."
@@ -383,7 +385,7 @@ class BenchParameters:
         Raises
         ------
         SimulatorFileError
-            The file is missing, too large, no TOML, lacks something, or holds something unknown or implausible.
+            The file is missing, too large, not valid TOML, lacks something, or holds something unknown or implausible.
         """
         from .simulator_file import read_simulator_file
 
@@ -431,7 +433,7 @@ class BenchParameters:
                 inner.setdefault(NUMBERS[name], {})[name] = value
             else:
                 raise UnknownParameterError(
-                    f"{name!r} is no parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
+                    f"{name!r} is not a parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
                 )
         for table, values in inner.items():
             whole[table] = dataclasses.replace(whole.get(table, getattr(self, table)), **values)
@@ -474,12 +476,12 @@ class BenchParameters:
         """Return one number by its name in a simulator file, such as ``"inertia"``."""
         if name not in NUMBERS:
             raise UnknownParameterError(
-                f"{name!r} is no parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
+                f"{name!r} is not a parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
             )
         return float(getattr(getattr(self, NUMBERS[name]), name))
 
     def identity(self) -> dict[str, Any]:
-        """Return what makes it the same simulator: name, numbers, tolerances and effects, as plain data."""
+        """Return what identifies the simulator: name, numbers, tolerances and effects, as plain data."""
         return {
             "name": self.muscle.name,
             "numbers": self.values(),

@@ -42,7 +42,7 @@ class Sensor:
 
     @property
     def standard_deviation(self) -> float:
-        """Of the reading about the true value: noise and rounding together."""
+        """Standard deviation of a reading about the true value: noise and rounding together."""
         return math.hypot(self.noise, self.resolution / math.sqrt(12.0))
 
 

@@ -26,7 +26,7 @@ MAX_BATCH_SAMPLES = 4_000_000
 
 
 class SensorChain:
-    """The faults of one sensor channel, one after the other, moved on once a sample."""
+    """The faults of one sensor channel, one after the other, moved on once per sample."""
 
     def __init__(self, channel: str, effects: Sequence[Effect], plant: Any) -> None:
         self.effects = [e for e in effects if e.channel == channel and "measure" in e.hooks()]
@@ -176,7 +176,7 @@ def simulate(
     sensors : mapping of str to Sensor, optional
         Noise and resolution by channel (``q``, ``P``, ``F``, ``mdot``); a channel left out is taken from `SENSORS`.
     substeps : int, default=1
-        Integration steps a control period of 1 ms.
+        Integration steps per control period of 1 ms.
     truth : bool, default=False
         Whether to return the true signals as well.
     progress : callable, optional
@@ -196,7 +196,7 @@ def simulate(
     TrajectoryError
         There is no run, or two runs share a name.
     DivergedError
-        The simulation left the finite numbers.
+        The simulation became infinite.
 
     Examples
     --------
@@ -211,7 +211,7 @@ def simulate(
     if not names or len(set(names)) < len(names):
         double = sorted({name for name in names if names.count(name) > 1})
         raise TrajectoryError(
-            f"The names {', '.join(double)} stand for two runs." if double else "There are no trajectories.",
+            f"The names {', '.join(double)} stand for two runs." if double else "There are no runs.",
             "at least one run, each with a name of its own",
             "Rename repeats, such as sine-1-10-b.",
         )

@@ -97,7 +97,7 @@ class LiftBench:
     settings : LiftSettings, optional
         What is around the muscle.
     substeps : int, default=1
-        Integration steps a control period of 1 ms.
+        Integration steps per control period of 1 ms.
 
     Raises
     ------
@@ -235,7 +235,7 @@ def simulate_lift(
     sensors : mapping of str to Sensor, optional
         Noise and resolution of ``P``, ``L``, ``F``.
     substeps : int, default=1
-        Integration steps a control period of 1 ms.
+        Integration steps per control period of 1 ms.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A draft of a mapping and a page: what is asked, what is shown, what is written."""
+"""A draft of a mapping and a simulator file: what is asked, what is shown, what is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A page for somebody's own equations, with the mapping of the log that they are held against."""
+"""A simulator file for somebody's own equations, with the mapping of the log that they are held against."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
 
 
 def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
-    """Give a draft the columns of its signals and the page of equations."""
+    """Give a draft the columns of its signals and the simulator file of equations."""
     from ..simulators.equation_model import sides
 
     rates, outputs = sides(equations)
@@ -87,7 +87,7 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
 
 
 def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]) -> str:
-    """Return the page of equations; a number of a state is where it starts."""
+    """Return the simulator file of equations; a number of a state is where it starts."""
     from ..simulators import EquationSimulator, Port, page_text
 
     given = {name: _number(name, text) for name, text in starts.items()}

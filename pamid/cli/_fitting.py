@@ -46,8 +46,8 @@ def held_out(
     n_runs = len(np.unique(groups.astype(str)))
     if n_runs < 2:
         raise TooFewTrajectoriesError(
-            f"The log has {n_runs} trajectory.",
-            "at least 2, to score the model on runs that it has not seen",
+            f"The log has {n_runs} run.",
+            "at least 2, to score the model on unseen runs",
             "Add a log, or pass --folds 0 to go without the check.",
         )
     folds = min(args.folds, n_runs)

@@ -1,4 +1,4 @@
-"""The first page of a MuJoCo model or an FMU, and the mapping of the log that it is held against."""
+"""The first simulator file of a MuJoCo model or an FMU, and the mapping of the log that it is held against."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def declare_model(draft: Draft, simulator: Simulator) -> None:
 
     draft.ports = tuple(Input(p.source, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
     draft.runs_code = simulator.executes
-    for port in _signals(simulator):  # a page may say the column itself
+    for port in _signals(simulator):  # a simulator file may say the column itself
         if port.column in (str(g.column) for g in draft.guesses):
             draft.assign(port.column, port.column)
 
@@ -120,7 +120,7 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
 
 
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
-    """Tell whether a page alone can say what the columns of a log are: its clock and runs need no mapping."""
+    """Return whether a simulator file alone describes the columns of a log: its clock and runs need no mapping."""
     clock, run = draft.of("time"), draft.of("trajectory")
     ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
@@ -129,7 +129,7 @@ def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
 
 
 def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, mapped: bool) -> str:
-    """Return the first draft of the page of a model: its ports and numbers."""
+    """Return the first draft of the simulator file of a model: its ports and numbers."""
     from dataclasses import replace
 
     from ..simulators import page_text

@@ -70,7 +70,7 @@ class ProgressBar(Silent):
 
 
 def _is_answer(text: str) -> bool:
-    """Tell whether a text of progress is an answer so far, which stays."""
+    """Return whether a text of progress is an answer so far, which stays."""
     if type(text) is str:  # most steps are, and need no diagnosis to be loaded
         return False
     from ..gap.inference.so_far import SoFar

@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def wanted(args: argparse.Namespace) -> bool:
-    """Tell whether an option asks for a diagnosis of several logs."""
+    """Return whether an option asks for a diagnosis of several logs."""
     return bool(args.conditions or args.since)
 
 
@@ -74,7 +74,7 @@ def logs_of(args: argparse.Namespace, simulator: Any) -> dict[str, pd.DataFrame]
 
 
 def simulator_before(args: argparse.Namespace) -> Any:
-    """Return the simulator of the diagnosis that the arguments go on from; None where they begin anew."""
+    """Return the simulator of the diagnosis that the arguments go on from; None where they begin again."""
     return _history(args, None).simulator if args.since else None
 
 
@@ -161,7 +161,7 @@ def _counted(args: argparse.Namespace, simulator: Any, log: pd.DataFrame) -> pd.
 
 
 def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
-    """Return as much of the log as a diagnosis uses, whole trajectories, and how many rows there are."""
+    """Return as much of the log as a diagnosis uses, whole runs, and how many rows there are."""
     from ..bench.parameters import BenchParameters
     from ..gap.settings import MAX_ROWS
     from ..signals import read_log_part

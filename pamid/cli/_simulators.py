@@ -48,7 +48,7 @@ def add_trust_option(parser: argparse.ArgumentParser) -> None:
 
 
 def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
-    """Read the simulator with ports that --sim names; None where it names another kind of page, or nothing."""
+    """Read the simulator with ports that --sim names; None where it names another kind, or nothing."""
     if not args.sim:
         return None
     from ..simulators import read_simulator, simulator_kinds
@@ -61,7 +61,7 @@ def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
 
 
 def runs_code(sim: str) -> bool:
-    """Tell whether diagnosing with a simulator runs code of its own, which the user must allow."""
+    """Return whether diagnosing with a simulator runs code of its own, which the user must allow."""
     from ..simulators import simulator_kinds
     from ..simulators.page import MODELS
     from ..systems import kind_of_file
@@ -74,7 +74,7 @@ def runs_code(sim: str) -> bool:
 
 
 def outline(page: Path, trust: bool = False) -> Simulator:
-    """Return the ports that a page says; without trust nothing runs."""
+    """Return the ports that a simulator file says; without trust nothing runs."""
     from ..errors import ParameterError
     from ..simulators import read_simulator
     from ..simulators.page import MODELS, read_outline
@@ -128,7 +128,7 @@ def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], Non
 
 
 def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path) -> None:
-    """Write a corrected MuJoCo model, its page and callbacks, and let it make some steps."""
+    """Write a corrected MuJoCo model, its simulator file and callbacks, and let it make some steps."""
     import mujoco
     import numpy as np
 
@@ -151,7 +151,7 @@ def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path) -> None
 
 
 def _write_page(simulator: Simulator, stage: Path, folder: Path) -> None:
-    """Write the page of a simulator, which read again is the same one."""
+    """Write the simulator file of a simulator, which read again is the same one."""
     import numpy as np
 
     from ..errors import SimulatorRunError

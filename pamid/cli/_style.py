@@ -18,7 +18,7 @@ _CODES = {
 
 
 def coloured(stream: TextIO | None = None) -> bool:
-    """Say whether colours may be written: to a terminal that is not dumb, unless ``NO_COLOR`` is set."""
+    """Return whether colours may be written: to a terminal that is not dumb, unless ``NO_COLOR`` is set."""
     stream = stream or sys.stdout
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False

@@ -1,4 +1,4 @@
-"""From a log to the table that an estimator reads, its target, and scores by trajectory."""
+"""From a log to the table that an estimator reads, its target, and scores by run."""
 
 from __future__ import annotations
 
@@ -236,14 +236,14 @@ def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
 
 
 def score_by_trajectory(table: pd.DataFrame, predicted: np.ndarray, target: Target) -> dict[str, Any]:
-    """Return rmse and nrmse over all rows and for each trajectory."""
+    """Return rmse and nrmse over all rows and for each run."""
     scores = Scores(target)
     scores.add(table, predicted)
     return scores.result()
 
 
 class Scores:
-    """Errors of predictions, over all rows and for each trajectory, of a table that may come in pieces."""
+    """Errors of predictions, over all rows and for each run, of a table that may come in pieces."""
 
     def __init__(self, target: Target) -> None:
         self.target = target
@@ -265,7 +265,7 @@ class Scores:
             self._sums[str(name)] = self._sums.get(str(name), np.zeros(4)) + news
 
     def result(self) -> dict[str, Any]:
-        """Return rmse, nrmse and rows of all, and the same by trajectory."""
+        """Return rmse, nrmse and rows of all, and the same by run."""
         by_trajectory = {name: _score(sums) for name, sums in self._sums.items()}
         return {**_score(sum(self._sums.values())), "unit": self.target.unit, "trajectories": by_trajectory}
 

@@ -15,7 +15,7 @@ DEPENDENCIES = ("numpy", "scipy", "pandas", "scikit-learn", "torch", "pysindy", 
 
 
 def versions() -> str:
-    """Return pamid's version, then Python's, the system's and those of the dependencies, one a line."""
+    """Return pamid's version, then Python's, the system's and those of the dependencies, one per line."""
     lines = [f"pamid {__version__}", f"  python {platform.python_version()} ({platform.system()} {platform.machine()})"]
     for name in DEPENDENCIES:
         try:

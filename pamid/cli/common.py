@@ -100,7 +100,7 @@ def load_log(
 def load_pieces(
     args: argparse.Namespace, rows: int, nan: str | None = None, simulator: Any = None
 ) -> Iterator[pd.DataFrame]:
-    """Read the log that the arguments name piece by piece, each of whole trajectories."""
+    """Read the log that the arguments name piece by piece, each of whole runs."""
     from ..signals import read_log_pieces
     from ..simulators import Simulator
 
@@ -141,7 +141,7 @@ def any_simulator_of(args: argparse.Namespace) -> Any:
 
 
 def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
-    """Read the page of any kind that the arguments name, or that lies beside the log; None without one."""
+    """Read the simulator file of any kind that the arguments name, or that lies beside the log; None without one."""
     from ..simulators import simulator_kinds
     from ..systems import kind_of_file, read_system
 
@@ -159,7 +159,7 @@ def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
 
 
 def _page_path(args: argparse.Namespace) -> str | None:
-    """Return the page that --sim names, or the one that lies beside the log, saying so."""
+    """Return the simulator file that --sim names, or the one that lies beside the log, saying so."""
     if args.sim:
         return str(args.sim)
     logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
@@ -176,7 +176,7 @@ def _page_path(args: argparse.Namespace) -> str | None:
 def page_numbers(
     page: BenchParameters | System | None, columns: str | None = None, kinds: Sequence[str] = ("muscle", "bench")
 ) -> dict[str, Any]:
-    """Return what a page says of a muscle, cylinder or joint, for estimators; else the mapping's rest length."""
+    """Return the numbers of a simulator file of a muscle, cylinder or joint; else the mapping's rest length."""
     from ..signals.mapping import LogMapping
     from ..signals.units import parse_quantity
     from ..systems import System

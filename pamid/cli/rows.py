@@ -25,7 +25,7 @@ def add_where(parser: argparse.ArgumentParser) -> None:
         metavar="'COLUMN > NUMBER'",
         action="append",
         default=[],
-        help="only rows like this count, such as 'F > 5' where a slack muscle tells nothing; repeatable",
+        help="only rows like this count, such as 'F > 5' where a slack muscle carries no information; repeatable",
     )
 
 

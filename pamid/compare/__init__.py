@@ -1,4 +1,4 @@
-"""Estimators of one equation held against each other on trajectories that they have not seen."""
+"""Estimators of one equation compared on unseen runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Intervals of a root mean square error when trajectories, not rows, are what would be drawn anew."""
+"""Intervals of a root mean square error when runs, not rows, are what would be drawn again."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Interval(NamedTuple):
 
 
 class ClusterBootstrap:
-    """Draws of whole trajectories, the same for everything that is compared.
+    """Draws of whole runs, the same for everything that is compared.
 
     Parameters
     ----------
     clusters : ndarray of int, shape (n_samples,)
-        Trajectory of each row, numbered from 0.
+        Run of each row, numbered from 0.
     n_draws : int, default=2000
         Draws.
     level : float, default=0.9
@@ -37,7 +37,7 @@ class ClusterBootstrap:
 
     Notes
     -----
-    A draw takes as many trajectories as there are, with replacement. With fewer than about ten trajectories such
+    A draw takes as many runs as there are, with replacement. With fewer than about ten runs such
     intervals come out somewhat short.
 
     Examples
@@ -73,7 +73,7 @@ class ClusterBootstrap:
     def difference(self, squared_error: np.ndarray, other: np.ndarray) -> Interval:
         """Return the difference of two root mean square errors on the same rows, with its interval.
 
-        Both errors are taken on the same draws: what makes a trajectory hard for all models cancels.
+        Both errors are taken on the same draws: what makes a run hard for all models cancels.
         """
         low, high = np.quantile(self.draws(squared_error) - self.draws(other), self.quantiles)
         value = np.sqrt(np.mean(squared_error)) - np.sqrt(np.mean(other))

@@ -32,7 +32,7 @@ class Score:
     estimator : str
         Its label.
     rmse, rmse_low, rmse_high : float
-        Root mean square error on runs that the fit had not seen, with its 90 % interval over runs, in the unit of the
+        Root mean square error on unseen runs, with its 90 % interval over runs, in the unit of the
         target.
     nrmse : float
         `rmse` over the standard deviation of the target.
@@ -72,13 +72,13 @@ class Score:
 
     @property
     def fit(self) -> float:
-        """100 % less `nrmse`, as MATLAB's compare has it, on runs that the fit had not seen."""
+        """100 % less `nrmse`, as in MATLAB's compare, on unseen runs."""
         return 100.0 * (1.0 - self.nrmse)
 
 
 @dataclass
 class Comparison:
-    """Estimators of one equation, scored on runs that their fits had not seen; the best comes first.
+    """Estimators of one equation, scored on runs unseen by their fits; the best comes first.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Comparison:
     unit : str
         Unit of the target.
     scores : list of Score
-        One an estimator, by rising error; those that failed last.
+        One per estimator, by increasing error; those that failed last.
     rows : DataFrame
         The scored rows: ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and ``measured``.
     predictions : dict of str to ndarray, shape (n_scored_rows,)
@@ -95,7 +95,7 @@ class Comparison:
     fitted : dict of str to estimator
         Each estimator as the first fold fitted it.
     noise_floor : float
-        Root mean square error that the sensors' noise alone would leave of a perfect model; NaN if not known.
+        Root mean square error that sensor noise alone would leave with a perfect model; NaN if not known.
     n_folds, n_runs : int
         How many.
     notes : list of str
@@ -143,7 +143,7 @@ class Comparison:
         Returns
         -------
         DataFrame
-            One row an estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
+            One row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
         """
         import pandas as pd
 
@@ -202,7 +202,7 @@ class Comparison:
         Parameters
         ----------
         folder : path-like
-            Where to; created if it is not there.
+            Where to; created if missing.
 
         Returns
         -------

@@ -22,7 +22,7 @@ OUTPUTS = {"eps": ("-", ("P", "load")), "P": ("Pa", ("u", "eps", "deps"))}
 """Outputs of the dynamic problem: unit, and what drives them."""
 
 START = "initial"
-"""Column of the dynamic problem: the output measured in the first row of the trajectory."""
+"""Column of the dynamic problem: the output measured in the first row of the run."""
 
 SIGNALS = ("eps", "deps", "P", "dP")
 """Columns that an estimator is offered which does not say what it reads."""
@@ -80,8 +80,8 @@ def candidates(
         The equation or problem.
     estimators : "all", sequence of str, or mapping of str to estimator, default="all"
         Labels (``"StaticPIHM"``, ``"GeometricForce(tondu_lopez)"``), classes (``"GeometricForce"``, with all its
-        settings) or patterns (``"StaticPIHM*"``); or estimators of your own by the name they shall have. Those read the
-        columns ``eps``, ``deps``, ``P``, ``dP``.
+        settings) or patterns (``"StaticPIHM*"``); or estimators of your own by label. Those read the columns ``eps``,
+        ``deps``, ``P``, ``dP``.
     parameters : mapping of str to float, optional
         Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
         ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ... With it and ``supply_pressure`` (Pa) inverse models

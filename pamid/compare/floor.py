@@ -52,7 +52,7 @@ def noise_floor(
 
 
 def _noise(prepared: Prepared, x: np.ndarray) -> float:
-    """Root mean square of a channel's noise over the trajectories."""
+    """Root mean square of a channel's noise over the runs."""
     from ..equations import channel_noise
 
     indices = prepared.source.groupby("trajectory", sort=False).indices.values()

@@ -1,4 +1,4 @@
-"""The common ground of a comparison: rates by trajectory, the target, folds of whole runs, and the rows of a fit."""
+"""The common ground of a comparison: rates by run, the target, folds of whole runs, and the rows of a fit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _COMMANDS = ("u", "load")
 
 @dataclass
 class Prepared:
-    """A table that every candidate can read, and which of its rows serve for what.
+    """A table that every candidate can read, and the use of each of its rows.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ class Prepared:
     target : str
         Column of its measured side.
     runs : ndarray of object, shape (n_rows,)
-        Run of each row: what folds and intervals hold together.
+        Run of each row; folds and intervals keep runs together.
     usable : ndarray of bool, shape (n_rows,)
         Rows that may be learnt from and scored.
     even : ndarray of int
-        Every k-th row of each trajectory, the spacing at which everything is scored.
+        Every k-th row of each run, the spacing at which everything is scored.
     cutoffs : dict of str to float
         Cut-off frequency of the rate of each signal, Hz, where rates were taken here.
     smoothed : bool
@@ -107,13 +107,13 @@ def prepare(
     window: float | str = "auto",
     output: str = "eps",
 ) -> Prepared:
-    """Take rates within trajectories, average where that is due, and choose the rows to score.
+    """Take rates within runs, average where that is due, and choose the rows to score.
 
     Parameters
     ----------
     table : DataFrame
         One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute) and ``F`` (N) or
-        ``mdot`` (kg/s); a column ``run`` where several trajectories belong to one run; ``deps`` (1/s) and ``dP``
+        ``mdot`` (kg/s); a column ``run`` where both muscles of a run are listed; ``deps`` (1/s) and ``dP``
         (Pa/s) if they are known; what drives a free run, ``load`` (kg) or the valve command ``u``.
     equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is compared.
@@ -147,8 +147,8 @@ def prepare(
 
     Notes
     -----
-    A flow is set back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all models
-    share would hide what distinguishes them.
+    A flow is shifted back by up to half a sample, see `pamid.compare.timing.held_share`: an error of timing that all
+    models share would hide what distinguishes them.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def prepare(
     n_trajectories = len(pd.unique(out["trajectory"]))
     if score_rows < n_trajectories:
         raise ParameterError(
-            f"score_rows is {score_rows} for {n_trajectories} trajectories.", "at least one a trajectory", "Raise it."
+            f"score_rows is {score_rows} for {n_trajectories} runs.", "at least one per run", "Raise it."
         )
     # rows that do not count are skipped, not paid for
     wanted = int(score_rows / usable.mean())
@@ -258,7 +258,7 @@ def _require(table: pd.DataFrame, *columns: str) -> None:
             "The table has no column 'trajectory'.", "the name of its run in each row", "Add the column."
         )
     if not len(table):
-        raise EmptyLogError("The table has no rows.", "at least two trajectories", "Check how it was read.")
+        raise EmptyLogError("The table has no rows.", "at least two runs", "Check how it was read.")
     wanted = tuple(dict.fromkeys(("time", "eps", "P", *columns)))
     if lacking := [c for c in wanted if c not in table.columns]:
         raise MissingColumnError(
@@ -291,7 +291,7 @@ def _smoothed(table: pd.DataFrame, column: str, cutoff: float, method: str) -> n
     out = np.empty(len(table))
     for name, rows in table.groupby("trajectory", sort=False).indices.items():
         if len(rows) < 2:
-            raise ShortTrajectoryError(f"The trajectory '{name}' has 1 sample.", "at least 2", "Leave it out.")
+            raise ShortTrajectoryError(f"The run '{name}' has 1 sample.", "at least 2", "Leave it out.")
         part = table.iloc[rows]
         out[rows] = differentiate(part[column].to_numpy(), part["time"].to_numpy(), tuning=cutoff, method=method)[0]
     return out
@@ -364,6 +364,6 @@ def folds(
                 chosen = learnt[thinned_rows(here, n_rows=fit_rows)]
             except ParameterError as error:
                 raise ParameterError(
-                    f"fit_rows is {fit_rows}.", "at least one row a trajectory of the fit", "Raise it."
+                    f"fit_rows is {fit_rows}.", "at least one row per run of the fit", "Raise it."
                 ) from error
         yield Fold(train, test, chosen, np.flatnonzero(train & is_even), np.flatnonzero(test & is_even), scored)

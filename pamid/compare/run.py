@@ -47,17 +47,17 @@ def compare(
     output: str = "eps",
     n_jobs: int | None = None,
 ) -> Comparison:
-    """Compare estimators on runs that their fits have not seen.
+    """Compare estimators on unseen runs.
 
     Rates are taken run by run before anything is split. Each fold holds out whole runs (both muscles of a run
     together); estimators without memory are fitted on evenly thinned rows of the others, those that learn sequences
-    on the evenly spaced rows of whole trajectories. All are scored on the same rows.
+    on the evenly spaced rows of whole runs. All are scored on the same rows.
 
     Parameters
     ----------
     table : DataFrame
         One row per muscle and sample: ``trajectory``, ``time`` (s), ``eps``, ``P`` (Pa, absolute), ``F`` (N) and/or
-        ``mdot`` (kg/s), and ``run`` where several trajectories belong to one run: what `pamid.bench.unfold` returns.
+        ``mdot`` (kg/s), and ``run`` where both muscles of a run are listed: what `pamid.bench.unfold` returns.
     equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is predicted: a force (N), a mass flow (kg/s), the pressure (Pa) for a force and a contraction, or an
         output in free run from its first value.
@@ -66,7 +66,7 @@ def compare(
     cv : int or splitter, default=5
         Folds of whole runs.
     split : {"run", "kind"}, default="run"
-        ``"kind"`` leaves out whole kinds of runs (the first part of their names) one after the other.
+        ``"kind"`` leaves out whole kinds of runs (the first part of their names) in turn.
     rows : array_like of bool, shape (n_rows,), optional
         Rows that count, such as those in which a muscle is not slack.
     fit_rows : int, default=5000

@@ -21,7 +21,7 @@ ROWS = 100
 
 
 def flow_steps(table: pd.DataFrame, column: str = "mdot") -> np.ndarray:
-    """Return by how much a signal has changed since the sample before, zero where a trajectory begins."""
+    """Return by how much a signal has changed since the sample before, zero where a run begins."""
     step = table.groupby("trajectory", sort=False)[column].diff()
     return np.asarray(step.fillna(0.0), dtype=float)
 

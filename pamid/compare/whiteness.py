@@ -31,7 +31,7 @@ class ResidualTest:
     cross : dict of str to ndarray, shape (2 n_lags + 1,)
         Correlation of the residual with each input.
     cross_band : dict of str to float
-        Half width of the band of a residual that has nothing to do with the input, as coloured as both are.
+        Half width of the band of a residual that is independent of the input, given the colour of both.
     p_white : float
         Probability of as much autocorrelation in a white residual (Ljung-Box).
     p_input : dict of str to float
@@ -41,7 +41,7 @@ class ResidualTest:
     level : float
         Probability of the bands at each lag.
     n_rows : int
-        Rows that were looked at.
+        Rows used.
 
     Examples
     --------
@@ -121,9 +121,9 @@ def residual_test(
     residual : array_like, shape (n_samples,)
         Measured less modelled, evenly sampled within each run.
     inputs : mapping of str to array_like, shape (n_samples,)
-        Signals that the model reads; one that stands still or is hardly known is left out.
+        Signals that the model reads; one that is constant or hardly known is left out.
     groups : array_like, shape (n_samples,), optional
-        Run of each row, contiguous; one run without.
+        Run of each row, contiguous; without it all rows are one run.
     lags : int, default=25
         Most rows between the two.
     interval : float, default=1.0

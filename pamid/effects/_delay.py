@@ -23,7 +23,7 @@ def shift(x: Array, value: Array, samples: float) -> Array:
 
 
 def delayed_rows(v: Array, samples: float, starts: Array) -> Array:
-    """Return ``v`` delayed (or, with a negative number, advanced) within each trajectory; ends repeat."""
+    """Return ``v`` delayed (or, with a negative number, advanced) within each run; ends repeat."""
     n = len(v)
     starts = np.asarray(starts, dtype=np.int64)
     lengths = np.diff(np.append(starts, n))

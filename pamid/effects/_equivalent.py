@@ -1,4 +1,4 @@
-"""What a reading of pressure owes to its past: how far lags, relaxations and plays are from it."""
+"""Memories of the pressure: lags, relaxations and plays, as differences from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memory operators that several effects share, each exact for a signal that moves straight between two instants."""
+"""Memory operators that several effects share, each exact for a signal that is linear between two instants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..signals.state import Array
 def dahl(z: Array, displacement: Array, length: float, exponent: float = 1.0) -> Array:
     r"""Advance Dahl's bristle z ∈ [−1, 1] by a displacement: dz = (1 − z sgn dξ)ⁿ dξ / length.
 
-    What is missing to sliding, w = 1 − z sgn dξ, obeys dw = −wⁿ |dξ| / length: an exponential for n = 1, a straight
+    The distance from sliding, w = 1 − z sgn dξ, obeys dw = −wⁿ |dξ| / length: an exponential for n = 1, a straight
     line to its end for n = 0, and in between a power.
     """
     d = displacement / length
@@ -46,7 +46,7 @@ def bouc_wen(z: Array, displacement: Array, length: Array, shape: float) -> Arra
 
 
 def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
-    """Advance τ ẋ = v − x by ``dt`` for an input that goes straight from ``v0`` to ``v1``."""
+    """Advance τ ẋ = v − x by ``dt`` for an input that is linear from ``v0`` to ``v1``."""
     r = dt / tau
     if r == 0.0:
         return x + 0.0 * v1
@@ -56,7 +56,7 @@ def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
 
 
 def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
-    """Return `relax` along the trajectories of a log, at rest at the start of each; time is the first axis."""
+    """Return `relax` along the runs of a log, at rest at the start of each; time is the first axis."""
     v = np.asarray(v, dtype=float)
     if dt / tau == 0.0:
         raise ValueError("a time constant must be finite")
@@ -94,10 +94,10 @@ def hold_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
 
 
 def drawn_along(target: Array, decay: Array, starts: Array) -> Array:
-    """Return x with x[k + 1] = target[k] + (x[k] − target[k]) decay[k] along trajectories, from 0 at each start.
+    """Return x with x[k + 1] = target[k] + (x[k] − target[k]) decay[k] along runs, from 0 at each start.
 
     Neighbouring steps are joined to steps of twice the length until one reaches from the start: as many rounds as the
-    logarithm of the memory's length.
+    binary logarithm of the memory's length.
     """
     shape = (len(target) + 1, *target.shape[1:])
     keep, x = np.zeros(shape), np.zeros(shape)

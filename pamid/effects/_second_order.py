@@ -1,4 +1,4 @@
-"""A second-order lag, exact for an input that is held or goes straight between two instants."""
+"""A second-order lag, exact for an input that is held or linear between two instants."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..signals.state import Array
 def transition(
     frequency: float, damping: float, dt: float, ramp: bool, damper: bool = False
 ) -> tuple[Array, Array, Array]:
-    r"""Return what carries (y, ẏ) over an interval, :math:`\ddot y = \omega^2 (v - y) - 2 \zeta \omega\,\dot y`.
+    r"""Return the transition of (y, ẏ) over an interval, :math:`\ddot y = \omega^2 (v - y) - 2 \zeta \omega\,\dot y`.
 
     With a damper beside the spring, :math:`\ddot y = \omega^2 (v - y) + 2 \zeta \omega\,(\dot v - \dot y)`, the second
     state is :math:`\dot y - 2 \zeta \omega\,(v - y)`.
@@ -44,7 +44,7 @@ def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt
 def carried_along(
     v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool, speed: Array = None
 ) -> Array:
-    """Return `carried` along the trajectories of a log, at rest at the start of each; time is the first axis.
+    """Return `carried` along the runs of a log, at rest at the start of each; time is the first axis.
 
     With the speed of the input there is a damper beside the spring, and the output begins at that speed.
     """

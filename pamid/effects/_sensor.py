@@ -76,7 +76,7 @@ class Lag(Effect):
         return np.stack([middle, relax(x[1], x[0], middle, dt, second) if second > 0.0 else middle])
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return both lags along each trajectory, without a loop over time."""
+        """Return both lags along each run, without a loop over time."""
         first, second = self._lags()
         middle = relax_along(getattr(s, ROLE[self.channel]), dt, first, starts)
         return np.stack([middle, relax_along(middle, dt, second, starts) if second > 0.0 else middle])
@@ -86,7 +86,7 @@ class Lag(Effect):
         return x[1]
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return reading + (τ₁ + τ₂) · its rate + τ₁ τ₂ · its bend; noise is amplified by about τ/dt."""
+        """Return reading + (τ₁ + τ₂) · its rate + τ₁ τ₂ · its curvature; noise is amplified by about τ/dt."""
         out, (first, second) = np.array(reading, dtype=float), self._lags()
         ends = [*list(starts)[1:], len(out)]
         for a, b in zip(starts, ends, strict=True):
@@ -105,7 +105,7 @@ class Delay(Effect):
     sampled = True
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return past values, all alike; the first entry is the reading."""
+        """Return equal past values; the first entry is the reading."""
         value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
         return np.broadcast_to(value, (int(np.ceil(self.delay / dt)) + 2, *value.shape)).copy()
 
@@ -114,7 +114,7 @@ class Delay(Effect):
         return shift(x, getattr(s1, ROLE[self.channel]), self.delay / dt)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the delayed value along each trajectory, without a loop over time."""
+        """Return the delayed value along each run, without a loop over time."""
         value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
         return delayed_rows(value, self.delay / dt, starts)[None]
 

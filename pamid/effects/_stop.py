@@ -19,13 +19,13 @@ def stops_at(x: Array) -> Array:
 
 
 def stopped(z: Array, moved: Array, width: float) -> Array:
-    """Advance stops z ∈ [−1, 1] by a displacement that goes one way."""
+    """Advance stops z ∈ [−1, 1] by a displacement in one direction."""
     widths = width * np.reshape(RATIOS, (-1, *[1] * np.ndim(moved)))
     return np.clip(z + moved / widths, -1.0, 1.0)
 
 
 def stops_along(x: Array, width: float, starts: Array) -> Array:
-    """Return `stopped` along the trajectories of a log, without a loop over time: x less what follows it with play."""
+    """Return `stopped` along the runs of a log, without a loop over time: x less what follows it with play."""
     x = np.asarray(x, dtype=float)
     return np.stack([(x - play(x, ratio * width, starts)) / (ratio * width) for ratio in RATIOS])
 

@@ -1,4 +1,4 @@
-r"""Effects as terms of a regression: a sum that is linear in some parameters, whose shape is set by the others.
+r"""Effects as terms of a regression: linear in some parameters, with a shape set by the others.
 
 .. math:: \Delta y = \phi_0(\theta) + \sum_k w_k\,\phi_k(\theta)
 
@@ -23,18 +23,18 @@ ROWS = 20_000
 """Samples of the search for the shapes: a longer log is thinned evenly."""
 
 EVALUATIONS = 12
-"""Steps of the search for the shapes; each costs one pass a shape."""
+"""Steps of the search for the shapes; each costs one pass per shape."""
 
 
 class WholeLog(NamedTuple):
-    """Signals of trajectories in the order of time: roles, sampling interval (s), first row of each trajectory."""
+    """Signals of runs in order of time: roles, sampling interval (s), first row of each run."""
 
     signals: Signals
     dt: float
     starts: np.ndarray
 
     def thinned(self, step: int) -> tuple[WholeLog, np.ndarray]:
-        """Return every ``step``-th row of each trajectory, and which rows these are."""
+        """Return every ``step``-th row of each run, and which rows these are."""
         n = len(np.asarray(self.signals.pressure))
         ends = [*self.starts[1:].tolist(), n]
         kept = [np.arange(a, b, step) for a, b in zip(self.starts.tolist(), ends, strict=True)]
@@ -47,7 +47,7 @@ class Terms(NamedTuple):
     """What effects add to one equation.
 
     ``offset`` (n_samples,) is added whatever the weights, ``columns`` (n_samples, n_terms) are what each weight
-    multiplies, ``of`` names effect and parameter of each, ``memory`` says which columns tell of the past alone.
+    multiplies, ``of`` names effect and parameter of each, ``memory`` says which columns depend only on the past.
     """
 
     offset: np.ndarray
@@ -57,7 +57,7 @@ class Terms(NamedTuple):
 
 
 def acts_on(effect: Effect, equations: Collection[str]) -> bool:
-    """Tell whether a model of force or flow can hold an effect: as a term of it, or as a fault of its pressure."""
+    """Return whether a model of force or flow can hold an effect: as a term of it, or as a fault of its pressure."""
     sensor = effect.channel == "P" and "measure" in effect.hooks()
     return sensor or bool(set(equations) & set(effect.hooks()) & {"force", "flow"})
 
@@ -68,7 +68,7 @@ def of_causes(
     """Return the effects of a diagnosis that a model of these equations can hold, and the causes that it cannot.
 
     A cause is the names of its class and the parameters of each of them, as far as these are known; the likeliest one
-    that the model can hold stands for the class.
+    that the model can contain represents the class.
     """
     held: list[Effect] = []
     left: list[str] = []
@@ -91,7 +91,7 @@ def of_causes(
 
 
 def changed(effect: Effect, **values: float) -> Effect:
-    """Return a copy with some values, beyond their bounds as well: a term is the same anywhere on its line."""
+    """Return a copy with some values, also beyond their bounds: a term is linear there."""
     out = copy.copy(effect)
     out.values = {**effect.values, **values}
     for name, value in values.items():
@@ -105,7 +105,7 @@ def restored(effects: Sequence[Effect], log: WholeLog) -> WholeLog:
     for effect in effects:
         if effect.channel == "P" and "measure" in effect.hooks():
             P, rate = np.asarray(s.pressure, dtype=float), np.asarray(s.pressure_rate, dtype=float)
-            still = effect.restore(0.0 * rate, log.dt, log.starts)  # what a constant reading of zero becomes
+            still = effect.restore(0.0 * rate, log.dt, log.starts)  # the value of a constant reading of zero
             s = s.with_(
                 pressure=effect.restore(P, log.dt, log.starts),
                 pressure_rate=effect.restore(rate, log.dt, log.starts) - still,
@@ -205,7 +205,7 @@ def _weighted(
     size[size == 0] = 1.0
     counted = np.any(A, axis=1) | (target != 0)
     lower, upper = (np.array([getattr(known[name], bound) for name in names]) * size for bound in ("lower", "upper"))
-    # A pinch of ridge keeps terms that the log cannot distinguish from growing against each other.
+    # A small ridge keeps indistinguishable terms from growing against each other.
     ridge = 1e-3 * float(np.linalg.norm(target)) / max(np.sqrt(counted.sum()), 1.0) * np.eye(len(names))
     stacked = np.vstack([A[counted] / size, ridge])
     w = lsq_linear(stacked, np.append(target[counted], np.zeros(len(names))), bounds=(lower, upper)).x / size

@@ -1,4 +1,4 @@
-"""Play between the command and what the actuator makes of it."""
+"""Play between the command and the actuator's motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .plant import Plant
 
 
 class ActuatorBacklash(Effect):
-    r"""Lost motion in a gear or linkage of the actuator: after a reversal it stands still until the play is used up.
+    r"""Lost motion in a gear or linkage of the actuator: after a reversal it does not move until the play is used up.
 
     .. math:: u' = \mathrm{play}_w(u)
 
@@ -52,7 +52,7 @@ class ActuatorBacklash(Effect):
         return np.clip(x, s1.command - self.half_width, s1.command + self.half_width)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what the actuator makes of the command along each trajectory, without a loop over time."""
+        """Return the actuator's motion along each run, without a loop over time."""
         return play(np.asarray(s.command, dtype=float), self.half_width, starts)[None]
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:

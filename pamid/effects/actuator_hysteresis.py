@@ -1,4 +1,4 @@
-"""Rate-independent hysteresis between the command and what the actuator makes of it."""
+"""Rate-independent hysteresis between the command and the actuator's motion."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class ActuatorHysteresis(Effect):
         return stopped(x, s1.command - s0.command, self.width)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the stops along each trajectory, without a loop over time."""
+        """Return the stops along each run, without a loop over time."""
         return stops_along(s.command, self.width, starts)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:

@@ -10,7 +10,7 @@ from .plant import Plant
 
 
 class Backlash(Effect):
-    r"""Lost motion between joint and muscle: after a reversal the muscle stands still until the play is used up.
+    r"""Lost motion between joint and muscle: after a reversal the muscle does not move until the play is used up.
 
     .. math:: y = \mathrm{play}_w(\varepsilon), \qquad
         \Delta F = \frac{P - P_\mathrm{atm}}{L_0}\,\big(V'(y) - V'(\varepsilon)\big), \qquad

@@ -17,7 +17,7 @@ adjust     changed parameters                                the nominal equatio
 
 Memory (`start`, `step`) is explicit: `step` carries it from one instant to a later one and changes nothing in place.
 The same `step` serves the simulator, where it is called from the start of an integration step to each of its stages,
-and a log, where `trace` runs it along every trajectory. Written as the exact answer to a signal that moves straight
+and a log, where `trace` runs it along every run. Written as the exact answer to a signal that moves straight
 between the two instants, it is stable for any step width.
 
 Signals go by role, so that one class serves a muscle, a cylinder and a servo: for the muscle, position is the
@@ -43,7 +43,7 @@ from .plant import Plant
 from .values import checked_value
 
 EQUATIONS = ("force", "flow", "valve", "joint")
-"""The equations that a gap can lie in."""
+"""The equations that can have a gap."""
 
 HOOKS = ("force", "flow", "command", "supply", "valve", "torque", "measure", "adjust")
 """The hooks that an effect may override."""
@@ -78,7 +78,7 @@ class Parameter:
         does not depend on it.
     essential : bool, default=False
         Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
-        parameters vanishes; a fit that ends there speaks for that other one.
+        parameters vanishes; a fit that ends there is evidence for that other one.
     unlike : str, default=""
         Another parameter that this one differs from: where all such pairs of an effect are alike it has turned into a
         simpler one.
@@ -93,9 +93,9 @@ class Parameter:
     idle : bool, default=False
         Whether it is a limit: at the upper bound, or beyond what a signal reaches, the effect does nothing.
     periods : bool, default=False
-        Whether it is 2π over a period of the position: what range a log covers says which can be told apart.
+        Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
     spacing : float, default=0
-        How far apart values are that a log tells apart, in ``unit``; 0 where nothing is known.
+        Least difference of values that a log distinguishes, in ``unit``; 0 where nothing is known.
 
     Examples
     --------
@@ -260,13 +260,14 @@ class Effect(ABC):
     roles: ClassVar[tuple[str, ...]] = ()
     """Signals that it reads, of the fields of `Signals`."""
     n_states: ClassVar[int] = 0
-    """Number of internal states a muscle (or joint); 0 for an effect without memory."""
+    """Number of internal states per muscle (or joint); 0 for an effect without memory."""
     site: ClassVar[str] = "muscle"
     """``"muscle"`` (one for each) or ``"joint"``."""
     path_dependent: ClassVar[bool] = False
-    """Whether the memory depends on the path of the position alone, not on time: it then takes one step a reversal."""
+    """Whether the memory depends on the path of the position alone, not on time: it then takes one step per
+    reversal."""
     sampled: ClassVar[bool] = False
-    """Whether the memory moves once a control period rather than continuously."""
+    """Whether the memory moves once per control period rather than continuously."""
     on_braid: ClassVar[bool] = False
     """Whether its force grows with the pressure that presses on the braid, which another effect may hold back."""
     least_difference: ClassVar[float] = 0.0
@@ -275,7 +276,7 @@ class Effect(ABC):
     """Sensor channel that `measure` changes: ``"q"``, ``"P"``, ``"F"`` or ``"mdot"``."""
 
     kinds: ClassVar[tuple[str, ...]] = KINDS
-    """Of `KINDS` those whose gap it may cause where the whole library is asked for; none if it is asked for by name."""
+    """The `KINDS` whose gap it may cause by default; empty if it is only used by name."""
     fastest: ClassVar[float] = 1.0
     """Shortest of its memories, as a share of the time of the one that is at its `Parameter.simplest`."""
     domain: ClassVar[str] = "store"
@@ -314,7 +315,8 @@ class Effect(ABC):
 
     @classmethod
     def in_units(cls, **values: float) -> Effect:
-        """Return the effect with all its values in the units of another system than a muscle, whose bounds say nothing.
+        """Return the effect with all its values in the units of another system than a muscle, whose bounds do not
+        apply.
 
         What has a sign, or is a plain number, keeps its bounds.
         """
@@ -367,11 +369,11 @@ class Effect(ABC):
 
     @classmethod
     def follows_path(cls) -> bool:
-        """Return whether it follows a path alone, so that a path passed once could be any function of time to it."""
+        """Return whether it depends on a path alone: on a path without reversals it could be any function of time."""
         return cls.path_dependent or tuple(cls.roles) == ("position",)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the memory along the trajectories of a log.
+        """Return the memory along the runs of a log.
 
         Parameters
         ----------
@@ -382,7 +384,7 @@ class Effect(ABC):
         dt : float
             Sampling interval, s.
         starts : array of int, shape (n_trajectories,)
-            First row of each trajectory, the first being 0; memory starts afresh there.
+            First row of each run, the first being 0; memory starts afresh there.
 
         Returns
         -------
@@ -397,7 +399,7 @@ class Effect(ABC):
         if self.path_dependent:
             return self.trace_along(Path(used.position, starts), plant, dt)
         lengths = np.diff(np.append(starts, n))
-        # All trajectories advance together; those that have ended stay at their last row.
+        # All runs advance together; those that have ended stay at their last row.
         rows = starts[None, :] + np.minimum(np.arange(lengths.max())[:, None], lengths[None, :] - 1)
         before = used.at(rows[0])
         x = self.start(before, plant, dt)

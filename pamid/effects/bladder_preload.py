@@ -12,7 +12,7 @@ class BladderPreload(Effect):
 
     .. math:: \Delta F = -(F_0 + k\,\varepsilon + c\,\varepsilon^2)
 
-    A negative c is a rubber that gets softer the further it is stretched.
+    A negative c is a rubber that softens with stretch.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A shaft, belt or rod that gives way between drive and load."""
+"""A compliant shaft, belt or rod between drive and load."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .plant import Plant
 
 
 class Compliance(Effect):
-    r"""Spring and damper between drive and load: what is transmitted swings at their natural frequency.
+    r"""Spring and damper between drive and load: the transmitted force oscillates at their natural frequency.
 
     .. math:: \ddot F' = \omega^2\,(F - F') - 2\,\zeta\,\omega\,\dot F'
 
@@ -59,7 +59,7 @@ class Compliance(Effect):
         return carried(x, s0.force, s1.force, self.frequency, self.damping, dt, ramp=True)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what is transmitted, and its rate, along each trajectory, without a loop over time."""
+        """Return what is transmitted, and its rate, along each run, without a loop over time."""
         return carried_along(s.force, dt, self.frequency, self.damping, starts, ramp=True)
 
     def measure(self, value: Array, x: Array) -> Array:

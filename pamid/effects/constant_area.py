@@ -1,4 +1,4 @@
-"""A muscle that pulls with one area at every contraction, above the pressure that its bladder takes."""
+"""A muscle with a constant effective area, above the threshold pressure of its bladder."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from .plant import BRAID_ANGLE, Plant
 
 
 class ConstantArea(Effect):
-    r"""Tension that grows with the pressure by one area at all contractions, above a threshold.
+    r"""Tension with a constant area at all contractions, above a threshold pressure.
 
     .. math:: \Delta F = A\,p_e - \frac{p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
         p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad
         d = p - K\,\ln\frac{D(\varepsilon + \delta/L_0)}{D(0)}, \qquad
         \frac{D(\varepsilon)}{D(0)} = \frac{\sqrt{1 - (1 - \varepsilon)^2 \cos^2\theta_0}}{\sin\theta_0}
 
-    with the gauge pressure p and the diameter D of a braid that lies at θ₀ = 25° at rest. It stands for the model's
-    geometry and for what corrects it (`BraidGeometry`, `ThresholdPressure`, the bladder's forces), so that a diagnosis
-    holds it against them only where it is asked for by name. The area of a rubber muscle with its braid moulded in
-    falls far less with the contraction than that of a braid of inextensible threads; a threshold grows instead, by
-    the same pressure K for each further share of the circumference, the true strain ln D. The displacement δ, by which
-    the braid is shorter than its fittings say, belongs to its ends: the threshold at rest falls with the length.
+    with the gauge pressure p and the diameter D of a braid that lies at θ₀ = 25° at rest. It replaces the model's
+    geometry and its corrections (`BraidGeometry`, `ThresholdPressure`, the bladder's forces), so a diagnosis considers
+    it only by name. The area of a rubber muscle with its braid moulded in falls far less with the contraction than that
+    of a braid of inextensible threads; a threshold grows instead, by the same pressure K for each further share of the
+    circumference, the true strain ln D. The displacement δ, by which the braid is shorter than its fittings say,
+    belongs to its ends: the threshold at rest falls with the length.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ConstantArea(Effect):
     family = "geometry"
     equations = ("force",)
     roles = ("position", "pressure")
-    kinds = ()  # it stands for the model's geometry and all that corrects it: asked for by name
+    kinds = ()  # it replaces the model's geometry and all that corrects it: used only by name
     source = "10.1115/DETC2017-67458"
     parameters = (
         Parameter("area", "N/Pa", 1e-5, 2e-2, 7e-4, "force per pressure above the threshold"),

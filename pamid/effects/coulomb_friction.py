@@ -17,7 +17,7 @@ class CoulombFriction(Effect):
         \frac{1}{\delta}\left(1 - z\,\mathrm{sgn}\,\dot x\right)^n
 
     with Dahl's bristle z, which turns over within a few presliding displacements δ after a reversal: gradually (n = 1),
-    or straight until it slides, as an elastic–plastic asperity does (n = 0). The threads' share grows with the pressure
+    or linearly until it slides, like an elastic–plastic asperity (n = 0). The threads' share grows with the pressure
     that presses them onto each other; 0 by default.
 
     Parameters

@@ -13,7 +13,7 @@ from .plant import Plant
 
 
 class Creep(Effect):
-    r"""Two relaxing springs beside the muscle, which together drift about as log t over their two times.
+    r"""Two relaxing springs parallel to the muscle, which together drift about as log t over their two times.
 
     .. math:: \Delta F = -\sum_i k_i\,(\varepsilon - x_i), \qquad \tau_i\,\dot x_i = \varepsilon - x_i
 
@@ -22,8 +22,8 @@ class Creep(Effect):
     **values : float
         ``stiffness`` k₁ (N) and ``time_constant`` τ₁ (s) of the fast spring, ``slow_stiffness`` k₂ (N) and
         ``slow_time_constant`` τ₂ (s) of the slow one; ``settled``, how far both had relaxed from the neutral
-        contraction to the first one when a run begins; ``unknown``, how much of the range of contraction they may be
-        off there, otherwise in each run (dimensionless; in a log alone, a simulation knows).
+        contraction to the first one when a run begins; ``unknown``, by how much of the range of contraction their start
+        is unknown in each run (dimensionless; only for logs, a simulation knows it).
 
     References
     ----------
@@ -74,7 +74,7 @@ class Creep(Effect):
         return np.stack([relax(x[0], v0, v1, dt, self.time_constant), relax(x[1], v0, v1, dt, self.slow_time_constant)])
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the springs' rest positions along each trajectory, without a loop over time."""
+        """Return the springs' rest positions along each run, without a loop over time."""
         x, taus = np.asarray(s.position, dtype=float), (self.time_constant, self.slow_time_constant)
         rest = np.stack([relax_along(x, dt, tau, starts) for tau in taus])
         ahead = self._began(x[starts], plant) - x[starts]

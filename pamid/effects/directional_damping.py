@@ -10,7 +10,7 @@ from .plant import Plant
 
 
 class DirectionalDamping(Effect):
-    r"""Friction in proportion to the speed, of another slope forwards than backwards.
+    r"""Friction proportional to speed, with different slopes forwards and backwards.
 
     .. math:: \Delta F = -c_+\,\max(\dot x, 0) - c_-\,\min(\dot x, 0)
 

@@ -11,7 +11,7 @@ from .plant import Plant
 
 
 class DirectionalFriction(Effect):
-    r"""Dry friction of a seal, a lip or a gear that is not the same forwards and backwards, and changes with pressure.
+    r"""Dry friction of a seal, a lip or a gear that differs forwards and backwards, and changes with pressure.
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
 

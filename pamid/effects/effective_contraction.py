@@ -14,8 +14,8 @@ class EffectiveContraction(EndCap):
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)
 
-    Stiff fittings make k larger than 1; a braid that lengthens, or fittings that yield, smaller. The gas feels the
-    change of shape as `EndCap` says with s = 1.
+    Stiff fittings make k larger than 1; a braid that lengthens, or fittings that yield, smaller. The gas volume changes
+    as in `EndCap` with s = 1.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Ends of the muscle that do not stay cylindrical, or that yield."""
+"""Ends of the muscle that do not stay cylindrical, or that are compliant."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .plant import Plant
 
 
 class EndCap(Effect):
-    r"""Active part that contracts by k times what the whole does: more with conical ends, less with ends that yield.
+    r"""Active part that contracts k times as much as the whole: more with conical ends, less with compliant ends.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad

@@ -9,7 +9,7 @@ from .base import Effect, Parameter
 
 
 class GasTemperature(Effect):
-    r"""Gas warmer or colder than the simulator holds: T → T + ΔT in the flow equation.
+    r"""Gas warmer or colder than in the simulator: T → T + ΔT in the flow equation.
 
     .. math:: T' = T + \Delta T, \qquad C' = C\,\Big(1 - \sigma + \sigma\sqrt{T / T'}\Big)
 

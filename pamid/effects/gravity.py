@@ -1,4 +1,4 @@
-"""A load that gravity turns."""
+"""A load under gravity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heat that something hot gives to its surroundings."""
+"""Heat loss to the surroundings."""
 
 from __future__ import annotations
 

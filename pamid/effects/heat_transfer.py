@@ -1,4 +1,4 @@
-"""Heat that the gas gives to the walls."""
+"""Heat transfer from the gas to the walls."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .plant import Plant
 class HeatTransfer(Effect):
     r"""Gas that warms when compressed and cools at the walls: adiabatic when fast, isothermal when slow.
 
-    By the first law, with what flows in at the temperature T of the walls and what flows out at its own, a muscle holds
-    less gas by E than it would at that temperature,
+    By the first law, with inflow at the temperature T of the walls and outflow at the gas's own, a muscle holds less
+    gas by E than it would at that temperature,
 
     .. math:: \Delta\dot m = E\left(\frac{1}{\tau_P} + \kappa\,\omega\right), \qquad
         \dot E = \frac{\gamma - 1}{\gamma}\,\frac{V \dot P}{R T} - E\left(\frac{1}{\tau_P} +
@@ -24,17 +24,16 @@ class HeatTransfer(Effect):
         \omega = \max\left(0, -\frac{\dot P}{P} - \frac{\dot V}{V}\right), \qquad
         \tau_P = \tau \Big(\frac{P}{3\,P_a}\Big)^{\varsigma}
 
-    for an excess of temperature E T/m that is small beside T. Gas that leaves, a share ω of it in a second, takes its
-    excess along: all of it (κ = 1), or less where it passes a hose that has the temperature of the walls. With ς = 0
-    denser gas gives off more heat; with ς = 1 the conductance of the walls is constant, and more gas takes longer to
-    cool.
+    for an excess of temperature E T/m that is small beside T. Gas that leaves, a share ω of it per second, takes its
+    excess along: all of it (κ = 1), or less where it passes a hose at the temperature of the walls. With ς = 0 denser
+    gas gives off more heat; with ς = 1 the conductance of the walls is constant, and more gas takes longer to cool.
 
     Parameters
     ----------
     **values : float
         ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
-        ``carried`` κ; ``unknown``, how much of the range of pressure the gas may have come from shortly before a run
-        begins, otherwise in each run (dimensionless; in a log alone, a simulation knows).
+        ``carried`` κ; ``unknown``, how much of the range of pressure may have been passed shortly before each run
+        (dimensionless; only for logs, a simulation knows it).
 
     References
     ----------
@@ -75,7 +74,7 @@ class HeatTransfer(Effect):
         return (g - 1.0) / g * V * (P1 - P0) / plant.RT
 
     def _lost(self, P0: Array, P1: Array, V0: Array, V1: Array, dt: float, plant: Plant) -> Array:
-        """Return the logarithm of what cooling and leaving gas take from the excess over an interval."""
+        """Return the logarithmic decrease of the excess by cooling and leaving gas over an interval."""
         left = self.carried * np.maximum(0.0, -np.log((P1 * V1) / (P0 * V0)))
         return dt * self._rate(0.5 * (P0 + P1), plant) + left
 
@@ -90,7 +89,7 @@ class HeatTransfer(Effect):
         return x * np.exp(-r) + self._gained(s0.pressure, s1.pressure, 0.5 * (V0 + V1), plant) * _mean_decay(r)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the missing gas along each trajectory, without a loop over time."""
+        """Return the missing gas along each run, without a loop over time."""
         P, V = np.asarray(s.pressure, dtype=float), np.asarray(plant.volume(s.position), dtype=float)
         drive, decay = np.zeros_like(P), np.zeros_like(P)
         r = self._lost(P[:-1], P[1:], V[:-1], V[1:], dt, plant)
@@ -107,7 +106,7 @@ class HeatTransfer(Effect):
         return (("flow", self.time_constant, size),) if size > 0.0 else ()
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return the gas that the cooling makes room for, and that warm gas takes the room of, kg/s."""
+        """Return the flow due to cooling, less that displaced by warm gas, kg/s."""
         widening = plant.volume_slope(s.position) * s.velocity / plant.volume(s.position)
         rate = s.pressure_rate / s.pressure + widening if s.flow is None else s.flow
         leaving = np.where(rate < 0.0, self.carried * x[0], 0.0)

@@ -14,16 +14,16 @@ _ELEMENTS = np.arange(-2, 3) / np.sqrt(2.0)
 
 
 class Hysteresis(Effect):
-    r"""Elements that go over gradually after a reversal, whatever the speed: Bouc–Wen, Maxwell slip, or both.
+    r"""Elements with a gradual transition after a reversal, at any speed: Bouc–Wen, Maxwell slip, or both.
 
     .. math:: \Delta F = -\frac{1}{5} \sum_{k=-2}^{2} (A\,z_k + S\,s_k), \qquad
         \delta_k = \delta\,e^{k \sigma / \sqrt{2}}, \qquad
         \frac{\mathrm{d}z_k}{\mathrm{d}x} = \frac{1}{\delta_k} \left(1 - |z_k| \left(\beta\,
         \mathrm{sgn}(z_k\,\dot x) + 1 - \beta\right)\right)
 
-    with z in [−1, 1] (Bouc–Wen of exponent 1, normalised) and s, which moves straight by x / δ until it slips at ±1.
-    Without spread σ all elements are one. With it they go over one after the other, as do the fibres of a braid: the
-    smoother loops of Prandtl–Ishlinskii and Maxwell slip models.
+    with z in [−1, 1] (Bouc–Wen of exponent 1, normalised) and s, which moves linearly by x / δ until it slips at ±1.
+    Without spread σ all elements coincide. With it they slip one after the other, like the fibres of a braid, and give
+    the smoother loops of Prandtl–Ishlinskii and Maxwell slip models.
 
     Parameters
     ----------
@@ -90,6 +90,6 @@ class Hysteresis(Effect):
         return np.concatenate([bent] * (half // rows) + [slipped] * (half // rows))
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what the elements of both kinds hold against the motion, N."""
+        """Return the force of both kinds of elements against the motion, N."""
         half = len(_ELEMENTS)
         return -self.amplitude * x[:half].mean(axis=0) - self.slip * x[half:].mean(axis=0)

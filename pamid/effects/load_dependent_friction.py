@@ -38,7 +38,7 @@ class LoadDependentFriction(Effect):
     family = "friction"
     equations = ("force",)
     roles = ("position", "pressure")
-    prior = -6.0  # one of the common effects nearly always tells the same
+    prior = -6.0  # one of the common effects is nearly always equivalent
     source = "10.1109/37.833638"
     n_states = 1
     path_dependent = True

@@ -68,7 +68,7 @@ class Maxwell(Effect):
         return branches_relax(x, s0.position, s1.position, dt, self._taus)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the branches along each trajectory, without a loop over time."""
+        """Return the branches along each run, without a loop over time."""
         return branches_along(s.position, dt, self._taus, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

@@ -8,7 +8,7 @@ from .plant import Plant
 
 
 class NonlinearStiffness(Effect):
-    r"""What a spring holds beyond Hooke's law: the restoring force of an electronic or mechanical Duffing oscillator.
+    r"""Restoring force beyond Hooke's law, as of an electronic or mechanical Duffing oscillator.
 
     .. math:: \Delta F = -k_2\,x^2 - k_3\,x^3
 

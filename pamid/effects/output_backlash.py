@@ -1,4 +1,4 @@
-"""Play between what is driven and what is read."""
+"""Play between the driven part and the reading."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .plant import Plant
 
 
 class OutputBacklash(Effect):
-    r"""Lost motion behind a drive: after a reversal the reading stands still until the play is used up.
+    r"""Lost motion behind a drive: after a reversal the reading does not move until the play is used up.
 
     .. math:: y' = \mathrm{play}_w(y)
 
-    A gear's play looks so, and a position control with a soft gain k against dry friction :math:`F_c`, for which w is
-    :math:`F_c / k`: the joint stands until the error pushes harder than the friction holds. Each run begins where its
-    first reading is.
+    This is a gear's play, or a position controller of low gain k against dry friction :math:`F_c`, for which w is
+    :math:`F_c / k`: the joint sticks until the control error overcomes the friction. Each run begins at its first
+    reading.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class OutputBacklash(Effect):
     roles = ("force",)
     channel = "F"
     kinds = ("joint", "motor")
-    prior = -4.0  # friction at the joint says the same of a drive that pushes with a force
+    prior = -4.0  # friction at the joint is equivalent for a drive that pushes with a force
     source = "10.1016/S0005-1098(02)00047-X"
     n_states = 1
     sampled = True
@@ -61,7 +61,7 @@ class OutputBacklash(Effect):
         return np.clip(x, s1.force - self.half_width, s1.force + self.half_width)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what is read along each trajectory, without a loop over time."""
+        """Return what is read along each run, without a loop over time."""
         return play(np.asarray(s.force, dtype=float), self.half_width, starts)[None]
 
     def measure(self, value: Array, x: Array) -> Array:

@@ -9,7 +9,7 @@ from .base import Effect, Parameter
 
 
 class OutputSaturation(Effect):
-    r"""What is delivered, or read, ends at a limit.
+    r"""The delivered force, or a reading, saturates at a limit.
 
     .. math:: y' = \max(-y_s, \min(y_s, y))
 

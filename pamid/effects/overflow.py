@@ -1,4 +1,4 @@
-"""A tank that runs over."""
+"""A tank that overflows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .plant import Plant
 
 
 class Overflow(Effect):
-    r"""Outflow above a level, as of a tank that runs over or a relief valve that opens.
+    r"""Outflow above a level, as of an overflowing tank or an opening relief valve.
 
     .. math:: \Delta\dot m = -c\,\max(P - P_o, 0)
 

@@ -1,4 +1,4 @@
-"""Force or torque that comes back with each turn, tooth or magnet."""
+"""Force or torque that repeats with each turn, tooth or magnet."""
 
 from __future__ import annotations
 

@@ -79,7 +79,8 @@ class Plant:
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
         temperature: float = TEMPERATURE,
     ) -> Plant:
-        """Return the numbers of a single muscle; those of a valve and a joint, which its effects do not need, are none.
+        """Return the numbers of a single muscle; those of a valve and a joint, which its effects do not need, are
+        placeholders.
 
         Parameters
         ----------
@@ -137,14 +138,14 @@ class Plant:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What effects may know of a system without the numbers of a bench: the pressure around it.
+    """Numbers that effects may use of a system without a bench: the ambient pressure.
 
-    A leak's conductance then counts in what the orifice of a valve would pass.
+    A leak's conductance is then that of an equivalent valve orifice.
 
     Parameters
     ----------
     atmospheric_pressure : float, default=0
-        Pa; 0 where pressures are gauge pressures, or what is stored is no gas.
+        Pa; 0 where pressures are gauge pressures, or no gas is stored.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Another exponent of the gas than the nominal one."""
+"""A polytropic exponent other than the nominal one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class PolytropicExponent(Effect):
     .. math:: \Delta\dot m = \frac{\dot P\,V}{R T}\left(\frac{1}{n_P} - \frac{1}{\gamma}\right), \qquad
         n_P = \gamma - (\gamma - n)\,(1 + \sigma\,\mathrm{sgn}\,\dot P)
 
-    Filling and venting exchange heat differently, and have exponents of their own where σ is not 0.
+    Filling and venting exchange heat differently: their exponents differ where σ is not 0.
 
     Parameters
     ----------

@@ -15,7 +15,8 @@ class PressureGain(Gain):
     Parameters
     ----------
     **values : float
-        ``deviation`` δ, relative deviation (dimensionless), ``zero`` P₀, where the sensor reads right (Pa, absolute).
+        ``deviation`` δ, relative deviation (dimensionless), ``zero`` P₀, where the sensor reads correctly (Pa,
+        absolute).
 
     References
     ----------

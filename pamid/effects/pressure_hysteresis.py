@@ -9,7 +9,7 @@ from .plant import Plant
 
 
 class PressureHysteresis(Effect):
-    r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder hold back while filled, and hold on while vented.
+    r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder resist both filling and venting.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} (w_i + v_i\,\varepsilon)\,z_i, \qquad
         z_i = \frac{P - \mathrm{play}_{r_i}(P)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
@@ -68,7 +68,7 @@ class PressureHysteresis(Effect):
         return stopped(x, s1.pressure - s0.pressure, self.width)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the stops along each trajectory, without a loop over time."""
+        """Return the stops along each run, without a loop over time."""
         return stops_along(s.pressure, self.width, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

@@ -1,4 +1,4 @@
-"""Force that follows the pressure late, as rubber relaxes."""
+"""Force that lags the pressure, as rubber relaxes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _RATIOS = (1.0, 10.0)
 
 
 class PressureRelaxation(Effect):
-    r"""Bladder and braid that give way for seconds after each change of pressure.
+    r"""Bladder and braid that relax for seconds after each change of pressure.
 
     .. math:: \Delta F = -\sum_{i=1}^{2} (a_i + b_i\,\varepsilon)\,(P - P_i), \qquad \tau_i\,\dot P_i = P - P_i,
         \qquad \tau_2 = 10\,\tau_1
@@ -67,7 +67,7 @@ class PressureRelaxation(Effect):
         return branches_relax(x, s0.pressure, s1.pressure, dt, self._taus)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the branches along each trajectory, without a loop over time."""
+        """Return the branches along each run, without a loop over time."""
         return branches_along(s.pressure, dt, self._taus, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

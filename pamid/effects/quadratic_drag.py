@@ -35,7 +35,7 @@ class QuadraticDrag(Effect):
     family = "friction"
     equations = ("force",)
     roles = ("velocity",)
-    prior = -6.0  # one of the common effects nearly always tells the same
+    prior = -6.0  # one of the common effects is nearly always equivalent
     source = "10.1017/CBO9780511800955"
     parameters = (
         Parameter("coefficient", "N s^2", 0.0, 1e6, 100.0, "force per squared rate", linear=True, position=-2),

@@ -1,4 +1,4 @@
-"""A reading in steps."""
+"""A quantised reading."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .base import Effect, Parameter
 
 
 class Quantisation(Effect):
-    r"""A reading that knows steps alone.
+    r"""A reading in fixed steps.
 
     .. math:: y' = d\,\mathrm{round}(y / d)
 

@@ -13,7 +13,7 @@ class Rectification(Effect):
 
     .. math:: y' = y + s\,(|y| - y)
 
-    With s = 1 a magnitude is read, with s = 1/2 nothing of what is negative, and less of it with less.
+    With s = 1 the magnitude is read, with s = 1/2 negative values read zero.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def all_effects() -> dict[str, type[Effect]]:
 
 @contextmanager
 def effects_beside(effects: Mapping[str, type[Effect]]) -> Iterator[None]:
-    """Let `all_effects` know further effects within a block, such as those at the ports of one simulator.
+    """Add effects to `all_effects` within a block, such as those at the ports of one simulator.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def effects_beside(effects: Mapping[str, type[Effect]]) -> Iterator[None]:
 
 @cache
 def _load_library() -> None:
-    """Import the modules of this package and of plug-ins once, so that they enter themselves in the registry."""
+    """Import the modules of this package and of plug-ins once, so that they register themselves."""
     modules("pamid.effects", _NOT_EFFECTS)
     expected = "a class below pamid.effects.Effect with a name of its own"
     for source, thing in plugins("pamid.effects", expected):
@@ -73,7 +73,7 @@ def _load_library() -> None:
 
 
 def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:
-    """Return the names that a choice among the library stands for.
+    """Return the names of a choice among the library.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:
     Raises
     ------
     UnknownOptionError
-        The library has no effect of a name.
+        The library has no effect of such a name.
 
     Examples
     --------

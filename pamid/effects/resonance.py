@@ -1,4 +1,4 @@
-"""A second mass on a spring, which nothing measures."""
+"""An unmeasured second mass on a spring."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .plant import Plant
 
 
 class Resonance(Effect):
-    r"""A load, a rotor or a frame that is carried along by a spring and a damper, and swings at a frequency of its own.
+    r"""A load, a rotor or a frame on a spring and a damper, which oscillates at its own frequency.
 
     .. math:: \Delta F = -m\,\ddot y, \qquad
         \ddot y = \omega^2\,(x - y) + 2\,\zeta\,\omega\,(\dot x - \dot y)
 
-    Far below its frequency it is a mass like any other. It begins at rest beside what carries it.
+    Far below its frequency it acts as an added mass. It begins at rest relative to its carrier.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Resonance(Effect):
         return np.stack([s.position + 0.0, s.velocity + 0.0])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Swing freely about a carrier that goes straight on."""
+        """Oscillate freely about a carrier in uniform motion."""
         fades, damper = self.damping * self.frequency, 2.0 * self.damping * self.frequency
         swings = self.frequency * math.sqrt(1.0 - self.damping**2)
         speed = (s1.position - s0.position) / dt
@@ -71,12 +71,12 @@ class Resonance(Effect):
         return np.stack([later + s1.position, gained + speed + damper * later])
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the mass along each trajectory, without a loop over time."""
+        """Return the mass along each run, without a loop over time."""
         speed = np.asarray(s.velocity, dtype=float)
         return carried_along(s.position, dt, self.frequency, self.damping, starts, ramp=True, speed=speed)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what spring and damper pull back, N."""
+        """Return the reaction of spring and damper, N."""
         damper, behind = 2.0 * self.damping * self.frequency, s.position - x[0]
         pulls = self.frequency**2 * behind + damper * (s.velocity - x[1] - damper * behind)
         return -self.mass * pulls

@@ -9,7 +9,7 @@ from .base import Effect, Parameter
 
 
 class Slack(Effect):
-    r"""Tension that ends where the muscle hangs loose, or at what it still holds where it has buckled.
+    r"""Tension that ends where the muscle is slack, or at a residual tension where it has buckled.
 
     .. math:: F' = F_0 + \tfrac{1}{2}\left(F - F_0 + \sqrt{(F - F_0)^2 + w^2}\right)
 
@@ -50,7 +50,7 @@ class Slack(Effect):
         return self.rest + 0.5 * (over + np.sqrt(np.square(over) + self.rounding**2))
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return the tension behind a reading; what is as good as loose stays at that."""
+        """Return the tension behind a reading; slack readings stay as they are."""
         over = np.asarray(reading, dtype=float) - self.rest
         true = over - self.rounding**2 / (4.0 * np.maximum(over, 1e-9))
         return self.rest + np.where(over > 0.25 * self.rounding, true, 0.0)

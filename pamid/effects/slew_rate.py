@@ -13,14 +13,14 @@ from .plant import Plant
 
 
 class SlewRate(Effect):
-    r"""Largest speed at which a drive, a valve or an amplifier follows its command, once a control period.
+    r"""Largest speed at which a drive, a valve or an amplifier follows its command, updated once per control period.
 
     .. math:: \dot u' = r\,\operatorname{sgn}(u - u')
 
     Parameters
     ----------
     **values : float
-        ``rate`` r (full commands in a second, 1/s).
+        ``rate`` r (full commands per second, 1/s).
 
     References
     ----------
@@ -47,7 +47,7 @@ class SlewRate(Effect):
     rate: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return what has arrived at its command."""
+        """Return a settled output."""
         return np.stack([np.array(s.command, dtype=float)])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
@@ -55,18 +55,18 @@ class SlewRate(Effect):
         return x + np.clip(s1.command - x, -self.rate * dt, self.rate * dt)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what has been reached along each trajectory."""
+        """Return the output along each run."""
         u = np.asarray(s.command, dtype=float)
         lanes = u.reshape(len(u), -1).T
         return np.stack([_followed(lane, self.rate * dt, starts) for lane in lanes], axis=-1).reshape(1, *u.shape)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what has been reached."""
+        """Return the output."""
         return x[0]
 
 
 def _followed(u: Array, most: float, starts: Array) -> Array:
-    """Return what follows one command by at most so much a sample; plain numbers are quickest one after another."""
+    """Return the rate-limited output of one command; plain numbers are fastest in a loop."""
     out = np.empty_like(u)
     for begin, end in itertools.pairwise([*np.asarray(starts).tolist(), len(u)]):
         path, x = [], float(u[begin])

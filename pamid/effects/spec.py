@@ -1,4 +1,4 @@
-"""An effect with its numbers, as it goes from a page to the object that acts and back to a page."""
+"""An effect with its numbers, as it goes from a simulator file to the object that acts and back."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ class EffectSpec(NamedTuple):
 
     @classmethod
     def of(cls, entry: EffectLike, in_units: bool = False) -> EffectSpec:
-        """Return an entry of a page with all its parameters, checked.
+        """Return an entry of a simulator file with all its parameters, checked.
 
         Parameters
         ----------
         entry : Effect or str or pair of name and parameters
             The entry.
         in_units : bool, default=False
-            Whether parameters are in units of the page's own, so that physical ranges in SI do not hold.
+            Whether parameters are in the file's own units, so that physical ranges in SI do not apply.
 
         Raises
         ------
         SimulatorTypeError, UnknownParameterError, ImplausibleParameterError
-            It is no effect, there is none of that name or parameter, or a value is out of its range.
+            It is not an effect, its name or a parameter is unknown, or a value is out of range.
         """
         try:
             made = effect_of(entry, in_units)
@@ -64,11 +64,11 @@ class EffectSpec(NamedTuple):
         return cls(made.name, dict(made.values))
 
     def make(self, in_units: bool = False) -> Effect:
-        """Return the effect as an object; in units of its own, physical ranges in SI do not hold."""
+        """Return the effect as an object; in units of its own, physical ranges in SI do not apply."""
         return effect_of((self.name, self.values), in_units)
 
     def lines(self, unit_of: Callable[[type[Effect], Parameter], str] = lambda _, p: p.unit) -> list[str]:
-        """Return the lines of a page; units are those of the library, or what `unit_of` says of a parameter."""
+        """Return the lines of a simulator file; units are the library's, or what `unit_of` says of a parameter."""
         kind = all_effects()[self.name]
         units = {p.name: unit_of(kind, p) for p in kind.parameters}
         numbers = [f"{key} = {float(v)!r}  # {units[key]}".removesuffix("  # -") for key, v in self.values.items()]
@@ -76,7 +76,7 @@ class EffectSpec(NamedTuple):
 
 
 EffectLike = Effect | str | tuple[str, Mapping[str, float]]
-"""What stands for an effect: the object, a name with the nominal parameters, or a name with parameters."""
+"""How an effect may be given: the object, a name with the nominal parameters, or a name with parameters."""
 
 
 def effect_of(entry: EffectLike, in_units: bool = False) -> Effect:
@@ -123,7 +123,7 @@ def as_effects(effects: Iterable[EffectLike]) -> list[Effect]:
 
 
 def specs_of(tables: Any) -> Sequence[EffectSpec]:
-    """Return what stands under ``[[effects]]`` of a page; whether it makes sense is checked by `EffectSpec.of`.
+    """Return the entries under ``[[effects]]`` of a simulator file; `EffectSpec.of` checks them.
 
     Raises
     ------

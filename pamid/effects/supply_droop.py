@@ -68,7 +68,7 @@ class SupplyDroop(Effect):
         return (settled + (x[0] - settled) * np.exp(-dt * rate))[None]
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the fall of the receiver's pressure along each trajectory, without a loop over time."""
+        """Return the fall of the receiver's pressure along each run, without a loop over time."""
         u, P = np.asarray(s.command, dtype=float), np.asarray(s.pressure, dtype=float)
         d = np.zeros_like(u)
         if self.regulation == 0.0:
@@ -77,7 +77,9 @@ class SupplyDroop(Effect):
         for k in range(_ROUNDS):
             before, (settled, rate) = d, self._settling(d[:-1], u[:-1], between, plant, 1)
             d = drawn_along(settled, np.exp(-dt * rate), starts)
-            if k > _ROUNDS // 4:  # near the pressure of the muscle the flow changes abruptly, and rounds go to and fro
+            if (
+                k > _ROUNDS // 4
+            ):  # near the pressure of the muscle the flow changes abruptly, and rounds go back and forth
                 d = 0.5 * (d + before)
             if np.max(np.abs(d - before), initial=0.0) < _CLOSE * plant.supply_pressure:
                 break

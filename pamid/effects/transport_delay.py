@@ -57,7 +57,7 @@ class TransportDelay(Effect):
         return shift(x, s1.command, self.delay / dt)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the delayed command along each trajectory, without a loop over time."""
+        """Return the delayed command along each run, without a loop over time."""
         return delayed_rows(np.asarray(s.command, dtype=float), self.delay / dt, starts)[None]
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:

@@ -56,7 +56,7 @@ class Tube(Effect):
         return np.stack([s1.pressure + 0.0 * x[0], (s1.pressure - s0.pressure) / dt + 0.0 * x[0]])
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return pressure and rate along each trajectory, without a loop over time."""
+        """Return pressure and rate along each run, without a loop over time."""
         P = np.asarray(s.pressure, dtype=float)
         rate = np.diff(P, axis=0, prepend=P[:1]) / dt
         rate[np.asarray(starts)] = 0.0

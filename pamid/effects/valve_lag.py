@@ -11,7 +11,7 @@ from .base import Effect, Parameter, Signals
 from .plant import Plant
 
 _LEAST = 1e-4
-"""Inertia below which a spool has none: its second time constant is as small a share of the first."""
+"""Inertia below which a spool counts as massless: its second time constant is that small a share of the first."""
 
 
 class ValveLag(Effect):
@@ -19,7 +19,7 @@ class ValveLag(Effect):
 
     .. math:: s\,\tau^2\,\ddot y + \tau\,\dot y = u - y, \qquad u' = y
 
-    With s = 0 it is a lag of first order, with s = 1/4 two alike one behind the other; above that the spool swings
+    With s = 0 it is a lag of first order, with s = 1/4 two alike concatenated; above that the spool swings
     about its command, with a damping ratio of :math:`1/(2\sqrt{s})`. By τ it comes late in any case.
 
     Parameters
@@ -70,7 +70,7 @@ class ValveLag(Effect):
         return carried(x, u, u, *self._spring(), dt, ramp=False)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the spool's position and speed along each trajectory, without a loop over time."""
+        """Return the spool's position and speed along each run, without a loop over time."""
         if self.second < _LEAST:
             y = hold_along(s.command, dt, self.time_constant, starts)
             return np.stack([y, 0.0 * y])

@@ -50,7 +50,7 @@ class Residual(NamedTuple):
 
 
 class Equation(ABC):
-    """One equation of the bench. A subclass in a module of this package is found by itself.
+    """One equation of the bench. A subclass in a module of this package is found automatically.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Equation(ABC):
 
     @classmethod
     def changed_by(cls, effect: type[Effect]) -> bool:
-        """Tell whether an effect enters the equation or one that it combines; a sensor's fault where that is read."""
+        """Return whether an effect enters the equation or one that it combines; a sensor's fault where that is read."""
         entered = any(name in effect.equations for name in cls.combines or (cls.name,))
         return entered and (not cls.combines or not effect.channel or effect.channel in cls.channels)
 

@@ -32,7 +32,7 @@ _ABOVE = 1.5**2  # squared errors above that of the noise before it matters wher
 
 @dataclass(frozen=True)
 class TrajectoryEvaluation:
-    """One equation on one trajectory.
+    """One equation on one run.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ class Evaluation(TrajectoryEvaluation):
     Parameters
     ----------
     rmse, nrmse, noise_floor : float
-        As for one trajectory, over all of them.
+        As for one run, over all of them.
     n_windows : int
         Number of windows.
     unit : str
         Unit of `rmse` and `noise_floor`.
     trajectories : dict of str to TrajectoryEvaluation
-        The same for each trajectory.
+        The same for each run.
 
     Examples
     --------
@@ -152,7 +152,7 @@ class LogEvaluation(Mapping[str, Evaluation]):
 
 
 class Sums:
-    """Running sums over the windows of one trajectory, so that no window has to be kept."""
+    """Running sums over the windows of one run, so that no window has to be kept."""
 
     def __init__(self) -> None:
         self.n = 0
@@ -161,7 +161,7 @@ class Sums:
         self.worst: list[tuple[float, float]] = []
 
     def add(self, r: Residual) -> None:
-        """Take in windows, one a row and a column a side."""
+        """Take in windows, one per row and a column a side."""
         if not r.value.size:
             return
         largest = np.max(r.value**2, axis=1)
@@ -269,7 +269,7 @@ def residuals(
     Yields
     ------
     trajectory : str
-        Name of the trajectory.
+        Name of the run.
     equation : str
         Name of the equation.
     residual : Residual
@@ -346,14 +346,14 @@ def evaluate_log(
     Parameters
     ----------
     log : DataFrame or iterable of DataFrame
-        Log of the bench, see `residuals`; or pieces of one, each of whole trajectories, as
+        Log of the bench, see `residuals`; or pieces of one, each of whole runs, as
         `pamid.signals.read_log_pieces` reads them from a log that is larger than memory.
     params : BenchParameters
         The simulator, its effects included.
     equations : sequence of str, optional
         Names of the equations; all that the log allows by default.
     progress : callable, optional
-        Called with the name of each trajectory when it is begun.
+        Called with the name of each run when it is begun.
 
     Returns
     -------
@@ -367,7 +367,7 @@ def evaluate_log(
     MissingTrajectoryError, InterleavedTrajectoryError, TimeOrderError, NonFiniteError, EmptyLogError
         The log cannot be used as it is.
     ShortTrajectoryError
-        No trajectory is long enough for a window.
+        No run is long enough for a window.
 
     Warns
     -----
@@ -423,7 +423,7 @@ def evaluate_log(
         evaluations[name] = summed(sums[name], allowed[name].unit)
     if allowed and not evaluations:
         raise ShortTrajectoryError(
-            "No trajectory of the log is long enough for a window.",
+            "No run of the log is long enough for a window.",
             f"at least {WINDOW:g} s without gaps",
             "Check the unit of time (it must be seconds) and the sampling.",
         )

@@ -1,7 +1,7 @@
-"""Stretches of a log of one clock as one run: many short trajectories cost no more than a long one.
+"""Stretches of a log of one clock as one run: many short runs cost no more than a long one.
 
 Each stretch is filled up to whole windows by holding its last sample, and laid behind the one before. Filters, memories
-and windows begin anew at each; no window reaches into the next one.
+and windows begin again at each; no window reaches into the next one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ROWS = 16_384
 
 
 class JoinedRun(Run):
-    """Several stretches of a log held against a simulator, one behind the other.
+    """Several stretches of a log held against a simulator, concatenated.
 
     Parameters
     ----------

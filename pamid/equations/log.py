@@ -1,4 +1,4 @@
-"""A log of the bench, checked once: its trajectories as stretches that are held against a simulator."""
+"""A log of the bench, checked once: its runs as stretches that are held against a simulator."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class BenchLog:
 
     @classmethod
     def of(cls, log: pd.DataFrame | BenchLog) -> BenchLog:
-        """Return a log as one; itself if it is one."""
+        """Return a log as a `BenchLog`; one that is already is returned as it is."""
         return log if isinstance(log, BenchLog) else cls(as_pandas(log))
 
     def __len__(self) -> int:
@@ -66,12 +66,12 @@ class BenchLog:
 
     @cached_property
     def trajectories(self) -> list[tuple[str, slice]]:
-        """Name and rows of each trajectory, in order.
+        """Name and rows of each run, in order.
 
         Raises
         ------
         MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
-            The log does not name its trajectories, mixes their rows, or has none.
+            The log does not name its runs, mixes their rows, or has none.
         """
         import pandas as pd
 
@@ -83,24 +83,24 @@ class BenchLog:
                 "Add the column, or map one of yours to it.",
             )
         if not len(log):
-            raise EmptyLogError("The log has no rows.", "at least one trajectory", "Check how the log was written.")
+            raise EmptyLogError("The log has no rows.", "at least one run", "Check how the log was written.")
         codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
         borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
         if len(borders) - 1 != len(names):
             raise InterleavedTrajectoryError(
-                f"The log has {len(names)} trajectories in {len(borders) - 1} separate blocks of rows.",
-                "the rows of each trajectory together and in time order",
-                "Sort the log by trajectory and time; give repeats names of their own.",
+                f"The log has {len(names)} runs in {len(borders) - 1} separate blocks of rows.",
+                "the rows of each run together and in time order",
+                "Sort the log by run and time; give repeats separate names.",
             )
         return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
 
     def require_trajectories(self) -> None:
-        """Raise where trajectories cannot be told, see `trajectories`."""
+        """Raise where runs cannot be identified, see `trajectories`."""
         _ = self.trajectories
 
     @cached_property
     def times(self) -> list[np.ndarray]:
-        """The times of each trajectory, s.
+        """The times of each run, s.
 
         Raises
         ------
@@ -129,31 +129,31 @@ class BenchLog:
             ) from None
 
     def holds(self, channel: str) -> bool:
-        """Tell whether the log has all columns of a channel, each with a reading."""
+        """Return whether the log has all columns of a channel, each with a reading."""
         return all(self.reads(column) for column in columns_of(channel))
 
     def reads(self, column: str) -> bool:
-        """Tell whether the log has a column with a reading."""
+        """Return whether the log has a column with a reading."""
         if column not in self._held:
             self._held[column] = column in self.table.columns and not bool(self.table[column].isna().all())
         return self._held[column]
 
     def whole(self, most: int) -> BenchLog:
-        """Return whole trajectories spread evenly over the log, up to so many rows; itself if it is short enough."""
+        """Return whole runs spread evenly over the log, up to so many rows; itself if it is short enough."""
         if len(self) <= most:
             return self
         return BenchLog(whole_trajectories(self.table, most, [rows for _, rows in self.trajectories]))
 
     def read_as(self, readings: Mapping[str, np.ndarray | pd.Series]) -> BenchLog:
-        """Return the log with other readings of some channels, its trajectories and times as they are."""
+        """Return the log with other readings of some channels, its runs and times as they are."""
         other = BenchLog(self.table.assign(**readings))
         other.trajectories, other.times = self.trajectories, self.times
         return other
 
     def runs(self, model: Model, channels: list[str]) -> Iterator[Run]:
-        """Cut the log into stretches, one trajectory at a time.
+        """Cut the log into stretches, one run at a time.
 
-        A stretch ends where a trajectory ends and where angle or time are missing for longer than windows can go over.
+        A stretch ends where a run ends and where angle or time are missing for longer than windows can bridge.
         Shorter holes, uneven times and missing readings of other channels are bridged, see `pamid.equations.stretch`.
 
         Parameters
@@ -180,7 +180,7 @@ class BenchLog:
             data = {c: self.numbers(c, rows) for c in needed[1:]}
             if column := next((c for c, v in data.items() if np.isinf(v).any()), None):
                 raise NonFiniteError(
-                    f"The column '{column}' of trajectory '{name}' holds infinite values.",
+                    f"The column '{column}' of run '{name}' holds infinite values.",
                     "finite numbers, or NaN where nothing was measured",
                     "Remove those rows or set them to NaN.",
                 )
@@ -190,15 +190,15 @@ class BenchLog:
 
 
 def _checked_time(time: np.ndarray, name: str) -> np.ndarray:
-    """Return the times of a trajectory; raise where one is missing or does not increase."""
+    """Return the times of a run; raise where one is missing or does not increase."""
     if not np.isfinite(time).all():
-        raise NonFiniteError(f"The time of trajectory '{name}' holds NaN.", "a time in each row", "Remove those rows.")
+        raise NonFiniteError(f"The time of run '{name}' holds NaN.", "a time in each row", "Remove those rows.")
     steps = np.diff(time)
     if len(steps) and steps.min() <= 0:
         at = int(np.argmin(steps))
         raise TimeOrderError(
-            f"The time of trajectory '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
+            f"The time of run '{name}' goes from {time[at]:g} s to {time[at + 1]:g} s.",
             "time that increases",
-            "Sort the trajectory by time and remove repeated rows; runs of their own need names of their own.",
+            "Sort the run by time and remove repeated rows; separate runs need separate names.",
         )
     return time

@@ -12,7 +12,7 @@ _SINGLE = 3e-7  # rounding of a difference of steps of numbers in single precisi
 
 
 class ChannelNoise(NamedTuple):
-    """Noise of one channel in one trajectory, in the unit of the channel.
+    """Noise of one channel in one run, in the unit of the channel.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def roughness(x: np.ndarray, at: np.ndarray) -> float:
 def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.ndarray | None = None) -> ChannelNoise:
     """Return the noise of a channel without the jitter that what drives it really has.
 
-    A controller that reads noisy sensors commands a valve to and fro from sample to sample; the flow then follows, and
-    is no noise.
+    A controller that reads noisy sensors commands a valve back and forth from sample to sample; the flow then follows,
+    and is no noise.
     """
     steps, cause = third_differences(x, at), third_differences(drive, at)
     power = float(cause @ cause)
@@ -81,7 +81,7 @@ def _least(differences: np.ndarray, beyond: float) -> float:
 
 
 def channel_noise(x: np.ndarray, n: int, at: np.ndarray | None = None) -> ChannelNoise:
-    r"""Estimate the noise of a channel over one trajectory.
+    r"""Estimate the noise of a channel over one run.
 
     The third difference cancels all motion that is smooth over four samples; its median absolute deviation ignores
     the few samples at which a command jumps. Quantisation by a step d adds d²/12; it averages out over a window if

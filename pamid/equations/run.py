@@ -194,7 +194,7 @@ class Run:
             raise AttributeError(name) from None
 
     def reads(self, equation: Equation) -> bool:
-        """Tell whether the stretch has all channels of an equation."""
+        """Return whether the stretch has all channels of an equation."""
         return all(channel == "q" or channel in self.channels for channel in equation.channels)
 
     @cached_property
@@ -244,7 +244,7 @@ class Run:
 
     # --- effects --------------------------------------------------------------------------------------------
     def smooth(self, channel: str, deriv: int) -> np.ndarray:
-        """Smooth or differentiate a channel by a local fit of fourth degree, as effects read it; a column a muscle."""
+        """Smooth or differentiate a channel by local quartic fits, as effects read it; a column per muscle."""
         key = (channel, deriv)
         if key not in self.smoothed:
             self.smoothed[key] = self._smoothed(self.q[:, None] if channel == "q" else self.channels[channel], deriv)
@@ -257,7 +257,7 @@ class Run:
         return _local_fit(x, width, deriv) / self.dt**deriv
 
     def still(self) -> np.ndarray:
-        """Return the joint angle with its noise taken off: noise is motion to and fro, which memory would believe."""
+        """Return the joint angle without its noise, which effects with memory would take for motion."""
         key = ("still", 0)
         if key not in self.smoothed:
             self.smoothed[key] = self._played(self.smooth("q", 0))
@@ -391,7 +391,7 @@ class Run:
         return u
 
     def follows_gradually(self) -> bool:
-        """Tell whether what the valves follow changes between two samples of the command."""
+        """Return whether what the valves follow changes between two samples of the command."""
         return any(e.n_states and not e.sampled for e, _, _ in self._having("command"))
 
     def inlet_pressure(self) -> Any:

@@ -70,13 +70,13 @@ class Stretch:
     Parameters
     ----------
     trajectory : str
-        Name of the trajectory.
+        Name of the run.
     time : array, shape (n_rows,)
         s.
     dt : float
         Step, s.
     readings : dict of str to array, shape (n_rows, n_columns)
-        Channels by name; ``q`` has one column, the others one a muscle.
+        Channels by name; ``q`` has one column, the others one per muscle.
     bridges : dict of str to list of Bridge
         For each channel of which not all rows were read, how its columns came to equal steps.
     """
@@ -113,7 +113,7 @@ class Stretch:
 
 
 def stretches(trajectory: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Stretch]:
-    """Cut a trajectory where nothing is known for too long, and bring each part to equal steps."""
+    """Cut a run where nothing is known for too long, and bring each part to equal steps."""
     at = np.flatnonzero(np.isfinite(columns["q"][:, 0]))
     if len(at) < 2:
         return

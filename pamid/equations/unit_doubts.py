@@ -110,7 +110,7 @@ def unit_doubts(
     The error of an equation :math:`y = \hat y` is taken as a share of its signal,
     :math:`e = \mathrm{rms}(y - \hat y)/\max(\mathrm{rms}(y), \mathrm{rms}(\hat y))`, in the log as it is and with every
     combination of the units that are often mistaken for SI. The combination with the least product of errors counts, if
-    each column that it reads in another way makes that product less by a factor of three.
+    each column that it reads in another way reduces that product by a factor of three.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     names = [*fitted.reads, *(["direction"] if getattr(model, "direction", False) else [])]
     if wrong := [n for n in names if not n.isidentifier() or not n.isascii()]:
         raise ExportError(
-            f"The signal {wrong[0]!r} is no C identifier.", "letters, digits and _", "Rename it before the fit."
+            f"The signal {wrong[0]!r} is not a C identifier.", "letters, digits and _", "Rename it before the fit."
         )
     columns = fitted.signal_columns_
     if len(set(columns.values())) < len(columns):

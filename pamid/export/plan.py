@@ -180,7 +180,7 @@ def check_name(name: str) -> None:
     """Refuse a name that cannot begin those of the code."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
         raise ExportError(
-            f"The name {name[:60]!r} is no C identifier.", "letters, digits and _", "Pass another --name."
+            f"The name {name[:60]!r} is not a C identifier.", "letters, digits and _", "Pass another --name."
         )
 
 

@@ -1,4 +1,4 @@
-"""What the plain network baselines share: scaling, whole trajectories held out, and the loop over epochs.
+"""What the plain network baselines share: scaling, whole runs held out, and the loop over epochs.
 
 torch is imported inside the functions that need it. Parameters travel as dicts of numpy arrays.
 """
@@ -34,7 +34,7 @@ def standardisation(columns: np.ndarray, weights: np.ndarray) -> tuple[np.ndarra
 
 
 def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Generator, needed_by: str) -> np.ndarray:
-    """Choose whole trajectories, about `fraction` of them and at least one; mark their rows."""
+    """Choose whole runs, about `fraction` of them and at least one; mark their rows."""
     if codes is None:
         raise MissingTrajectoryError(
             f"{needed_by} stops early on held-out trajectories, and got neither groups nor a column 'trajectory'.",
@@ -44,9 +44,9 @@ def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Gene
     names = np.unique(codes)
     if len(names) < 2:
         raise TooFewTrajectoriesError(
-            f"{needed_by} stops early on held-out trajectories, and got one trajectory.",
-            "at least two trajectories",
-            "Give more trajectories, or set early_stopping=False.",
+            f"{needed_by} stops early on held-out runs, but got only one run.",
+            "at least two runs",
+            "Give more runs, or set early_stopping=False.",
         )
     if not 0 < fraction < 1:
         raise ParameterError(
@@ -58,7 +58,7 @@ def held_out_rows(codes: np.ndarray | None, fraction: float, rng: np.random.Gene
 def drawn_rows(
     codes: np.ndarray, fraction: float, rng: np.random.Generator | np.random.RandomState, left: int = 1
 ) -> np.ndarray:
-    """Draw about a fraction of the trajectories, at least one, and leave at least so many; mark their rows."""
+    """Draw about a fraction of the runs, at least one, and leave at least so many; mark their rows."""
     names = np.unique(codes)
     count = min(max(1, round(fraction * len(names))), len(names) - left)
     return np.isin(codes, rng.choice(names, size=count, replace=False))

@@ -68,7 +68,7 @@ def output_lags(z: np.ndarray, slices: list[slice], lags: int) -> np.ndarray:
 
 
 def segments(inputs: np.ndarray, z: np.ndarray, past: np.ndarray, slices: list[slice], length: int) -> Segments:
-    """Cut trajectories into stretches of at most `length` rows."""
+    """Cut runs into stretches of at most `length` rows."""
     starts = np.concatenate([np.arange(s.start, s.stop, length) for s in slices])
     stops = np.concatenate([np.full(len(range(s.start, s.stop, length)), s.stop) for s in slices])
     table = starts[:, None] + np.arange(min(length, max(s.stop - s.start for s in slices)))
@@ -125,7 +125,7 @@ def free_run(
     scale: float,
     bounds: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run all trajectories side by side."""
+    """Run all runs side by side."""
     low, high = bounds
     y, held = np.empty(len(lags)), np.zeros(len(lags), dtype=bool)
     lengths = np.array([s.stop - s.start for s in slices])

@@ -65,15 +65,15 @@ def detached(state: Any) -> Any:
 
 @dataclass(frozen=True)
 class Piece:
-    """A run of rows of one trajectory, and the rows that lead into it."""
+    """A run of rows of one run, and the rows that lead into it."""
 
     start: int
     stop: int
     first: int
-    """First row of the trajectory, before which nothing is ever read."""
+    """First row of the run, before which nothing is ever read."""
 
     def lead(self, n: int) -> np.ndarray:
-        """Rows that lead in: those before the piece, the first of the trajectory repeated where there are none."""
+        """Rows that lead in: those before the piece, the first of the run repeated where there are none."""
         return np.maximum(np.arange(self.start - n, self.start), self.first)
 
     def rows(self) -> np.ndarray:
@@ -82,7 +82,7 @@ class Piece:
 
 
 def pieces_of(slices: list[slice], length: int | None) -> list[Piece]:
-    """Cut trajectories into pieces of at most `length` rows, which run side by side."""
+    """Cut runs into pieces of at most `length` rows, which run side by side."""
     pieces = []
     for rows in slices:
         step = rows.stop - rows.start if length is None else length

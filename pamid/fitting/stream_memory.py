@@ -4,7 +4,7 @@ Below the bound a memory holds every row once, with the number of times that it 
 stay with a probability in proportion to their weight and share out the weight of all (P. S. Efraimidis, P. G. Spirakis,
 "Weighted random sampling with a reservoir", Information Processing Letters 97(5), 2006.
 https://doi.org/10.1016/j.ipl.2005.11.003), so that the memory stands for the whole stream. What has a memory of its own
-keeps or drops whole trajectories.
+keeps or drops whole runs.
 
 Whether the stream has changed is nothing that a memory decides: `pamid.online.ChangeMonitor` tells it, at a stated rate
 of false alarms.
@@ -31,7 +31,7 @@ class Rows:
     weight : ndarray, shape (n_samples,)
         How often each row came, or its sample weight.
     unit : ndarray of int, shape (n_samples,)
-        Trajectory of each row, or its batch.
+        Run of each row, or its batch.
     """
 
     X: np.ndarray
@@ -56,7 +56,7 @@ class Rows:
 
 
 def merged(rows: Rows, *, whole: bool) -> Rows:
-    """Hold what came several times once, with the sum of its weights: rows, or whole trajectories."""
+    """Hold what came several times once, with the sum of its weights: rows, or whole runs."""
     if whole:
         return _merged_units(rows)
     key = np.ascontiguousarray(np.column_stack([rows.X, rows.y]) + 0.0)  # no negative zero
@@ -85,7 +85,7 @@ def _merged_units(rows: Rows) -> Rows:
 
 
 def bounded(rows: Rows, most: int, *, whole: bool, random: np.random.Generator) -> Rows:
-    """Return at most so many rows that stand for all: single ones, or whole trajectories."""
+    """Return at most so many rows that stand for all: single ones, or whole runs."""
     if len(rows) <= most:
         return rows
     label = rows.unit if whole else np.arange(len(rows))
@@ -93,7 +93,7 @@ def bounded(rows: Rows, most: int, *, whole: bool, random: np.random.Generator) 
     weight = np.bincount(inverse, weights=rows.weight) / size
     order = np.argsort(-(random.uniform(size=len(names)) ** (1.0 / np.maximum(weight, 1e-12))), kind="stable")
     fits = np.cumsum(size[order]) <= most
-    if not fits.any():  # one trajectory is longer than the memory: its end stays
+    if not fits.any():  # one run is longer than the memory: its end stays
         at = np.flatnonzero(inverse == order[0])[-most:]
         return replace(rows.at(at), weight=np.full(len(at), rows.weight.sum() / len(at)))
     kept = np.zeros(len(names), dtype=bool)

@@ -36,10 +36,11 @@ def diagnose(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Say where a simulator and a log disagree, which effect is the cause, and how far the gap closes once it is added.
+    """Diagnose where a simulator and a log disagree, which effect is the cause, and how far the gap closes once it is
+    added.
 
     The parameters that have a tolerance are refitted within it together with every candidate, so that a parameter that
-    is a little off is no gap. Residuals are those of `pamid.equations`, over windows of 20 ms.
+    is slightly off is not a gap. Residuals are those of `pamid.equations`, over windows of 20 ms.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def diagnose(
     Raises
     ------
     UnknownOptionError
-        The library has no effect of a name.
+        The library has no effect of such a name.
     ExcitationError
         The log excites nothing that could distinguish effects.
     MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
@@ -111,8 +112,8 @@ def screened(competition: Competition, interrupted: bool, say: Callable[[str], N
 
 
 def rows_used(used: int, rows: int) -> str:
-    """Word how much of a log was used."""
-    return f"{used:,} of {rows:,} rows were used, whole trajectories evenly spread over the log."
+    """Return a sentence on how much of a log was used."""
+    return f"{used:,} of {rows:,} rows were used, whole runs evenly spread over the log."
 
 
 def explain(
@@ -125,12 +126,12 @@ def explain(
     known: Mapping[str, Sequence[Template]] | None = None,
     interrupted: bool = False,
 ) -> Diagnosis:
-    """Decide on evidence and write down what it says.
+    """Decide on evidence and assemble the diagnosis.
 
     Parameters that have a tolerance are fitted together with effects, under one likelihood in which the forms of
     effects may be inexact. The library is linearised once, and every set of effects scored from products of its
     columns. The best few sets are refitted exactly, and compete by their evidence. That decides between them, no gap,
-    and something that the library does not hold. The answer is checked where it could be wrong: on runs held out of the
+    and something that the library does not hold. The answer is checked where it could be wrong: on held-out runs of the
     fit, over runs and regions, and in what is left.
 
     Parameters
@@ -142,7 +143,7 @@ def explain(
     random_state : RandomState
         Draws behind p-values and intervals.
     notes : list of str
-        What the reader must know.
+        Notes for the reader.
     say : callable, optional
         Called with a short text at each step.
     searched : ResidualSource, optional

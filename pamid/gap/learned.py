@@ -1,9 +1,9 @@
-r"""A learned remainder: what named causes leave, predicted by a function of the signals of no particular form.
+r"""A learned remainder: what named causes leave, predicted by a nonparametric function of the signals.
 
 .. math:: r(s) = w_0 + \sum_j w_j \cos(\omega_j^\top s + b_j)
 
 over the signals s and how far each is from its exponentially weighted past, with weights by ridge regression. How much
-of what is left it predicts is measured on trajectories that it has not seen; where that is nothing, it is nothing.
+of what is left it predicts is measured on unseen runs; where that share is zero, the remainder is zero.
 
 References
 ----------
@@ -43,7 +43,7 @@ def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray
     rows = np.arange(len(left))[spaced(len(left), _ROWS)]
     B, r = _basis(model, S[rows]), left[rows]
     names, fold = np.unique(codes[rows], return_inverse=True)
-    # One trajectory tells nothing of others: its parts stand for them.
+    # One run carries no information about others: its parts replace them.
     fold = fold % _FOLDS if len(names) > 2 else (2 * _FOLDS * np.arange(len(rows)) // len(rows)) % _FOLDS
     fit = grouped_ridge(B, r, fold, _RIDGES)
     model["share"], model["weights"] = np.array(fit.share), fit.weights
@@ -56,7 +56,7 @@ def predict(model: Model, signals: Mapping[str, np.ndarray], codes: np.ndarray, 
 
 
 def _basis(model: Model, S: np.ndarray) -> np.ndarray:
-    # Beyond what was seen the function holds its value.
+    # Outside the data the function keeps its value.
     x = np.clip((S - model["middle"]) / model["size"], -1.0, 1.0)
     return np.column_stack([np.ones(len(x)), x, np.cos(x @ model["omega"] + model["phase"])])
 

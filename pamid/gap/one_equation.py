@@ -1,4 +1,4 @@
-"""One equation of any actuator held against a model: evidence in typical units, and its diagnosis in the log's."""
+"""One equation of any actuator against a model: evidence in typical units, and its diagnosis in the log's."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Gathered(NamedTuple):
     noise : float
         Standard deviation of a window's noise, in the unit of the target.
     learned : float
-        What a flexible learner leaves on held-out trajectories, in the unit of the target.
+        What a flexible learner leaves on held-out runs, in the unit of the target.
     share : float
         Share of the gap beyond the noise that it predicts.
     """
@@ -168,7 +168,7 @@ def _in_units(
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
-    """Return the rows in which a reading repeats one value for long while other signals move: clipped or stuck."""
+    """Return the rows in which a reading stays at one value for long while other signals move: clipped or stuck."""
     return stuck_rows(x, lambda a, b: any(_moves(v, a, b) for v in others.values()), codes)
 
 

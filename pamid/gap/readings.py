@@ -1,8 +1,8 @@
-"""Two readings of one motion, settled between them before a fault of either may explain what a force does.
+"""Two readings of one motion, compared with each other before a fault of either may explain a force.
 
-A position and a velocity that are both logged say the same twice. A gain, lag or delay of one of them is seen where
-they are compared with each other, without the simulator: what does not show there is no cause of its gap, and what they
-disagree on without a fault that explains it is their noise.
+A logged position and a logged velocity are redundant. A gain, lag or delay of one of them shows where they are compared
+with each other, without the simulator: what does not show there is not a cause of the gap, and a disagreement that no
+fault explains is their noise.
 """
 
 from __future__ import annotations
@@ -44,6 +44,6 @@ def settled(
         named = ", ".join(f"{x} and {v}" for x, v in pairs.items())
         shown = f" but for {', '.join(sorted(admitted))}" if admitted else ""
         evidence.notes.append(
-            f"The readings {named} agree{shown}: faults of these sensors that would part them are excluded."
+            f"The readings {named} agree{shown}: faults of these sensors that would make them disagree are excluded."
         )
     return [k for k in library if k not in set(refused)]

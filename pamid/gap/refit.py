@@ -1,4 +1,4 @@
-"""Refit the parameters of a simulator within their tolerances, as a diagnosis does: what is left then is a gap."""
+"""Refit the parameters of a simulator within their tolerances, as a diagnosis does: the rest is a gap."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters | Simulato
     """Fit the parameters that have a tolerance to a log, each within its tolerance.
 
     All equations that the log allows are fitted together, each residual over its noise, under the robust likelihood of
-    a diagnosis, which holds a gap against this very refit.
+    a diagnosis, which starts from this refit.
 
     Parameters
     ----------
     log : DataFrame
-        Log of the bench, see `pamid.equations.residuals`; of a long one whole trajectories spread over it. Of a
-        simulator with ports the columns that they name.
+        Log of the bench, see `pamid.equations.residuals`; of a long log, whole runs spread over it are used. For a
+        simulator with ports, the columns that these name.
     params : BenchParameters or Simulator
         The simulator with its tolerances.
 
@@ -85,7 +85,7 @@ def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters | Simulato
     if not evidence.equations:
         return Refit(params, dict.fromkeys(params.tolerance, 0.0), ())
     fitter = Fitter(evidence)
-    # What ends at a bound is there, without the slack that a diagnosis leaves it.
+    # A parameter that ends at a bound is exactly there, without the slack of a diagnosis.
     about = dict(zip(evidence.free, map(float, evidence.about), strict=True))
     x = dict(zip(evidence.free, map(float, fitter.unwhitened(fitter.base()).x), strict=True))
     found = {n: float(np.clip(v + about[n], -1.0, 1.0)) for n, v in x.items() if n in params.tolerance}

@@ -1,18 +1,18 @@
-"""Every number that the diagnosis decides by: twenty, and what follows from them.
+"""All numbers that the diagnosis decides by: twenty, and what follows from them.
 
-Each is a judgement of how exact models of pneumatic muscles are, or of how much is looked at; ``python
-benchmarks/settings.py`` halves and doubles each and prints what that changes. What trust in names rests on is fitted,
-in `pamid.gap.diagnosis.trusted`. What a computation is exact to (rounds of a solver, draws, frequencies) stands where
-it is computed.
+Each is a judgement of how exact models of pneumatic muscles are, or of how much is searched; ``python
+benchmarks/settings.py`` halves and doubles each and prints what that changes. The weights behind trust in names are
+fitted, in `pamid.gap.diagnosis.trusted`. The accuracy of computations (rounds of a solver, draws, frequencies) is set
+where they are.
 """
 
 from __future__ import annotations
 
 from math import log
 
-# --- how much is looked at --------------------------------------------------------------------------------------
+# --- how much is searched ----------------------------------------------------------------------------------------
 MAX_ROWS = 160_000
-"""Most rows that a diagnosis looks at; longer logs are thinned to whole trajectories."""
+"""Most rows that a diagnosis looks at; longer logs are thinned to whole runs."""
 SEARCH_ROWS = 40_000
 """Most rows in which causes are searched; what is found is fitted to all."""
 MOST_CAUSES = 6
@@ -41,7 +41,7 @@ OF_ITS_OWN = 0.05
 """Size of a further effect, and of what it explains, from which it is one of its own: a share of those beside which it
 acts, whose inexact forms could call for it; and how near to one of two forms a share between them is expected."""
 
-# --- what is said -----------------------------------------------------------------------------------------------
+# --- what is reported -------------------------------------------------------------------------------------------
 FALSE_ALARM = 0.01
 """Probability at which the evidence of an effect or of an excess counts as a gap."""
 OTHER_SYSTEMS = 10.0
@@ -59,7 +59,7 @@ TOLERANCE = 12.0 / (1.0 + 1.0) ** 2
 FORM_EXACT = FORM_LOCAL / 5.0
 """The inexactness of faults of sensors and wrong parameters, whose forms are known."""
 FORM_TIMES = 0.0, 1.0, FORM_ROUGH
-"""How many times the inexactness of forms a log may speak for: not at all, as usual, a rough form."""
+"""Multiples of the inexactness of forms that a log may support: none, the usual, a rough form."""
 CERTAIN = log(INCLUDED / (1.0 - INCLUDED))
 """The same as the logarithm of odds."""
 NONE_SURE = 1.0 - FALSE_ALARM
@@ -67,6 +67,6 @@ NONE_SURE = 1.0 - FALSE_ALARM
 LEAST_GAIN = -log(2.0 * FALSE_ALARM)
 """Gain in log-likelihood that a first effect must bring at least: that of a false alarm, there being two tests."""
 EXCESS = 2.0 * NOISE_KNOWN
-"""Share by which a residual must be above its noise to be a gap, or a sign, by itself."""
+"""Excess of a residual over its noise, as a share, that is a gap, or a sign, by itself."""
 DECIDED = 2.0 * OTHER_SYSTEMS
-"""Difference in score, in nats, beyond which a rival is out of the question: no further run is about it."""
+"""Difference in score, in nats, beyond which a rival is ruled out: no further run is designed for it."""

@@ -1,4 +1,4 @@
-"""The diagnosis of any simulator with ports: which effect, at which port, and what the simulator is with it."""
+"""The diagnosis of any simulator with ports: which effect, at which port, and the corrected simulator."""
 
 from __future__ import annotations
 
@@ -54,10 +54,11 @@ def diagnose_simulator(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Say where a simulator and a log disagree, which effect at which port is the cause, and how far the gap closes.
+    """Diagnose where a simulator and a log disagree, which effect at which port is the cause, and how far the gap
+    closes.
 
     Parameters with a tolerance are refitted within it together with every candidate. Of several logs the causes and the
-    parameters are shared, unless the logs say that a cause came or went between two days.
+    parameters are shared, unless the logs show that a cause came or went between two days.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def diagnose_simulator(
         Effects that may be causes: names as `pamid.simulators.port_effects` gives them, at every port, or such as
         ``"viscous_friction@motor"``.
     conditions : mapping of str to `pamid.gap.several.Conditions`, optional
-        What held for each of several logs: parameters of the simulator that differ, and its day; a log without them is
+        Conditions of each of several logs: parameters of the simulator that differ, and its day; a log without them is
         a day of its own.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
@@ -88,7 +89,7 @@ def diagnose_simulator(
     MissingColumnError, ShortTrajectoryError
         The log cannot be used.
     UnknownOptionError
-        No effect has a name.
+        The name of an effect is unknown.
     IncompatibleError
         Two logs hold no signal in common, or a run twice.
 
@@ -129,7 +130,7 @@ def diagnose_simulator(
         asked = settled(evidence, evidence.log, simulator, asked, say)
         if searched is not evidence:
             settled(searched, searched.log, simulator, asked, say)
-        say("what could be explained at all")
+        say("estimate what could be explained")
         say(where_so_far(searched.equations, np.array([scale(searched.z0[p], 0.0) for p in searched.parts])))
         known, interrupted = learn(searched, asked, say)
         library = [name for name in asked if known.get(name)]
@@ -142,7 +143,7 @@ def diagnose_simulator(
 
 
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
-    """Return a log held against a simulator: directly where it holds the states, else by simulating short stretches."""
+    """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
     from .residuals.choice import motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
@@ -161,14 +162,16 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:
-    """Return what a simulator, its effects among it, makes of a log's inputs, each run from its best initial state."""
+    """Return a simulator's response, its effects included, to a log's inputs, each run from its best initial state."""
     import pandas as pd
 
     from ..errors import ParameterError
     from .residuals.shooting import ShootingEvidence
 
     if simulator.form == "algebraic":
-        raise ParameterError("The simulator is algebraic.", "one of states or of whole runs", "Call its output.")
+        raise ParameterError(
+            "The simulator is algebraic.", "one of states or of whole runs", "Call its output function."
+        )
     at_ports = port_log(log, simulator)
     evidence = ShootingEvidence(at_ports, simulator, whole=True)
     names = [at_ports.names[k] for k in at_ports.run]
@@ -176,14 +179,14 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
 
 
 class Library(NamedTuple):
-    """What was found of a library to first order.
+    """The library to first order.
 
     Parameters
     ----------
     templates : dict of str to list of Template
-        The templates of each effect that was looked at.
+        The templates of each effect that was evaluated.
     interrupted : bool
-        Whether somebody did not wait for the rest.
+        Whether the user interrupted the rest.
     """
 
     templates: dict[str, list[Template]]
@@ -191,9 +194,9 @@ class Library(NamedTuple):
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
-    """Let the evidence know for how long what no learner predicts in an equation remembers; return the templates.
+    """Set the correlation time of each equation's unpredictable residual; return the templates.
 
-    What has one template comes first, and says what the answer is so far while the rest is looked at.
+    Effects with one template come first, and give a preliminary answer while the rest is evaluated.
     """
     known: dict[str, list[Template]] = {}
     simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
@@ -213,7 +216,7 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
 
 
 def _is_simple(effect: type[Effect]) -> bool:
-    """Tell whether an effect is linear in what it is said by, or a wrong number."""
+    """Return whether an effect is linear in its parameters, or a wrong number."""
     return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
 
 
@@ -229,19 +232,19 @@ def _remember(evidence: PortEvidence, found: Sequence[Template]) -> None:
 
 
 def _templates(evidence: PortEvidence, name: str) -> list[Template]:
-    """Return the templates of an effect, and let the evidence know which equations it changes."""
+    """Return the templates of an effect, and note which equations it changes."""
     place = evidence.placements[name]
     sizes = {p.name: abs(p.nominal or 0.1 * p.upper) for p in place.effect.parameters}
     try:
         found = laid(evidence, place.effect)
-    except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
+    except (TypeError, AttributeError, KeyError):  # it reads a missing signal
         found = []
     evidence.touches(name, [t.columns * [sizes[n] for n in t.linear] if t.linear else t.columns for t in found])
     return found if evidence.touched([name]) else []
 
 
 def _view(evidence: PortEvidence, equation: str, part: slice) -> Any:
-    """Return one equation of the evidence as a learner reads it."""
+    """Return one equation of the evidence in the form that a learner reads."""
     signals = {k: v for k, v in evidence.signals().items() if np.ptp(v) > 0.0}
     roles = evidence.roles(equation)
     table = {k: v for k, v in signals.items() if k != roles.get("eps")}
@@ -286,7 +289,7 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
 
 
 def _log(found: LogFinding, places: Mapping[str, Placement]) -> LogFinding:
-    """Return what was found of one of several logs, in the units of the ports."""
+    """Return the findings for one of several logs, in the units of the ports."""
     return replace(found, parameters={k: _at(places[k], values) for k, values in found.parameters.items()})
 
 
@@ -301,7 +304,7 @@ def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
 
 
 def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> list[str]:
-    """Return notes of what sizes in the unit of an input come to in newtons, where a mass says it."""
+    """Return notes that convert sizes in the unit of an input to newtons, where a mass allows it."""
     if corrected.form != "ode":
         return []
     notes, some, signals = [], some_instants(evidence.log.n), evidence.signals()
@@ -314,7 +317,7 @@ def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> l
         for cause in found.added:
             for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False):
                 place = evidence.placements[name]
-                volts = place.name == "back_emf" or place.port != joint.name  # a back-EMF is no force
+                volts = place.name == "back_emf" or place.port != joint.name  # a back-EMF is not a force
                 sizes = {} if volts else _at(place, parameters)
                 for word, p in sizes.items():
                     if (size := as_force(p.value, p.unit, joint.unit, force)) is not None:

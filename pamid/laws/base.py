@@ -19,7 +19,7 @@ from ..signals.state import Array, State
 
 
 class Coefficients(NamedTuple):
-    """The factors of V, ∂V/∂ε and ∂V/∂P in a law, one entry a sample.
+    """The factors of V, ∂V/∂ε and ∂V/∂P in a law, one entry per sample.
 
     Examples
     --------

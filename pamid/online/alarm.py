@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 LOOKS = 4.0
-"""Independent looks at an exponentially weighted sum in one of its memories."""
+"""Effective number of independent tests of an exponentially weighted sum per memory length."""
 
 
 NAMING = 8.0
@@ -68,9 +68,9 @@ class DriftAlarm:
     hold : int
         Samples for which a sum must stay beyond its threshold.
     limit : float
-        u of `threshold`.
+        Threshold u, see `threshold`.
     groups : array of int, shape (n_parameters,), optional
-        Parameters that explain together, such as those of one effect; each by itself by default.
+        Parameters that explain jointly, such as those of one effect; each separately by default.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class DriftAlarm:
 
     @property
     def state(self) -> dict[str, Any]:
-        """The sums, for another alarm to go on from."""
+        """The sums, from which another alarm can continue."""
         return {name: np.copy(getattr(self, name)) for name in _SUMS} | {"beyond": self.beyond}
 
     @state.setter
@@ -170,6 +170,6 @@ class DriftAlarm:
         return float(self.since_sums[which] / information) if information > 0 else float("nan")
 
     def ratio(self, statistic: np.ndarray) -> np.ndarray:
-        """Return T over its threshold, without sides that a parameter cannot go to."""
+        """Return T over its threshold, without directions in which a parameter cannot move."""
         size = np.where(self.one_sided, statistic, np.abs(statistic))
         return size / (self.limit * self.scale)

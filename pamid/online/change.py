@@ -32,16 +32,16 @@ KAPPA = 0.2
 """Exponent of the evidence of a rank, dimensionless."""
 
 NEAR = 20
-"""Healthy rows that say what a residual at like signals is."""
+"""Healthy rows at similar signals that give the expected residual."""
 
 KEPT = 4_000
 """Healthy rows that are kept for it."""
 
 BLOCKS = 60
-"""Blocks of a healthy stretch: as few, and so as long, as let four late ones in a row be told from them."""
+"""Blocks of a healthy stretch: as few, and so as long, as allow four later ones in a row to be distinguished."""
 
 TIMES = 2.0
-"""Least length of a block in integrated autocorrelation times; what neighbours still share raises the threshold."""
+"""Least length of a block in integrated autocorrelation times; the remaining correlation raises the threshold."""
 
 STREAMS = 5_000
 """Streams that are simulated to find the threshold."""
@@ -53,7 +53,7 @@ NOT_SIGNALS = ("time", "trajectory")
 
 
 class ChangeMonitor:
-    """Watch whether a fitted model still describes the stream; the model learns nothing.
+    """Watch whether a fitted model still describes the stream; the model is not updated.
 
     ``calibrate`` takes a healthy stretch in time order that the model was not fitted on, ``update`` what comes next. An
     alarm is a reason to look: what to do, such as a new ``fit`` on the rows since, is for the user to decide. It comes
@@ -70,8 +70,8 @@ class ChangeMonitor:
     per : float, default=600.0
         s.
     growth : float, default=1.25
-        What counts as a change: errors at like signals that are this much larger, dimensionless. Within it they may
-        vary with the motion.
+        What counts as a change: errors at similar signals larger by this factor, dimensionless. Smaller variations with
+        the motion are tolerated.
     random_state : int, default=0
         Seed of the simulated streams.
 
@@ -82,9 +82,9 @@ class ChangeMonitor:
     correlation : float
         Correlation of neighbouring blocks of the healthy stretch, and a standard error.
     threshold : float
-        Threshold of C.
+        Threshold of the evidence.
     evidence : float
-        C as it stands, dimensionless.
+        Present evidence, a sum over blocks that cannot fall below zero, dimensionless.
     changed_at : float or None
         Seconds of stream before the blocks that raised the alarm began; None without an alarm.
     n_left_out : int
@@ -131,7 +131,7 @@ class ChangeMonitor:
         self.random_state = random_state
 
     def calibrate(self, X: Any, y: Any) -> Self:
-        """Learn what the model leaves while all is well.
+        """Learn the model's residuals on healthy data.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class ChangeMonitor:
         Raises
         ------
         ParameterError
-            If the stretch is too short for how long its residuals remember.
+            If the stretch is too short for the correlation time of its residuals.
         """
         signals, squares = self._residuals(X, y)
         known = np.isfinite(squares)
@@ -161,10 +161,10 @@ class ChangeMonitor:
         n, self.block = BLOCKS, len(squares) // BLOCKS
         if self.block < TIMES * memory:
             raise ParameterError(
-                f"The healthy stretch is {len(squares) * self.sampling_interval:.3g} s long, and what the model leaves "
-                f"remembers {memory * self.sampling_interval:.3g} s.",
+                f"The healthy stretch is {len(squares) * self.sampling_interval:.3g} s long, and the model's errors "
+                f"are correlated over {memory * self.sampling_interval:.3g} s.",
                 f"at least {TIMES * BLOCKS * memory * self.sampling_interval:.3g} s",
-                "Give a longer stretch, or a model that leaves less.",
+                "Give a longer stretch, or a model with smaller errors.",
             )
         owner = np.minimum(np.arange(len(squares)) // self.block, n - 1)
         self._learn_place(signals, squares, owner, known)
@@ -177,7 +177,7 @@ class ChangeMonitor:
         return self.restart()
 
     def restart(self) -> Self:
-        """Forget the stream, not the healthy stretch; an alarm is over.
+        """Forget the stream and any alarm, but not the healthy stretch.
 
         Returns
         -------
@@ -208,7 +208,7 @@ class ChangeMonitor:
         Warns
         -----
         StreamChangeWarning
-            Once, when it is first said.
+            Once, when it is detected.
         """
         if not hasattr(self, "threshold"):
             raise ParameterError("The monitor is not calibrated.", "a healthy stretch first", "Call calibrate.")
@@ -233,10 +233,10 @@ class ChangeMonitor:
         if self.evidence > self.threshold and self.changed_at is None:
             self.changed_at = self._began * self.block * self.sampling_interval
             warnings.warn(
-                f"The stream has changed about {self.changed_at:.3g} s into it: at the same signals the model is off "
-                f"by {self.growth:g} times what it was, or more. Expected that in {self.false_alarms:.3g} of streams "
-                f"of {self.per:.3g} s without a change. Check the sensors; if the muscle is another one, fit anew on "
-                "the rows since.",
+                f"The stream has changed at about {self.changed_at:.3g} s: at the same signals the model's error is at "
+                f"least {self.growth:g} times what it was. Expected without a change in {self.false_alarms:.3g} of "
+                f"streams of {self.per:.3g} s. Check the sensors; if the muscle was replaced, fit again on the rows "
+                "since.",
                 StreamChangeWarning,
                 stacklevel=3,
             )
@@ -264,7 +264,7 @@ class ChangeMonitor:
 
     def _neighbours(self, signals: np.ndarray, owner: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """Return the mean square of healthy residuals near each row, of other blocks than its own, and how near."""
-        # Rows of the own block are near in time, and as many as may stand between others.
+        # Rows of the own block are near in time, and as many as may lie between others.
         spare = 0 if owner is None else int(np.bincount(self._owner).max())
         most = min(NEAR + spare, len(self._squares))
         distance, near = self._tree.query((signals - self._centre) / self._width, k=most)

@@ -13,7 +13,7 @@ from typing import IO
 from ..errors import LogNotFoundError, StreamError
 
 LONGEST_LINE = 1 << 20
-"""Bytes of a line that are kept; what is longer is no sample, and goes on as a line cut there."""
+"""Most bytes of a line; a longer one is not a sample, and is cut there."""
 
 _PIECE = 1 << 16
 
@@ -46,7 +46,7 @@ def lines(
     """Yield the complete lines of a file, and of what is appended to it.
 
     A line that is still being written is not read until its end is there. A file that was replaced is told by its
-    identity (device and inode), read to its end and followed by the new one; one that became shorter is read anew; for
+    identity (device and inode), read to its end and followed by the new one; one that became shorter is read again; for
     one that is gone the reader waits.
     """
     path = Path(path)
@@ -67,7 +67,7 @@ def lines(
             if stream is None or _replaced(path, stream):
                 later = _opened(path) if path.is_file() else None
                 if later is not None:
-                    cutter.forget()  # nobody writes the end of the last line any more
+                    cutter.forget()  # the last line will not be completed
                     if stream is not None:
                         stream.close()
                     stream = later
@@ -86,7 +86,7 @@ def _opened(path: Path) -> IO[bytes] | None:
     try:
         stream = path.open("rb", buffering=0)
     except FileNotFoundError:
-        return None  # gone between two looks
+        return None  # deleted between two reads
     except OSError as error:
         raise StreamError(f"{path} cannot be read: {error.strerror}.", "a readable file", "Check its rights.") from None
     if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
@@ -106,7 +106,7 @@ def _replaced(path: Path, stream: IO[bytes]) -> bool:
     try:
         now = path.stat()
     except OSError:
-        return False  # gone; what is open may still grow
+        return False  # deleted; the open file may still grow
     before = os.fstat(stream.fileno())
     return (now.st_dev, now.st_ino) != (before.st_dev, before.st_ino)
 

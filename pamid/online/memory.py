@@ -30,7 +30,7 @@ class StreamedEffect:
     dt : float
         Sampling interval, s.
     play : float, default=0
-        Half the play through which the position is followed, so that an encoder's noise is no motion to and fro.
+        Half the play through which the position is followed, so that an encoder's noise is no motion back and forth.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class StreamedEffect:
         self.restart()
 
     def restart(self) -> None:
-        """Forget: what follows is another run."""
+        """Reset: what follows is another run."""
         self.memory: Any = None
         self.last: Signals | None = None
 
@@ -82,7 +82,7 @@ class StreamedEffect:
         return {"memory": np.array(self.memory, dtype=float), "last": last}
 
     def recall(self, state: dict[str, Any]) -> None:
-        """Go on from what `state` was."""
+        """Continue from what `state` returned."""
         self.memory = state.get("memory")
         self.last = Signals(**state["last"]) if state else None
 
@@ -109,7 +109,7 @@ class StreamedEffect:
         if self.linear:
             columns = []
             for name in self.linear:
-                # Parameters are bounded, so one that is proportional is evaluated where it surely is allowed.
+                # Parameters are bounded, so a proportional one is evaluated where it is surely allowed.
                 p = next(q for q in self.effect.parameters if q.name == name)
                 unit = p.nominal if p.nominal else min(max(1.0, p.lower), p.upper)
                 others = dict.fromkeys(self.linear, 0.0)
@@ -168,7 +168,7 @@ class StreamedEffect:
             now = used.at(k)
             if not all(np.isfinite(getattr(now, role)) for role in self.effect.roles):
                 out[:, k] = np.nan if self.memory is None else self.memory
-                continue  # what was not measured is not remembered
+                continue  # missing samples do not enter the memory
             if self.memory is None or self.last is None:
                 self.memory = np.asarray(self.effect.start(now, self.plant, self.dt))
             else:

@@ -22,7 +22,7 @@ HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "
 """Effects that may appear, by default."""
 
 BLOCKS = 50
-"""Blocks that a healthy stretch has at least."""
+"""Least number of blocks of a healthy stretch."""
 
 WILD = 30.0
 """Times the noise beyond which a sample is wild."""
@@ -96,8 +96,8 @@ class _Watch:
 class GapMonitor:
     """Watch one muscle for an effect that appears during operation: a leak, friction, hysteresis.
 
-    The healthy model predicts force and flow; what it leaves is held against what each effect of the library would
-    add. `calibrate` measures on a healthy stretch how large these sums are by themselves.
+    The healthy model predicts force and flow; its residuals are correlated with what each effect of the library would
+    add. `calibrate` measures on a healthy stretch how large these sums are without a fault.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ class GapMonitor:
     memory : float, default=0.5
         Memory of the evidence, s.
     hold : float, default=1.2
-        Seconds for which evidence must stay above its threshold before it is a finding; what it is takes longer to
-        tell than that it is.
+        Seconds for which evidence must stay above its threshold before it is a finding; to identify it takes longer
+        than to detect it.
     false_alarms_per_hour : float, default=1
         Allowed rate over all effects and equations, 1/h of signal.
     play : float, default=0
@@ -178,12 +178,12 @@ class GapMonitor:
 
     @property
     def least(self) -> int:
-        """Samples that a healthy stretch has at least."""
+        """Least number of samples of a healthy stretch."""
         return BLOCKS * self.block
 
     @property
     def stuck(self) -> dict[str, float]:
-        """Channels whose sensor stands still now, with the time since which it does, s; they are left out."""
+        """Channels whose sensor is stuck, with the time since when, s; they are left out."""
         return self.sensors.stuck
 
     def calibrate(self, table: Any) -> GapMonitor:
@@ -205,7 +205,7 @@ class GapMonitor:
             raise EmptyLogError(
                 f"The healthy stretch has {n} samples.",
                 f"at least {self.least}, better a minute of signal",
-                "Record longer before something is expected to appear.",
+                "Record a longer healthy stretch.",
             )
         self.sensors.learn(self._channels(state, measured))
         for watch, y in zip(self.watches, measured, strict=True):
@@ -217,7 +217,7 @@ class GapMonitor:
             blocks = [slice(i, i + self.block) for i in range(0, n - self.block + 1, self.block)]
             for b in blocks:
                 residual[b] = _tamed(residual[b], watch.noise)
-            # What healthy operation shows of each effect by itself is no news later.
+            # Evidence for an effect in healthy operation is not an alarm later.
             known = np.isfinite(residual) & np.isfinite(H).all(axis=1)
             size = np.sqrt(np.mean(H[known] ** 2, axis=0))
             size[size == 0] = 1.0
@@ -259,7 +259,7 @@ class GapMonitor:
         Returns
         -------
         list of Finding
-            Alarms raised in these samples, at most one a block and equation.
+            Alarms raised in these samples, at most one per block and equation.
         """
         if not self.calibrated:
             raise ParameterError(
@@ -288,7 +288,7 @@ class GapMonitor:
         named = watch.alarm.update(H, residual, watch.noise) if H.shape[1] else None
         fade = float(np.exp(-len(residual) / self.settings["memory"]))
         power = float(np.mean((residual[good] / watch.noise) ** 2))
-        # A jolt is over at once; a block counts no more than makes a few of them news.
+        # A jolt is short; the evidence of one block is limited so that it takes several to raise an alarm.
         watch.power = fade * watch.power + (1.0 - fade) * min(power, 5.0 * watch.power_scale)
         beyond = watch.power > watch.power_scale
         watch.beyond = watch.beyond + len(residual) if beyond else 0
@@ -297,7 +297,7 @@ class GapMonitor:
             effect, _, unit = watch.names[which]
             value = watch.alarm.estimate(which)
             return Finding(effect, watch.law.equation, time, strength, value, unit)
-        # A residual that grew while no effect explains it: longer, so that an effect can be named first.
+        # A residual that grew without explanation: held longer, so that an effect can be named first.
         if watch.beyond >= 2 * self.settings["hold"]:
             strength = watch.power / watch.power_scale
             return Finding("unknown", watch.law.equation, time, strength, float("nan"), watch.law.unit)

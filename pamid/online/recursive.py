@@ -22,7 +22,7 @@ GATE = 6.0
 """Standard deviations beyond which a sample is an outlier."""
 
 SURPRISE = 0.5
-"""Share of outliers in a block above which they are no outliers but a change."""
+"""Share of outliers in a block above which they are a change."""
 
 JUMPS = 0.25 ** np.arange(16.0)
 """Variances of a jump among which the likeliest is taken, in units of the prior's: a factor of two in size apart."""
@@ -33,7 +33,7 @@ class RecursiveEstimate:
 
     .. math:: \theta_{k+1} = \theta_k, \quad P_{k+1|k} = \lambda^{-B} P_k \le P_0, \qquad y_k = H_k\theta_k + v_k
 
-    with the forgetting factor λ a sample, blocks of B samples, and the covariance never above the prior's.
+    with the forgetting factor λ per sample, blocks of B samples, and the covariance never above the prior's.
 
     Parameters
     ----------
@@ -44,12 +44,12 @@ class RecursiveEstimate:
     memory : float
         Samples after which a sample counts 1/e; infinite for none forgotten.
     covariance : array, shape (n_parameters, n_parameters), optional
-        Covariance to go on from; that of the spread by default.
+        Covariance to continue from; that of the spread by default.
     suspect : array, shape (n_rows, n_parameters + 1), optional
-        Reduced rows of a suspect block to go on from; none by default.
+        Reduced rows of a suspect block to continue from; none by default.
     scatter : array, shape (2,), optional
         Squares that blocks leave within themselves, in units of the noise that `update` is given, and their degrees of
-        freedom, from which the noise is learnt on; by default the noise is known.
+        freedom, from which the noise is estimated further; by default the noise is known.
 
     Examples
     --------
@@ -119,7 +119,7 @@ class RecursiveEstimate:
         Returns
         -------
         array of bool, shape (n_samples,)
-            Which samples counted.
+            Which samples were used.
         """
         kalman = self._filter
         n = len(self.limit)
@@ -127,7 +127,7 @@ class RecursiveEstimate:
             noise = noise * float(np.sqrt(self.scatter[0] / self.scatter[1]))
         kalman.alpha = 1.0 if np.isinf(self.memory) else float(np.exp(0.5 * len(y) / self.memory))
         kalman.predict()
-        # Forgetting without news would let the covariance grow without end.
+        # Forgetting without new information would let the covariance grow without bound.
         shrink = np.minimum(1.0, self.limit / np.sqrt(np.diag(kalman.P)))
         if shrink.min() < 1.0:
             kalman.P = kalman.P * shrink[:, None] * shrink

@@ -11,10 +11,10 @@ from ..constants import ATMOSPHERIC_PRESSURE
 from ..signals.plausibility import implausible_units
 
 WINDOW = 1.0
-"""Seconds that are judged together; what blinds is told after one or two of them."""
+"""Length of a judged interval, s; blindness is reported after one or two of them."""
 
 LEAST_SAMPLES = 20
-"""Samples that are judged together at least."""
+"""Least number of samples judged together."""
 
 
 class Sight:

@@ -29,7 +29,7 @@ EVEN = 0.02
 """Share of the interval within which a step is an even one; its sample is then taken as it is."""
 
 GLITCH = 10.0
-"""Times the bend that nine in ten samples stay below, from which on a single sample is a glitch."""
+"""Multiple of the 90 % quantile of the curvature above which a single sample is a glitch."""
 
 _RATES = {"deps": "eps", "dP": "P"}
 
@@ -208,7 +208,7 @@ def without_glitches(values: np.ndarray) -> int:
     if len(known) < 2 * HALF_WIDTH:
         return 0
     usual = float(np.quantile(known, 0.9))
-    # A spike bends its neighbours, too, by half as much; an edge bends two samples alike.
+    # A spike also curves its neighbours, by half as much; an edge curves two samples alike.
     beside = np.fmax(np.r_[0.0, bend[:-1]], np.r_[bend[1:], 0.0])
     floor = 1e-12 * float(np.nanmax(np.abs(values)))
     found = np.flatnonzero((bend > GLITCH * usual + floor) & (bend > 1.5 * beside))

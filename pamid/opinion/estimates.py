@@ -44,8 +44,8 @@ class Open(NamedTuple):
         """Return the combination and how far it is open."""
         first = next(iter(self.weights))
         terms = " and ".join(f"{n} by {100 * w:+.0f} %" for n, w in self.weights.items())
-        far = "without end" if self.spread > 10.0 else f"to ± {100 * 1.645 * self.spread:.0f} %"
-        return f"{terms} together: {far} of {first}" if len(self.weights) > 1 else f"{first}: {far}"
+        far = "unbounded" if self.spread > 10.0 else f"± {100 * 1.645 * self.spread:.0f} %"
+        return f"{terms} together ({far} in {first})" if len(self.weights) > 1 else f"{first} ({far})"
 
 
 class Estimates(NamedTuple):

@@ -28,7 +28,7 @@ _QUANTITIES = {
     "coulomb": "dof_frictionloss", "friction": "dof_frictionloss",
     "body mass": "body_mass", "mass": "body_mass", "gear": "actuator_gear",
 }  # fmt: skip
-"""What tools call the numbers that MuJoCo has, longer names first where one holds another."""
+"""Names of MuJoCo's numbers in other tools, longer names first where one contains another."""
 _FILLERS = frozenset(("joint", "dof", "params", "parameters", "actuator", "pos", "value", "best", "mean"))
 _ORDERS = ("joint_order", "joint_names", "joints", "names")
 
@@ -59,7 +59,7 @@ class FittedParameters:
     numbers : dict of str to FittedNumber
         By the tool's own names, or by those of the simulator after `of`.
     unmatched : tuple of str
-        Names that are no number of the simulator.
+        Names that match no number of the simulator.
     model : Path or None
         The fitted model itself, where that is what the tool writes.
     source : str
@@ -84,17 +84,17 @@ class FittedParameters:
         Parameters
         ----------
         simulator : Simulator
-            The simulator; of a fitted model those of its numbers that differ from this one's are what was fitted.
+            The simulator; of a fitted model, the numbers that differ from this one's are those fitted.
 
         Returns
         -------
         FittedParameters
-            With `unmatched`, what is no number of it.
+            With `unmatched`, the names that match none.
 
         Raises
         ------
         ParameterError
-            None of the names is one.
+            None of the names matches.
         """
         if self.model is not None:
             return self._of_model(simulator)
@@ -119,7 +119,7 @@ class FittedParameters:
     def _of_model(self, simulator: Simulator) -> FittedParameters:
         if not isinstance(simulator, MujocoSimulator) or self.model is None:
             raise ParameterError(
-                f"{self.source} is a MuJoCo model, and the simulator is none.", "fitted values", "Give them as JSON."
+                f"{self.source} is a MuJoCo model, and the simulator is not.", "fitted values", "Give them as JSON."
             )
         fitted, own = MujocoSimulator(self.model).own_numbers(), numbers_of(simulator)
         changed = {k: FittedNumber(v.value) for k, v in fitted.items() if k in own and v.value != own[k].value}
@@ -180,7 +180,7 @@ def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> Fitte
     ending = path.suffix.lower()
     if ending == ".xml":
         if not path.is_file():
-            raise SimulatorNotFoundError(f"{path} is not there.", "a fitted MJCF", "Check the path.")
+            raise SimulatorNotFoundError(f"{path} does not exist.", "a fitted MJCF", "Check the path.")
         return FittedParameters(model=path, source=path.name)
     if ending in (".pt", ".pth", ".pkl", ".pickle", ".npy", ".npz"):
         raise Broken(
@@ -201,7 +201,7 @@ def _parsed(text: str, path: Path) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         if path.suffix.lower() == ".json":
-            raise Broken(f"{path.name} is no JSON: {error}.", "whole JSON", "Write it again.") from None
+            raise Broken(f"{path.name} is not valid JSON: {error}.", "complete JSON", "Write it again.") from None
     try:
         import yaml  # type: ignore[import-untyped]
     except ImportError:
@@ -212,7 +212,9 @@ def _parsed(text: str, path: Path) -> Any:
         return yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         said = " ".join(str(error).split())[:120]
-        raise Broken(f"{path.name} is no YAML: {said}.", "whole YAML of names and values", "Write it again.") from None
+        raise Broken(
+            f"{path.name} is not valid YAML: {said}.", "complete YAML of names and values", "Write it again."
+        ) from None
 
 
 def _of_table(table: Any, source: str) -> FittedParameters:

@@ -20,38 +20,38 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEVEL = 0.01
-"""Probability with which a number is said to have moved by chance, over all numbers of a fit."""
+"""Probability of reporting, over all numbers of a fit, that one moved when it did so by chance."""
 NEGLIGIBLE = 0.01
-"""Relative change that nobody minds: what time steps and integrators differ by."""
+"""Negligible relative change: the difference between time steps and integrators."""
 ENDLESS = 3.0
-"""Relative error above which a combination of numbers does nothing to a log."""
+"""Relative error above which a combination of numbers has no effect on a log."""
 MOST = 0.5
-"""Share of the gap that causes must close on runs that were not fitted, for a number to have absorbed them."""
+"""Share of the gap that causes must close on held-out runs, for a number to have absorbed them."""
 POSITIVE = ("body_mass.", "dof_armature.", "dof_damping.", "dof_frictionloss.")
 """Numbers that cannot be negative."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is said of one fitted number.
+    """The verdict on one fitted number.
 
     Parameters
     ----------
     name : str
         Its name in the simulator.
     status : str
-        ``"holds"``, ``"absorbed"`` (it took up what is missing), ``"open"`` (this log does not say it), ``"off"`` (the
-        log has another value, without a cause) or ``"not tested"``.
+        ``"holds"``, ``"absorbed"`` (it took up missing physics), ``"open"`` (this log does not determine it), ``"off"``
+        (the log gives another value, without a cause) or ``"not tested"``.
     fitted : float
-        As the tool left it.
+        As the tool fitted it.
     value : float
-        As this log has it beside what was missing.
+        As this log gives it once the missing effects are added.
     ci90 : (float, float)
-        Its 90 % interval; infinite where the log does not say it.
+        Its 90 % interval; infinite where the log does not determine it.
     unit : str
         Its unit.
     why : str
-        What speaks for the status.
+        Reason for the status.
 
     Examples
     --------
@@ -88,18 +88,18 @@ class Opinion:
     agreement : float
         Probability that the numbers differ as much between runs by chance; NaN of a single run.
     unmatched : tuple of str
-        What the tool fitted and the simulator has no number for.
+        Fitted numbers without a counterpart in the simulator.
     source : str
         Where the fit comes from.
 
     ranges : dict of str to (float, float)
-        What each signal of the log went through.
+        Range of each signal of the log.
 
     Examples
     --------
     >>> from pamid.opinion import Opinion, second_opinion  # whose example makes one
     >>> Opinion.absorbed.__doc__
-    'Names of the numbers that took up what is missing.'
+    'Names of the numbers that took up missing physics.'
     """
 
     numbers: list[Judgement]
@@ -114,17 +114,17 @@ class Opinion:
 
     @property
     def absorbed(self) -> list[str]:
-        """Names of the numbers that took up what is missing."""
+        """Names of the numbers that took up missing physics."""
         return [j.name for j in self.numbers if j.status == "absorbed"]
 
     def sentences(self) -> list[str]:
-        """Say it in sentences, what matters most first."""
+        """Return it in sentences, the most important first."""
         words = {"absorbed": "absorbed what is missing", "off": "is off"}
         said = [f"{j.name} {words[j.status]}: {j.why}." for j in self.numbers if j.status in words]
         if self.missing and _closes(self.diagnosis):
             said.append(f"Missing in the simulator: {', '.join(self.missing)}.")
         elif self.missing:
-            said.append(f"{', '.join(self.missing)} would explain what is left, and closes no gap on runs not fitted.")
+            said.append(f"{', '.join(self.missing)} would explain the rest, but closes no gap on held-out runs.")
         elif self.diagnosis.gap:
             said.append("Something is missing in the simulator that the library does not hold.")
         else:
@@ -164,11 +164,11 @@ def second_opinion(
 ) -> Opinion:
     """Say which of a tool's fitted parameters hold, which absorbed missing physics, and which the log leaves open.
 
-    Causes accuse a number only where they close most of the gap on runs that were not fitted.
-    The log is diagnosed with each number within the tolerance that the simulator's page states, or free to move about
-    the fitted value where it states none. A number absorbed physics that is missing if it moves by more than its error
-    once the cause is there, if it left its tolerance, or if it cannot be physical. Directions that the log does not fix
-    are told as combinations.
+    A cause counts against a number only where it closes most of the gap on held-out runs.
+    The log is diagnosed with each number within the tolerance that the simulator's simulator file states, or free to
+    move about the fitted value where it states none. A number absorbed missing physics if it moves by more than its
+    error once the cause is added, if it left its tolerance, or if it is unphysical. Directions that the log does not
+    fix are reported as combinations.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def second_opinion(
     fit = fits[0]
     known = numbers_of(simulator)
     values = {n: v.value for n, v in fit.numbers.items()}
-    # What the page states of a number is known of it; the others may be anything about where the tool left them.
+    # A number is known as the simulator file states; the others may be anything around the fitted value.
     stated = {n for n in values if known[n].tolerance > 0.0 and known[n].value != 0.0}
     fitted = freed(_of_model(simulator, fit, stated), {n: v for n, v in values.items() if n not in stated})
     found = diagnose_simulator(log, fitted, effects, seed=seed, progress=say)
@@ -236,12 +236,12 @@ def second_opinion(
     for name, number in fit.numbers.items():
         unit = about.parameters[name].unit
         if name not in place:
-            why = "it is zero" if number.value == 0.0 else "the log says nothing of it"
+            why = "it is zero" if number.value == 0.0 else "the log says nothing about it"
             status = "absorbed" if _closes(found) and _collapsed(number, known[name].value) else "not tested"
             judged.append(Judgement(name, status, number.value, number.value, (-np.inf, np.inf), unit, why))
             continue
         k = place[name]
-        # What the diagnosis arrived at, under its robust likelihood; the errors are those of the step from there.
+        # The result of the diagnosis, under its robust likelihood; the errors are those of the step from there.
         errors = float(est.errors[k]), float(est.alone[k])
         judged.append(_judged(name, number, about.get(name), errors, z, found, known[name], unit))
     judged = [_between(j, [f.numbers[j.name].value for f in fits if j.name in f.numbers], found) for j in judged]
@@ -272,7 +272,7 @@ def _moved(fitted: Simulator, found: Diagnosis) -> Simulator:
 
 
 def _closes(found: Diagnosis) -> bool:
-    """Tell whether what is missing closes most of the gap on runs that were not fitted."""
+    """Return whether what is missing closes most of the gap on held-out runs."""
     shares = {e.equation: e.share for e in found.equations}
     closed = sum(shares.get(c.equation, 0.0) * c.closed_share for c in found.closure)
     return bool(found.gap and found.added and closed > MOST * sum(shares.values()))
@@ -351,5 +351,5 @@ def _next(found: Diagnosis, flat: Sequence[Open]) -> str:
         return ""
     names = ", ".join(dict.fromkeys(n for direction in flat for n in direction.weights))
     if flat[0].spread > ENDLESS:
-        return f"one of {names} measured by itself, such as a mass on scales; motions alone hardly tell them apart."
+        return f"one of {names} measured separately, such as a mass on scales; motion alone hardly distinguishes them."
     return f"one in which {names} act differently: other speeds, loads or frequencies than this log's."

@@ -39,13 +39,13 @@ class Entry:
     value : float
         As the log has it, beside what was missing.
     low, high : float
-        Its 90 % interval; infinite where the log does not say it.
+        Its 90 % interval; infinite where the log does not determine it.
     unit : str
         Its unit.
     status : str
         See `Judgement`.
     fitted : float
-        As the tool left it.
+        As the tool fitted it.
     """
 
     value: float
@@ -80,14 +80,14 @@ class RigCheck:
 
 @dataclass(frozen=True)
 class Passport:
-    """Numbers of a simulator as a log vouches for them.
+    """Numbers of a simulator with what a log says about them.
 
     Parameters
     ----------
     numbers : dict of str to Entry
         By name.
     ranges : dict of str to (float, float)
-        What each signal of the log went through.
+        Range of each signal of the log.
     flat : list of dict
         Directions that the log leaves open: relative weights by name.
     agreement : float
@@ -97,7 +97,7 @@ class Passport:
     log : str
         Name of the log.
     rigs : list of RigCheck
-        Other logs that it was held against.
+        Other logs that it was checked on.
 
     Examples
     --------
@@ -134,7 +134,7 @@ class Passport:
 
     # --- another log ----------------------------------------------------------------------------------------
     def check(self, log: pd.DataFrame, simulator: Simulator, name: str) -> Passport:
-        """Return the passport with what another rig's log says of it.
+        """Return the passport, checked on another rig's log.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class Passport:
         Raises
         ------
         SimulatorNotFoundError, SimulatorSyntaxError
-            It cannot be read, or is no passport.
+            It cannot be read, or is not a passport.
         """
         return cls._of(read_toml(path, "a passport", _ERRORS))
 
@@ -222,13 +222,13 @@ class Passport:
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise SimulatorSyntaxError(
-                f"This is no passport: {type(error).__name__} {error}.",
+                f"This is not a passport: {type(error).__name__} {error}.",
                 "tables [passport], [range], [numbers]",
                 "Name the passport.toml that 'pamid diagnose --after' wrote.",
             ) from None
 
     def page(self) -> str:
-        """Return the passport as one HTML page that asks for nothing else."""
+        """Return the passport as a self-contained HTML page."""
         e = html.escape
         rows = [
             f"<tr><td>{e(n)}</td><td>{x.value:.5g} {e(x.unit)}</td><td>{_interval(x)}</td><td>{x.fitted:.5g}</td>"
@@ -267,13 +267,13 @@ class Passport:
 
 
 def _leaves(values: pd.Series, low: float, high: float) -> bool:
-    """Tell whether a signal goes beyond a range by more than a tenth of it."""
+    """Return whether a signal goes beyond a range by more than a tenth of it."""
     room = 0.1 * (high - low)
     return bool(values.min() < low - room or values.max() > high + room)
 
 
 def _interval(x: Entry) -> str:
-    return f"{x.low:.5g} to {x.high:.5g}" if np.isfinite(x.high - x.low) else "not said by this log"
+    return f"{x.low:.5g} to {x.high:.5g}" if np.isfinite(x.high - x.low) else "not determined by this log"
 
 
 def _rig(rig: RigCheck, name: str) -> str:

@@ -20,7 +20,7 @@ _MARKS = ("o", "s", "^", "D", "v")
 
 
 class AdaptationDisplay:
-    """Error on unseen runs over the number of samples that an adaptation had, one curve a method.
+    """Error on unseen runs over the number of samples that an adaptation had, one curve per method.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class AdaptationDisplay:
             if len(values) != len(samples):
                 raise ShapeError(
                     f"{name} has {len(values)} errors for {len(samples)} numbers of samples.",
-                    "one a size",
+                    "one per size",
                     "Correct it.",
                 )
         self.samples = samples
@@ -145,7 +145,7 @@ class AdaptationDisplay:
         ParameterError
             More samples are asked for than there are.
         MissingTrajectoryError
-            Nothing tells the runs.
+            Nothing names the runs.
         """
         from sklearn.base import clone
         from sklearn.utils import check_random_state

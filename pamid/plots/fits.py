@@ -14,15 +14,16 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_STILL = 2e-3  # range of contraction below which a trajectory is taken for isometric
+_STILL = 2e-3  # range of contraction below which a run is taken for isometric
 
 
 def fit_plot(
     comparison: Any, estimator: str | None = None, path: str | Path | None = None, *, title: str = ""
 ) -> Figure:
-    """Draw an estimator's predictions of the best, the median and the worst held-out trajectory.
+    """Draw an estimator's predictions of the best, the median and the worst held-out run.
 
-    Above over time; below as loops over the contraction, or over the pressure where the contraction is held.
+    The upper panels show them over time, the lower ones as loops over the contraction, or over the pressure where the
+    contraction is held.
 
     Parameters
     ----------
@@ -87,14 +88,14 @@ def fit_plot(
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=2)
         head = f"{title}: " if title else ""
-        figure.suptitle(f"{head}{label} on trajectories that its fit had not seen", x=0.01, ha="left", fontsize=10)
+        figure.suptitle(f"{head}{label} on runs unseen by its fit", x=0.01, ha="left", fontsize=10)
         if path is not None:
             save_figure(figure, path)
     return figure
 
 
 def _examples(rows: pd.DataFrame) -> dict[str, str]:
-    """Choose the best, the median and the worst trajectory by root mean square error."""
+    """Choose the best, the median and the worst run by root mean square error."""
     square = (rows["predicted"] - rows["measured"]) ** 2
     order = square.groupby(rows["trajectory"], sort=False).mean().sort_values(kind="stable").index
     places = {"best": 0, "median": len(order) // 2, "worst": len(order) - 1}

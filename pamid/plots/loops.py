@@ -102,7 +102,7 @@ class LoopDisplay:
         Raises
         ------
         MissingColumnError, MissingTrajectoryError, ShapeError
-            The table lacks the column, nothing tells the runs, or lengths differ.
+            The table lacks the column, nothing names the runs, or lengths differ.
         """
         return cls.from_predictions(y, predicted(estimator, X), X, groups=groups, across=across, unit=unit)
 

@@ -109,7 +109,7 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     Raises
     ------
     ParameterError
-        If the name ends otherwise.
+        If the name has another ending.
     OutputError
         If the file cannot be written.
 

@@ -25,7 +25,7 @@ class VolumeSurfaceDisplay:
     """Identified volume over contraction and gauge pressure, and its relative uncertainty as lines.
 
     The uncertainty is the spread of the volume among estimators that were fitted on different runs: what other runs
-    would have given. It says nothing of errors that all of them share, such as a wrong diameter.
+    would have given. It says nothing about errors that all of them share, such as a wrong diameter.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class VolumeSurfaceDisplay:
         IncompatibleError
             The estimator identifies no volume.
         MissingTrajectoryError
-            Nothing tells the runs.
+            Nothing names the runs.
         """
         from sklearn.base import clone
         from sklearn.utils import check_random_state

@@ -108,7 +108,7 @@ class VolumeDisplay:
         MissingColumnError
             If X has no ``eps`` or ``P``.
         ExcitationError
-            If the contraction stands still, as in an isometric log.
+            If the contraction is constant, as in an isometric log.
         """
         if not isinstance(estimator, WithVolume):
             raise IncompatibleError(
@@ -192,7 +192,7 @@ def volume_plot(
 ) -> Figure:
     """Draw the identified volume and its slope over the contraction, at several pressures, beside the geometry.
 
-    Thick lines show where there were data near the pressure, thin ones what the model makes of the rest.
+    Thick lines show where there were data near the pressure, thin ones where the model extrapolates.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def volume_plot(
     title : str, default=""
         Title of the figure.
     level : bool, default=True
-        Whether to draw the volume beside its slope; a force alone tells no level.
+        Whether to draw the volume beside its slope; a force alone does not determine the level.
     **geometry
         ``rest_length`` (m), ``rest_diameter`` (m), ``braid_angle`` (rad), ``n_pressures``: see
         `VolumeDisplay.from_estimator`.

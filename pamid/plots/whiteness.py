@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 class ResidualTestDisplay:
     """Autocorrelation of a residual, and its correlation with each input, with their bands.
 
-    What leaves a band is orange: before lag 0 of an input that is feedback, from lag 0 on what the model misses of it.
+    What leaves a band is orange: before lag 0 it is feedback to that input, from lag 0 on an influence that the model
+    lacks.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ class ResidualTestDisplay:
     figure_ : Figure
         What was drawn.
     axes_ : list of Axes
-        Its axes: the autocorrelation, then one an input.
+        Its axes: the autocorrelation, then one per input.
 
     See Also
     --------
@@ -106,7 +107,7 @@ class ResidualTestDisplay:
         return cls(residual_test(error, dict(inputs), groups, lags=lags, interval=interval))
 
     def plot(self) -> Self:
-        """Draw in a figure of its own.
+        """Draw in a new figure.
 
         Returns
         -------

@@ -20,7 +20,7 @@ KINDS = ("map", "course", "loop", "ranking", "spectrum", "closure")
 
 
 class GapDisplay:
-    """Pictures of a diagnosis, one a call.
+    """Pictures of a diagnosis, one per call.
 
     In a notebook it shows what was drawn last; before that, the answer in words.
 
@@ -98,7 +98,7 @@ class GapDisplay:
         return cls(diagnosis)
 
     def plot(self, kind: str = "map", *, equation: str | None = None, **options: Any) -> Self:
-        """Draw one picture in a figure of its own.
+        """Draw one picture in a new figure.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ def report_html(
     Returns
     -------
     str
-        HTML that holds its pictures and its style and asks for nothing else. All text is escaped.
+        Self-contained HTML with its pictures and its style. All text is escaped.
 
     Examples
     --------

@@ -429,8 +429,8 @@ def experiment(e: NextExperiment) -> str:
     if numbers:
         text += f" ({', '.join(numbers)})"
     if e.separates:
-        text += f": it tells {listed([effect(s) for s in e.separates], 'from')} apart"
-        text = text.removesuffix(" apart") if len(e.separates) == 2 else text
+        text += f": it distinguishes {listed([effect(s) for s in e.separates], 'from')}"
+
     if math.isfinite(e.expected) and e.expected > 0:
         ratio = math.exp(min(e.expected, 20.0))
         odds = "more than 1000" if ratio > 1000 else f"about {float(f'{ratio:.2g}'):g}"

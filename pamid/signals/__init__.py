@@ -1,4 +1,4 @@
-"""Signals: reading logs into tidy frames in SI, rates, resampling, windows and splits by trajectory.
+"""Signals: reading logs into tidy frames in SI, rates, resampling, windows and splits by run.
 
 Everything is imported when it is first used, so that ``import pamid.signals`` stays light. No public name is also the
 name of a module here: the module, once imported, would hide it.

@@ -1,4 +1,4 @@
-"""What the rows of a log must satisfy: finite values, time that goes on, contiguous trajectories, steady sampling."""
+"""What the rows of a log must satisfy: finite values, time that goes on, contiguous runs, steady sampling."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Notes:
         if self.duplicates:
             count, name = sum(self.duplicates.values()), next(iter(self.duplicates))
             said.append(
-                f"{count} rows with the time of the row before were merged into it, in {len(self.duplicates)} "
-                f"trajectories such as '{name}'"
+                f"{count} rows with the same time as the row before were merged into it, in {len(self.duplicates)} "
+                f"runs such as '{name}'"
             )
         if self.gaps:
             worst = max(self.gaps, key=self.gaps.__getitem__)
             said.append(
-                f"{len(self.gaps)} trajectories have gaps of more than {_GAP:g} sampling periods; the longest is "
+                f"{len(self.gaps)} runs have gaps of more than {_GAP:g} sampling periods; the longest is "
                 f"{self.gaps[worst]:.3g} s in '{worst}'"
             )
         if self.periods and max(self.periods.values()) > 1.5 * min(self.periods.values()):
@@ -108,7 +108,7 @@ def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
     place = f"row {row + 1}"
     if "time" in values and np.isfinite(values["time"][row]):
         place += f", time {values['time'][row]:.6g} s"
-    place += f" of trajectory '{frame['trajectory'].iloc[row]}'"
+    place += f" of run '{frame['trajectory'].iloc[row]}'"
     raise NonFiniteError(
         f"{where} has {kinds} in {', '.join(f'{n} rows of {c}' for c, n in counts.items())}; "
         f"the first in {column}, {place}.",
@@ -118,7 +118,7 @@ def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
 
 
 def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, notes: Notes) -> pd.DataFrame:
-    """Make time increase within contiguous trajectories, as the policies say, or raise."""
+    """Make time increase within contiguous runs, as the policies say, or raise."""
     names = frame["trajectory"].to_numpy(dtype=object)
     if order == "sort":
         rank = {name: i for i, name in enumerate(dict.fromkeys(names.tolist()))}
@@ -141,11 +141,11 @@ def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, no
         if same.size and duplicates != "keep":
             if duplicates == "raise" or same.size > max(1, _MANY_DUPLICATES * len(time[rows])):
                 raise TimeOrderError(
-                    f"{where}: {same.size} of {len(time[rows])} rows of trajectory '{name}' have the time of the row "
+                    f"{where}: {same.size} of {len(time[rows])} rows of run '{name}' have the same time as the row "
                     f"before, the first at {time[rows][same[0]]:.6g} s.",
                     "time to increase from row to row",
                     "Set duplicates = 'keep' and a sampling_period if the clock is too coarse, or 'drop' or 'mean' for "
-                    "a few doubled rows.",
+                    "a few repeated rows.",
                 )
             keep[rows.start + same] = False
             merged = True
@@ -162,10 +162,10 @@ def _require_contiguous(names: np.ndarray, where: str) -> None:
         seen: set[str] = set()
         again = next(n for n in order if n in seen or seen.add(n))  # type: ignore[func-returns-value]
         raise InterleavedTrajectoryError(
-            f"{where} has {len(set(order))} trajectories in {len(order)} blocks of rows; '{again}' comes back after "
+            f"{where} has {len(set(order))} runs in {len(order)} blocks of rows; '{again}' comes back after "
             "another one.",
-            "the rows of each trajectory to be contiguous",
-            "Read with time_order='sort' to sort by trajectory and time.",
+            "the rows of each run to be contiguous",
+            "Read with time_order='sort' to sort by run and time.",
         )
 
 
@@ -185,13 +185,13 @@ def _split_at_resets(names: np.ndarray, time: np.ndarray) -> np.ndarray:
 def _require_forward(steps: np.ndarray, time: np.ndarray, name: str, where: str) -> None:
     if len(time) < 2:
         raise ShortTrajectoryError(
-            f"{where}: trajectory '{name}' has {len(time)} row.",
-            "at least 2 rows in every trajectory",
-            "Leave this trajectory out, or record it again.",
+            f"{where}: run '{name}' has {len(time)} row.",
+            "at least 2 rows in every run",
+            "Leave this run out, or record it again.",
         )
     if not steps.any():
         raise TimeError(
-            f"{where}: time is {time[0]:.6g} s in all {len(time)} rows of trajectory '{name}'.",
+            f"{where}: time is {time[0]:.6g} s in all {len(time)} rows of run '{name}'.",
             "time that increases",
             "Map another column to time, or give sampling_period.",
         )
@@ -199,9 +199,9 @@ def _require_forward(steps: np.ndarray, time: np.ndarray, name: str, where: str)
     if back.size:
         row = int(back[0]) + 1
         raise TimeOrderError(
-            f"{where}: time goes back {back.size} times in trajectory '{name}', first from {time[row - 1]:.6g} s to "
+            f"{where}: time goes backwards {back.size} times in run '{name}', first from {time[row - 1]:.6g} s to "
             f"{time[row]:.6g} s in its row {row + 1}.",
-            "time to increase within a trajectory",
+            "time to increase within a run",
             "Read with time_order='sort' if rows are shuffled, or 'split' if the clock restarts with each run.",
         )
 
@@ -215,7 +215,7 @@ def _mean_of_duplicates(frame: pd.DataFrame, keep: np.ndarray) -> pd.DataFrame:
 
 
 def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
-    """Return a tidy frame with its trajectory and time first, the sampling of it noted."""
+    """Return a tidy frame with its run and time first, the sampling of it noted."""
     first = ["trajectory", "time"]
     frame = frame[[*first, *[c for c in frame.columns if c not in first]]]
     note_sampling(frame, notes)
@@ -223,7 +223,7 @@ def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
 
 
 def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
-    """Note the sampling period of each trajectory and its gaps."""
+    """Note the sampling period of each run and its gaps."""
     time = frame["time"].to_numpy(dtype=float)
     for name, rows in blocks(frame["trajectory"].to_numpy(dtype=object)):
         steps = np.diff(time[rows])

@@ -33,7 +33,7 @@ _NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 
 
 _RATES = ("fs", "fsample", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency")
-"""What the number of rows in a second is called beside a table, and the time between two."""
+"""Names for the sampling rate and the sampling period stored beside a table."""
 _PERIODS = ("ts", "dt", "tsample", "samplingperiod", "sampleperiod", "samplingtime", "sampletime", "samplinginterval")
 
 
@@ -134,7 +134,7 @@ def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
         str(c) for k, c in enumerate(raw.columns)
         if k != at and pd.api.types.is_string_dtype(raw.iloc[:, k]) and dimension_of(str(c)) is None
     ]  # fmt: skip
-    return (f"{', '.join(repr(c) for c in found[:4])} left out (words, no numbers)",) if found else ()
+    return (f"{', '.join(repr(c) for c in found[:4])} left out (text, not numbers)",) if found else ()
 
 
 def _by_own_names(
@@ -175,7 +175,7 @@ def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str,
         return {}
     found = {name: match for name in signals if (match := _NAME_WITH_UNIT.match(name))}
     return {
-        name: f"not read as {match[1]}, since '{match[2][:20]}' is no known unit"
+        name: f"not read as {match[1]}, since '{match[2][:20]}' is not a known unit"
         for name, match in found.items()
         if dimension_of(match[1]) is not None and match[1] not in signals
     }
@@ -231,7 +231,7 @@ def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
 def _zero(zero_run: pd.DataFrame | None, position: int, signal: str, path: Path, mapping: LogMapping) -> float:
     if zero_run is None:
         raise MappingError(
-            f"{signal} is to have the zero run subtracted, and {path.name} has none.",
+            f"The zero run is to be subtracted from {signal}, but {path.name} has none.",
             "zero_run to name the variable of the zero run",
             "Set zero_run in the mapping, or remove subtract_zero_run.",
         )
@@ -264,7 +264,7 @@ def _to_si(
         rest = constants.get("rest_length")
         if rest is None or rest <= 0:
             raise MappingError(
-                f"{signal} is to come from a {how.source}, and {path.name} has no rest_length.",
+                f"{signal} is to be computed from a {how.source}, but {path.name} has no rest_length.",
                 "the constant rest_length",
                 "Add rest_length to constants, for instance rest_length = '200 mm'.",
             )
@@ -303,7 +303,7 @@ def _period(table: RawTable, mapping: LogMapping) -> tuple[float | None, tuple[s
         if not (np.isfinite(number) and number > 0.0) or called not in (*_RATES, *_PERIODS):
             continue
         period = 1.0 / number if called in _RATES else number
-        return period, (f"no column of time, so it is counted from {name} = {number:g}, {period:g} s a row",)
+        return period, (f"no time column, so time is counted from {name} = {number:g}, {period:g} s per row",)
     return None, ()
 
 
@@ -326,8 +326,8 @@ def _names(
         column = as_names(raw.iloc[:, position])
         if nameless := int((column == "").sum()):
             raise ColumnTypeError(
-                f"{path.name} names no trajectory in {nameless} of {len(column)} rows.",
-                "a trajectory in every row",
+                f"{path.name} names no run in {nameless} of {len(column)} rows.",
+                "a run in every row",
                 "Fill in the names or remove the rows.",
             )
     if mapping.name is not None:
@@ -339,7 +339,7 @@ def _names(
             return mapping.name.format(**known)
         except (KeyError, IndexError, ValueError, AttributeError) as error:
             raise MappingError(
-                f"The name {mapping.name!r} asks for {error}, which {path.name} does not give.",
+                f"The name {mapping.name!r} asks for {error}, which {path.name} does not contain.",
                 f"only {', '.join(sorted(known))}",
                 "Correct name in the mapping.",
             ) from None
@@ -359,7 +359,7 @@ def as_names(column: pd.Series) -> pd.Series:
         return pd.Series(names, index=column.index, dtype="str")
     except UnicodeEncodeError as error:
         raise ColumnTypeError(
-            f"The name of a trajectory holds half a character: {error.object[:40]!r}.", "Unicode text", "Rename it."
+            f"The name of a run contains an incomplete character: {error.object[:40]!r}.", "Unicode text", "Rename it."
         ) from None
 
 

@@ -11,11 +11,11 @@ from ..errors import NonFiniteError, ShapeError
 from .rates import differentiate, tune_cutoff
 
 _ROUNDS = 3
-"""Rounds of cut-off and gains by turns; both have settled after two."""
+"""Alternating updates of cut-off and gains; both have settled after two."""
 
 _LIKELIHOOD = "kalman"
-"""The smoother whose remainder weighs the gains: the posterior mean of a smooth signal, so that they are those of the
-greatest likelihood. A moving window is not one, and led to gains 14 % off."""
+"""The smoother whose residual weighs the gains: the posterior mean of a smooth signal, which makes them the
+maximum-likelihood estimates. A moving window does not, and led to gains 14 % off."""
 
 
 def held_integral(inputs: Any, t: Any) -> np.ndarray:
@@ -32,14 +32,14 @@ def fit_gains(
     method: str = "savgol",
     tuning: str | float = "auto",
 ) -> tuple[np.ndarray, float]:
-    r"""Identify how strongly inputs drive a signal, and how much the rest of it asks to be smoothed.
+    r"""Identify how strongly inputs drive a signal, and how much smoothing the remainder needs.
 
     .. math:: \dot y = \sum_j \beta_j\,g_j(t) + s(t), \qquad
         \hat\beta = \arg\min_\beta\; (y - G\beta)^T (I - H) (y - G\beta)
 
     with inputs g that hold from a sample to the next, their integrals G and a smooth remainder s. H is the Kalman/RTS
     smoother, the posterior mean of a smooth signal in white noise, which makes β the maximum-likelihood estimate;
-    cut-off and β are found by turns. The method then smooths what the inputs leave.
+    cut-off and β are estimated alternately. The method then smooths the remainder.
 
     References
     ----------
@@ -67,7 +67,7 @@ def fit_gains(
 def _likeliest_gains(
     runs: Sequence[np.ndarray], integrals: Sequence[np.ndarray], clocks: Sequence[np.ndarray], cutoff: float
 ) -> np.ndarray:
-    """Solve the normal equations (Gᵀ (I − H) G) β = Gᵀ (I − H) y over all trajectories."""
+    """Solve the normal equations (Gᵀ (I − H) G) β = Gᵀ (I − H) y over all runs."""
     n = integrals[0].shape[1]
     normal, right = np.zeros((n, n)), np.zeros(n)
     for y, G, t in zip(runs, integrals, clocks, strict=True):
@@ -83,7 +83,7 @@ def _likeliest_gains(
 def differentiate_driven(
     y: Any, inputs: Any, t: Any, gains: Any, *, cutoff: float, method: str = "savgol"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth one trajectory of a driven signal and give its rate, from the instant of each sample on."""
+    """Smooth one run of a driven signal and give its rate, from the instant of each sample on."""
     y, t, gains = (np.asarray(v, dtype=float) for v in (y, t, gains))
     g = _checked(inputs, len(y))
     driven = held_integral(g, t) @ gains

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 _SELDOM = 0.05
-"""Share of neighbours that are equal elsewhere up to which a row of equal ones means something."""
+"""Largest share of equal neighbours elsewhere for which a row of equal readings is significant."""
 _IN_A_ROW = 4
-"""Rows in a row at the largest size from which they are no chance: `_SELDOM` cubed is one in eight thousand."""
+"""Consecutive rows at the largest size that are not chance: `_SELDOM` cubed is one in eight thousand."""
 
 
 class End(NamedTuple):

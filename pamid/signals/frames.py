@@ -11,7 +11,7 @@ _FOREIGN = ("polars", "pyarrow")
 
 
 def is_foreign(table: Any) -> bool:
-    """Tell whether a table is a data frame of polars or pyarrow, without importing either."""
+    """Return whether a table is a data frame of polars or pyarrow, without importing either."""
     return type(table).__module__.partition(".")[0] in _FOREIGN and getattr(table, "columns", None) is not None
 
 
@@ -22,7 +22,8 @@ def as_pandas(table: Any) -> Any:
     convert = getattr(table, "to_pandas", None)
     if convert is None:
         raise ColumnTypeError(
-            f"The table is a {type(table).__name__} of {type(table).__module__.partition('.')[0]}, without values yet.",
+            f"The table is a {type(table).__name__} of {type(table).__module__.partition('.')[0]}, which has no "
+            "values yet.",
             "a DataFrame of pandas or polars, or an array",
             "Call its collect() first.",
         )

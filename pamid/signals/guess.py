@@ -51,7 +51,7 @@ class Guess:
     sure : bool
         Whether the unit follows from the name, not from the range alone.
     why : str
-        What speaks for it, or against it.
+        The reason for or against it.
     low, high : float
         Range of the column.
     question : str
@@ -200,7 +200,7 @@ def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Se
 def _of_another_dimension(guess: Guess, header: Header, every: pd.Series) -> Guess:
     """Return what a column is whose unit does not belong to the signal of its name."""
     dimension = UNITS[str(header.unit)].dimension
-    if dimension == "time" and header.bracketed:  # whatever its name: what counts seconds is the clock
+    if dimension == "time" and header.bracketed:  # whatever its name: a column that counts seconds is the clock
         return with_unit(replace(guess, signal="time", unit=header.unit, source="value"), every)
     if not header.bracketed:  # the last word of the name is no unit after all
         return with_unit(guess, every)
@@ -212,7 +212,7 @@ def _of_another_dimension(guess: Guess, header: Header, every: pd.Series) -> Gue
         )
     if base_name(guess.signal) == "u" and dimension == "voltage":
         return with_unit(guess, every)
-    return replace(guess, signal="", why=f"its unit {header.unit} is one of {dimension}, not of {guess.signal}")
+    return replace(guess, signal="", why=f"its unit {header.unit} is a unit of {dimension}, not of {guess.signal}")
 
 
 def _signal(header: Header, column: pd.Series, kind: str) -> str:

@@ -26,7 +26,7 @@ _TABLES = ("text (CSV)", "parquet")
 _COMMANDS = frozenset(("action", "control", "controls", "ctrl"))
 _PERIODS = 2.0
 _FARTHEST, _LAGS = 0.5, 64
-"""Longest delay that is looked for, s, and how finely: steps within it."""
+"""Longest delay searched, s, and the number of steps within it."""
 _NUMBER = re.compile(r"\d+")
 Source = tuple[Path, list[RawTable], "pd.DataFrame | None"]
 
@@ -72,7 +72,7 @@ def sources(files: Sequence[Path], mapping: LogMapping, max_bytes: int, told: li
 
 
 def is_joined(files: Sequence[Path], mapping: LogMapping, max_bytes: int) -> bool:
-    """Tell whether some files are parts of one run."""
+    """Return whether some files are parts of one run."""
     return any(_parts(list(g), mapping, max_bytes) for _, g in groupby(files, key=lambda f: f.parent))
 
 
@@ -115,7 +115,7 @@ def _parts(files: list[Path], mapping: LogMapping, max_bytes: int) -> dict[str, 
 
 
 def _same_header(files: list[Path]) -> bool:
-    """Tell whether files begin with the same line, as runs of one recorder do."""
+    """Return whether files begin with the same line, as runs of one recorder do."""
     first = set()
     for path in files:
         with path.open("rb") as stream:
@@ -139,7 +139,7 @@ def _of_one_run(tables: dict[str, pd.DataFrame], mapping: LogMapping) -> bool:
 
 
 def _overlap(tables: dict[str, pd.DataFrame], mapping: LogMapping) -> bool:
-    """Tell whether clocks have most of the time in common."""
+    """Return whether clocks have most of the time in common."""
     ends = []
     for frame in tables.values():
         t = frame[_clock(frame, mapping)].to_numpy(dtype=float)
@@ -173,7 +173,7 @@ def _numbers(frame: pd.DataFrame, mapping: LogMapping) -> list[str]:
 
 
 def _commands(stem: str) -> bool:
-    """Tell whether a file's name says that it holds commands."""
+    """Return whether a file's name says that it holds commands."""
     words = re.findall(r"[^\W\d_]+", stem.lower())
     return bool(_COMMANDS & set(words) or {"u", "wanted"} & kinds_of(words))
 
@@ -195,14 +195,16 @@ def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, 
         when = frame[clocks[stem]].to_numpy(dtype=float)
         if np.any(np.diff(when) < 0.0):
             raise TimeOrderError(
-                f"The time of {stem} in {folder.name} goes back.", "stamps in order", "Sort the file by time."
+                f"The time of {stem} in {folder.name} goes back.", "time stamps in order", "Sort the file by time."
             )
         last = when[-1] + _PERIODS * float(np.median(np.diff(when)))
         keep &= (t >= when[0]) & (t <= (last if _commands(stem) else when[-1]))
         brought[stem] = when
     if not keep.any():
         raise MissingColumnError(
-            f"The files of {folder.name} have no time in common.", "stamps of one clock", "Correct the clock of one."
+            f"The files of {folder.name} have no time in common.",
+            "time stamps of one clock",
+            "Correct the clock of one.",
         )
     t = t[keep]
     columns: dict[str, Any] = {clocks[base]: t}

@@ -1,4 +1,4 @@
-"""Reading a log of any format into one tidy frame: trajectory, time, signals in SI."""
+"""Reading a log of any format into one tidy frame: run, time, signals in SI."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
-_MOST_FAULTS = 0.1  # share of readings that cannot be: above it they tell of a wrong unit rather than of a sensor
+_MOST_FAULTS = 0.1  # share of impossible readings above which a wrong unit is likelier than a sensor fault
 
 
 def read_log(
@@ -70,42 +70,42 @@ def read_log(
         Names, units, references and constants of the log, see `LogMapping`. Without it the columns must have their
         names of the frame (``time``, ``P1``, ``q``, ...) and SI units, or the unit in brackets: ``P1 [bar]``.
     nan : {"raise", "drop", "keep"}, default="raise"
-        What to do with rows that hold NaN. Infinite values, and NaN in time, are never kept. Readings that cannot be,
-        such as an absolute pressure of 0, are an error with "raise" and missing values else.
+        What to do with rows that hold NaN. Infinite values, and NaN in time, are never kept. Impossible readings, such
+        as an absolute pressure of 0, are an error with "raise" and missing values otherwise.
     time_order : {"raise", "sort", "split"}, optional
-        Overrules the mapping's `time_order` (default "raise").
+        Overrides the mapping's `time_order` (default "raise").
     duplicates : {"drop", "mean", "raise", "keep"}, optional
-        Overrules the mapping's `duplicates` (default "drop").
+        Overrides the mapping's `duplicates` (default "drop").
     sampling : {"warn", "raise", "ignore"}, default="warn"
         What to do about merged rows, gaps and mixed sampling periods.
     check_units : bool, default=True
         Whether values must look like their unit.
     ambient_pressure : float, optional
-        Overrules the mapping's ambient pressure, Pa, absolute.
+        Overrides the mapping's ambient pressure, Pa, absolute.
     encoding : str, optional
-        Overrules the mapping's encoding of text files, such as "big5".
+        Overrides the mapping's encoding of text files, such as "big5".
     max_bytes : int, default=16 GiB
-        Largest size that a file may unfold to.
+        Largest size of a file once decompressed.
 
     Returns
     -------
     DataFrame
-        Columns ``trajectory`` (text), ``time`` (s), then the signals. Trajectories are contiguous, their time
-        increases, and their names are unique: where two files use one name, ``@file`` is added.
+        Columns ``trajectory`` (text), ``time`` (s), then the signals. Runs are contiguous, their time
+        increases, and their names are unique: where two files share a name, ``@file`` is added.
 
     Raises
     ------
     LogError
         One subclass for each thing that can be wrong (see `pamid.errors`): the file, its columns, its values, its time,
-        its trajectories. The message says what was found, what was expected and what to do.
+        its runs. The message says what was found, what was expected and what to do.
 
     Warns
     -----
     SamplingWarning
         Once, on merged rows, gaps or mixed sampling periods.
     ReadingWarning
-        Once, on readings that cannot be, that jump there and back, or that stand still, and what is done about them;
-        and on files that were joined by time, with the delay between them.
+        Once, on readings that are impossible, that jump there and back, or that do not move, and what is done about
+        them; and on files that were joined by time, with the delay between them.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def log_settings(
     ambient_pressure: float | None,
     encoding: str | None = None,
 ) -> LogMapping:
-    """Return a mapping with what the arguments of `read_log` overrule, checked."""
+    """Return a mapping with what the arguments of `read_log` override, checked."""
     _require(nan, "nan", ("raise", "drop", "keep"))
     _require(sampling, "sampling", ("warn", "raise", "ignore"))
     settings = LogMapping.load(mapping)
@@ -273,7 +273,7 @@ def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
     Raises
     ------
     LogNotFoundError
-        If a path names nothing.
+        If a path matches nothing.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
     """
     if getattr(paths, "columns", None) is not None:
         raise ParameterError(
-            f"A log to read is a {type(paths).__name__}, which is a table already.",
+            f"The log to read is a {type(paths).__name__}, which is a table already.",
             "the name of a file",
             "Pass the table itself to pamid.diagnose or an estimator; pandas and polars are taken.",
         )
@@ -331,7 +331,7 @@ def _expand(path: Path) -> list[Path]:
         raise LogNotFoundError(f"{path} cannot be read: {error}.", "a log file", "Correct the path.") from None
     if path.exists():
         raise LogNotFoundError(
-            f"{path} is no regular file.", "an existing file, folder or pattern", "Write the log to a file first."
+            f"{path} is not a regular file.", "an existing file, folder or pattern", "Write the log to a file first."
         )
     near = ""
     if path.parent.is_dir():
@@ -392,7 +392,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
     LogFormatError
         If the ending is none of these.
     ColumnTypeError
-        If a trajectory has no name, or one that a file cannot hold.
+        If a run has no name, or one that a file cannot hold.
     OutputError
         If the file cannot be written.
 
@@ -440,6 +440,6 @@ def _storable(names: pd.Series) -> pd.Series:
     for name in names.unique():
         if not name or "\0" in name:
             raise ColumnTypeError(
-                f"A trajectory is named {name!r}.", "a text without null characters in every row", "Rename it."
+                f"A run is named {name!r}.", "a text without null characters in every row", "Rename it."
             )
     return names

@@ -26,7 +26,7 @@ _DUPLICATES = ("drop", "mean", "raise", "keep")
 
 @dataclass(frozen=True)
 class SignalMapping:
-    """One signal: where it stands in the log and how it becomes SI.
+    """One signal: where it is in the log and how it is converted to SI.
 
     The value is ``unit(sign · scale · (raw + offset))``, then made absolute where it is gauge pressure.
 
@@ -57,7 +57,7 @@ class SignalMapping:
     range : tuple of two floats or None
         Range of the raw column; rows outside are corrupt and left out.
     check : bool
-        Whether the values must look like their unit; False overrules the check.
+        Whether the values must look like their unit; False overrides the check.
     own : bool
         Whether the name is a simulator's own and says nothing of the unit, such as ``u`` for a force.
 
@@ -125,7 +125,7 @@ class SignalMapping:
         return mapping
 
     def validate(self, signal: str) -> None:
-        """Raise where what is said of a signal does not agree."""
+        """Raise where settings of a signal contradict each other."""
         _require_kinds(self, f"{signal}.")
         unit = self.si_unit(signal)
         known = self.dimension(signal)
@@ -173,7 +173,7 @@ class SignalMapping:
         return dimension_of(signal) if self.source == "value" else "length"
 
     def is_gauge(self, signal: str) -> bool:
-        """Say whether the source is gauge pressure.
+        """Return whether the source is gauge pressure.
 
         Parameters
         ----------
@@ -215,7 +215,7 @@ class FileConstants:
     constants: Mapping[str, float | str]
 
     def matches(self, path: str | Path) -> bool:
-        """Say whether a file's name matches.
+        """Return whether a file's name matches.
 
         Parameters
         ----------
@@ -240,42 +240,42 @@ class LogMapping:
     signals : mapping of str to SignalMapping
         Signals by their name in the frame (``time``, ``P``, ``F``, ``eps``, ``q``, ...). Empty: the log's own names.
     trajectory : str, int or None
-        Name or position of a column that names each row's trajectory; None: ``trajectory`` where there is one.
+        Name or position of a column that names each row's run; None: ``trajectory`` where there is one.
     trajectories : str or None
-        Pattern over the variables of a MATLAB or HDF5 file, each of which is a trajectory (``"Test*Data"``).
+        Pattern over the variables of a MATLAB or HDF5 file, each of which is a run (``"Test*Data"``).
     zero_run : str or None
         Variable of a MATLAB or HDF5 file that holds a zero run, for `SignalMapping.subtract_zero_run`.
     entries : str or None
-        Key of the list of entries in a JSON file; None: found by itself.
+        Key of the list of entries in a JSON file; None: found automatically.
     name : str or None
-        Template of a trajectory's name with ``{stem}``, ``{variable}``, ``{trajectory}`` and, for JSON, the numbers and
-        texts beside the entries (``"{trajectory}-kp{kp}"``).
+        Template of a run's name with ``{stem}``, ``{variable}``, ``{run}`` and, for JSON, the numbers and
+        texts beside the entries (``"{run}-kp{kp}"``).
     constants : mapping of str to float or str
         Constants of every file: signals (``eps``), or ``rest_length``, ``length`` from which ``eps`` follows.
     files : tuple of FileConstants
-        Constants of files by pattern; a later match overrules an earlier one.
+        Constants of files by pattern; a later match overrides an earlier one.
     ambient_pressure : float
         Pressure that gauge pressures are relative to, Pa, absolute.
     sampling_period : float or None
         Time between rows, s, for logs without a time column.
     skip_rows : int
-        Rows to leave out at the start of every trajectory.
+        Rows to leave out at the start of every run.
     time_order : {"raise", "sort", "split"}
-        Where time goes back: an error, sorting, or the start of a new trajectory.
+        Where time goes back: an error, sorting, or the start of a new run.
     duplicates : {"drop", "mean", "raise", "keep"}
-        Rows with the time of the row before: the first stays, their mean, an error, or all stay. With drop and mean,
-        more than 5 % of a trajectory's rows is an error: such a clock is too coarse.
+        Rows with the same time as the row before: the first stays, their mean, an error, or all stay. With drop and
+        mean, more than 5 % of a run's rows is an error: such a clock is too coarse.
     delimiter, decimal, thousands : str or None
-        Of text files; None: found by itself (thousands: none).
+        Of text files; None: found automatically (thousands: none).
     header : bool or None
-        Whether a text file's first row names the columns; None: found by itself.
+        Whether a text file's first row names the columns; None: found automatically.
     encoding : str or None
-        Of text files, such as "big5"; None: UTF-8, UTF-16, GB18030 or Latin-1, found by itself.
+        Of text files, such as "big5"; None: UTF-8, UTF-16, GB18030 or Latin-1, found automatically.
     keep_others : bool
         Whether to keep numeric columns that are not mapped.
     own : tuple of str
-        Signals of a simulator of one's own: a unit of another quantity than such a name means here, as volts for ``u``,
-        is right.
+        Signals of a simulator of your own: their unit may be of another quantity than the name means here, such as
+        volts for ``u``.
 
     Examples
     --------
@@ -362,7 +362,7 @@ class LogMapping:
         return mapping
 
     def validate(self) -> None:
-        """Raise where an option is none of those offered."""
+        """Raise where an option is unknown."""
         _require_kinds(self)
         for name, mark in (("decimal", self.decimal), ("thousands", self.thousands)):
             if mark is not None and len(mark) != 1:
@@ -397,7 +397,7 @@ class LogMapping:
         Returns
         -------
         dict of str to float
-            Constants of every file, overruled by those of each matching pattern.
+            Constants of every file, overridden by those of each matching pattern.
         """
         constants = dict(self.constants)
         for entry in self.files:
@@ -449,7 +449,7 @@ _KINDS = {
     str: "text", bool: "true or false", float: "a finite number", int: "a whole number", tuple: "a list",
     Mapping: "a table",
 }  # fmt: skip
-"""What the values of a setting are called in a file."""
+"""Names of a setting's values in a file."""
 
 
 def _require_kinds(of: Any, where: str = "") -> None:

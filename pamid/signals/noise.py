@@ -18,7 +18,7 @@ def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray
     span = at[3:] - at[:-3]
     if not len(span):
         return np.zeros(0)
-    # Motion grows with the cube of the span: only the closest samples tell noise, but a few dozen of them are needed.
+    # Motion grows with the cube of the span: only the closest samples show noise, but a few dozen are needed.
     close = np.flatnonzero(span <= max(_CLOSE, float(np.partition(span, k := min(_FEW, len(span)) - 1)[k])))
     rows = close[:, None] + np.arange(4)
     t, weights = at[rows], np.ones((len(close), 4))
@@ -106,9 +106,9 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
     Notes
     -----
-    `white_noise` of the third differences. With unequal steps the residuals from the line through both neighbours,
-    over their own spread √(1 + a² + b²), take their place (Gasser, Sroka and Jennen-Steinmetz 1986,
-    DOI 10.1093/biomet/73.3.625).
+    `white_noise` of the third differences. With unequal steps these are replaced by the residuals from the line through
+    both neighbours, divided by their spread √(1 + a² + b²) (Gasser, Sroka and Jennen-Steinmetz 1986, DOI
+    10.1093/biomet/73.3.625).
 
     Examples
     --------

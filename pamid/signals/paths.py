@@ -39,7 +39,7 @@ def play(x: np.ndarray, width: float, starts: Sequence[int] | np.ndarray = (0,))
 
 
 _DITHER = 3.0
-"""A turn smaller than this many standard deviations of the noise is none."""
+"""Reversals smaller than this many standard deviations of the noise are ignored."""
 
 
 def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, width: int) -> np.ndarray:
@@ -65,7 +65,7 @@ def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, widt
 
 
 class Turns(NamedTuple):
-    """Where the columns of a path turn, trajectory by trajectory; a lane is one column of one trajectory.
+    """Where the columns of a path turn, run by run; a lane is one column of one run.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ class Turns(NamedTuple):
 
 
 class Path:
-    """A signal along trajectories, as what depends on its path alone reads it.
+    """A signal along runs, as what depends on its path alone reads it.
 
     Parameters
     ----------
     position : array, shape (n, ...)
         The signal, time along the first axis.
     starts : array of int
-        First row of each trajectory, the first being 0.
+        First row of each run, the first being 0.
     """
 
     def __init__(self, position: np.ndarray, starts: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""Logs larger than memory: whole trajectories at a time, or some of them, from files that are read in slices."""
+"""Logs larger than memory: whole runs at a time, or some of them, from files that are read in slices."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def read_log_pieces(
     ambient_pressure: float | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Iterator[pd.DataFrame]:
-    """Read logs as `read_log` does, but piece by piece, each of whole trajectories.
+    """Read logs as `read_log` does, but piece by piece, each of whole runs.
 
     Parquet files, and HDF5 files that hold one table of vectors (what `write_log` writes), are read in slices; other
-    files as a whole, one after the other. A piece has at most `rows` rows, or one trajectory that is longer. Reading
+    files as a whole, one after the other. A piece has at most `rows` rows, or one run that is longer. Reading
     and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log.
 
     Parameters
@@ -56,11 +56,11 @@ def read_log_pieces(
     mapping : LogMapping, dict, path of a TOML file, optional
         Names, units, references and constants of the log.
     rows : int, default=1000000
-        Most rows of a piece of several trajectories.
+        Most rows of a piece of several runs.
     nan, time_order, duplicates, sampling, check_units, ambient_pressure : optional
         As for `read_log`; the warning on sampling comes after the last piece.
     max_bytes : int, default=16 GiB
-        Largest size of a piece, unfolded.
+        Largest size of a piece in memory.
 
     Returns
     -------
@@ -98,10 +98,10 @@ def read_log_part(
     check_units: bool = True,
     max_bytes: int = MAX_BYTES,
 ) -> tuple[pd.DataFrame, int]:
-    """Read whole trajectories, evenly spread over a log, up to so many rows.
+    """Read whole runs, evenly spread over a log, up to so many rows.
 
-    It reads what `whole_trajectories` keeps of what `read_log` reads. Of a parquet file, or an HDF5 file of one table
-    of vectors, nothing else is looked at, nor kept in memory.
+    The result equals `whole_trajectories` of what `read_log` returns. Of a parquet file, or an HDF5 file of one table
+    of vectors, nothing else is read or kept in memory.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def read_log_part(
     Raises
     ------
     LogError
-        As `read_log`, of what is read.
+        As for `read_log`, for the part that is read.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def read_log_part(
 def _spread(
     path: Path, sliced: Sliced, settings: LogMapping, most: int, nan: str, check_units: bool
 ) -> pd.DataFrame | None:
-    """Read some of the trajectories of a file; None where they can't be told before all is read, or all are wanted."""
+    """Read some of the runs of a file; None where they can't be told before all is read, or all are wanted."""
     import pandas as pd
 
     unordered = settings.time_order == "split" or settings.zero_run is not None
@@ -174,7 +174,7 @@ class Sliced:
     ends : list of int
         Row behind the last one of each slice.
     sorted : bool
-        Whether the rows of each trajectory stand together.
+        Whether the rows of each run stand together.
     read : callable
         Yields the slices whose numbers it is given, all with None.
     """
@@ -206,9 +206,9 @@ def _pieces(
             names = frame[TRAJECTORY].unique()
             if again := [n for n in names if taken.get(n) == path]:
                 raise InterleavedTrajectoryError(
-                    f"The rows of trajectory '{again[0]}' of {path.name} are not together.",
-                    "each trajectory in one stretch of the file",
-                    "Sort the log by trajectory and time, or read it as a whole with read_log.",
+                    f"The rows of run '{again[0]}' of {path.name} are not contiguous.",
+                    "each run in one block of the file",
+                    "Sort the log by run and time, or read it as a whole with read_log.",
                 )
             new = {n: free_name(f"{n}@{label}", taken) if n in taken else n for n in names}
             taken |= dict.fromkeys([*names, *new.values()], path)
@@ -221,7 +221,7 @@ def _pieces(
 def _raw(
     path: Path, settings: LogMapping, rows: int, max_bytes: int
 ) -> Iterator[tuple[list[RawTable], pd.DataFrame | None]]:
-    """Yield the tables of a file, cut between trajectories where its format allows it."""
+    """Yield the tables of a file, cut between runs where its format allows it."""
     kind = format_of(path, settings.encoding)
     slicer = _SLICERS.get(kind.name)
     sliced = slicer(path, settings, rows, max_bytes) if slicer is not None else None
@@ -233,7 +233,7 @@ def _raw(
 
 
 def cuts(names: Iterable[np.ndarray], rows: int, met: list[Any] | None = None) -> list[int]:
-    """Return where pieces end: after whole trajectories, before there are too many rows."""
+    """Return where pieces end: after whole runs, before there are too many rows."""
     ends: list[int] = []
     begun, edge, n, last = 0, 0, 0, None
     for part in names:
@@ -242,7 +242,7 @@ def cuts(names: Iterable[np.ndarray], rows: int, met: list[Any] | None = None) -
             changes = np.concatenate([[0], changes])
         if met is not None and len(part):
             met += part[changes].tolist() if n else [part[0], *part[changes].tolist()]
-        for at in (n + changes).tolist():  # a trajectory ends here
+        for at in (n + changes).tolist():  # a run ends here
             if at - begun > rows and edge > begun:
                 ends.append(edge)
                 begun = edge
@@ -259,10 +259,10 @@ def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> 
     longest = int(np.max(np.diff([0, *ends])))
     if longest * columns * 8 > max_bytes:
         raise HostileLogError(
-            f"{path.name} holds a stretch of {longest} rows of {columns} columns that cannot be cut between "
-            f"trajectories ({longest * columns * 8 / 2**30:.3g} GiB).",
+            f"{path.name} holds a block of {longest} rows of {columns} columns that cannot be cut between "
+            f"runs ({longest * columns * 8 / 2**30:.3g} GiB).",
             f"at most {max_bytes / 2**30:.3g} GiB",
-            "Give its runs names of their own in a column trajectory, or raise max_bytes.",
+            "Name its runs in a column 'trajectory', or raise max_bytes.",
         )
 
 
@@ -321,7 +321,7 @@ def _damaged(path: Path, error: Exception) -> Exception:
     if isinstance(error, HostileLogError):
         return error
     said = (str(error).splitlines() or ["no detail"])[0][:160]
-    return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a whole file", "Copy the log again.")
+    return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a complete file", "Copy the log again.")
 
 
 def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:

@@ -174,7 +174,7 @@ def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATM
     Parameters
     ----------
     table : DataFrame, State, or mapping of names to arrays
-        Signals by name; other columns are passed over.
+        Signals by name; other columns are ignored.
     ambient_pressure : float, default=101325.0
         Ambient pressure, Pa, absolute: an absolute pressure does not stay far below it.
 
@@ -217,7 +217,7 @@ def _time(name: str, time: np.ndarray) -> UnitFinding | None:
     steps = np.diff(time)
     steps = steps[steps > 0]
     if steps.size and (step := float(np.median(steps))) >= 0.99:
-        return UnitFinding(name, f"{name} goes on by {step:.4g} a sample: that looks like ms", "s")
+        return UnitFinding(name, f"{name} advances by {step:.4g} per sample: that looks like ms", "s")
     return None
 
 
@@ -240,7 +240,7 @@ def require_plausible(table: Mapping[str, Any], *, ambient_pressure: float = ATM
     raise kind(
         f"{where}: " + "; ".join(f"{f.found}" for f in findings) + ".",
         "; ".join(dict.fromkeys(f.expected for f in findings)),
-        f"State {key} in the mapping of these signals, or overrule with check = false there "
+        f"State {key} in the mapping of these signals, or override with check = false there "
         "(check_units=False for the whole log).",
     )
 

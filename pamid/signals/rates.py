@@ -1,4 +1,4 @@
-"""Rates of measured signals: smoothing and differentiation of one trajectory, tuned by the signal itself."""
+"""Rates of measured signals: smoothing and differentiation of one run, tuned by the signal itself."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LONGEST_GRID = 20
 
 
 class Grid(NamedTuple):
-    """Sampling of one trajectory.
+    """Sampling of one run.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ def _method(name: str) -> ModuleType:
 
 
 def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: bool = True) -> Grid:
-    """Tell how a trajectory is sampled."""
+    """Tell how a run is sampled."""
     if t is None:
         if sampling_period is None:
             raise ParameterError(
-                "Neither times nor a sampling period are given.", "one of them", "Pass t or sampling_period, in s."
+                "Neither t nor sampling_period is given.", "one of them", "Pass t or sampling_period, in s."
             )
         if not np.isfinite(sampling_period) or sampling_period <= 0:
             raise ParameterError(f"sampling_period is {sampling_period}.", "a positive time in s", "Correct it.")
@@ -83,8 +83,8 @@ def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: 
         raise TimeOrderError(
             f"time does not increase at {bad} of {len(steps)} steps, first from {t[row - 1]:.6g} s to {t[row]:.6g} s "
             f"in row {row + 1}.",
-            "times that increase within a trajectory",
-            "Sort by time and drop doubled times, or pass one trajectory at a time.",
+            "times that increase within a run",
+            "Sort by time and drop repeated times, or pass one run at a time.",
         )
     period = float(np.median(steps))
     if np.abs(steps - period).max() <= _JITTER * period + 4 * np.finfo(float).eps * np.abs(t).max():
@@ -122,7 +122,7 @@ def differentiate(
     second: bool = False,
     warn: bool = True,
 ) -> tuple[np.ndarray, ...]:
-    """Smooth the signals of one trajectory and give their rates, at the given times and of the given length.
+    """Smooth the signals of one run and give their rates, at the given times and of the given length.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def differentiate(
     method : {"savgol", "spline", "kalman"}, default="savgol"
         Savitzky-Golay filter (cubic), cubic smoothing spline, Kalman/RTS smoother of constant acceleration.
     tuning : "auto", float or sequence of float, default="auto"
-        Cut-off frequency (gain 1/√2), Hz, one for all or one a channel; "auto": that of the least estimated error of
+        Cut-off frequency (gain 1/√2), Hz, one for all or one per channel; "auto": that of the least estimated error of
         the rate, for each channel on its own (`pamid.signals.tune_cutoff`).
     sampling_period : float, optional
         Time between samples, s, where there is no t.
@@ -160,7 +160,7 @@ def differentiate(
     TimeOrderError
         If t does not increase.
     ParameterError
-        If tuning, method or sampling period are out of their domain.
+        If tuning, method or sampling period are invalid.
 
     Warns
     -----
@@ -188,7 +188,9 @@ def differentiate(
     grid = sampling_grid(t, sampling_period, warn=warn)
     n = len(y)
     if t is not None and np.size(t) != n:
-        raise ShapeError(f"t has {np.size(t)} entries for {n} samples.", "one time a sample", "Pass times of one run.")
+        raise ShapeError(
+            f"t has {np.size(t)} entries for {n} samples.", "one time per sample", "Pass times of one run."
+        )
     if n < 8:
         results = _few(y, grid)
     else:
@@ -205,12 +207,12 @@ def differentiate(
 def tune_cutoff(
     signals: Any, times: Any = None, *, method: str = "savgol", sampling_period: float | None = None
 ) -> float:
-    """Choose the cut-off frequency of a signal recorded over one or several trajectories.
+    """Choose the cut-off frequency of a signal recorded over one or several runs.
 
     Parameters
     ----------
     signals : array_like, shape (n_samples,), or list of them
-        One signal; a list holds one array a trajectory.
+        One signal; a list holds one array per run.
     times : array_like or list of them, optional
         Times, s, likewise.
     method : {"savgol", "spline", "kalman"}, default="savgol"
@@ -222,7 +224,7 @@ def tune_cutoff(
     -------
     float
         Cut-off frequency, Hz, with the least estimated squared error of the rate: Stein's unbiased risk estimate
-        for the derivative, with the noise level told from the signal itself.
+        for the derivative, with the noise level estimated from the signal itself.
 
     Examples
     --------
@@ -258,9 +260,9 @@ def _as_channels(y: Any) -> tuple[np.ndarray, bool]:
     y = y[:, None] if flat else y
     if len(y) < 2:
         raise ShortTrajectoryError(
-            f"The trajectory has {len(y)} sample{'s' if len(y) != 1 else ''}.",
+            f"The run has {len(y)} sample{'s' if len(y) != 1 else ''}.",
             "at least 2 samples for a rate",
-            "Leave this trajectory out.",
+            "Leave this run out.",
         )
     if not np.isfinite(y).all():
         row, channel = np.argwhere(~np.isfinite(y))[0]
@@ -291,9 +293,9 @@ def _on_equal_steps(y: np.ndarray, grid: Grid, method: str) -> tuple[np.ndarray,
     count = round(last) + 1
     if count > _LONGEST_GRID * len(y) + 1000:
         raise SamplingError(
-            f"The trajectory lasts {count} sampling periods and has {len(y)} samples.",
-            "no gaps that are longer than the samples between them",
-            "Split the trajectory at its gaps, or use method='spline'.",
+            f"The run lasts {count} sampling periods and has {len(y)} samples.",
+            "no gaps longer than the data between them",
+            "Split the run at its gaps, or use method='spline'.",
         )
     steps = np.linspace(0.0, last, max(count, 8))
     equal = np.stack([np.interp(steps, grid.t, channel) for channel in y.T], axis=1)

@@ -81,7 +81,7 @@ class Readings:
         return _words(signal, kind, found)
 
     def sentences(self) -> list[str]:
-        """Word the findings, one a signal and kind: what, where, how often, and what is done about it."""
+        """Word the findings, one per signal and kind: what, where, how often, and what is done about it."""
         said = [f"{_words(signal, kind, f)}: {f.done}" for (signal, kind), f in self.found.items()]
         for signal, runs in self.still.items():
             value = f"{next(iter(runs.values())):.6g}{_unit(signal)}"
@@ -96,7 +96,7 @@ class Readings:
         if self.repeated:
             again, first = self.repeated[0]
             more = f", and {len(self.repeated) - 1} more runs repeat others" if len(self.repeated) > 1 else ""
-            said.append(f"the run '{again[:40]}' is '{first[:40]}' once more, sample by sample{more}: {USED}")
+            said.append(f"the run '{again[:40]}' repeats '{first[:40]}' sample by sample{more}: {USED}")
         return said + [f"column '{name[:60]}' is {why}" for name, why in self.columns.items()]
 
     def summary(self) -> str:

@@ -28,10 +28,10 @@ BEYOND = 1e30
 """No quantity of a log is as large in SI; markers of missing values and overflows are."""
 
 _SENSORS = frozenset(("P", "p", "p_gauge", "P_supply", "F", "mdot", "q", "eps", "L", "length", "x", "stroke", "T", "u"))
-_QUICK = ("mdot", "u")  # what may truly leap from rest as a run begins: a valve opens at once
+_QUICK = ("mdot", "u")  # signals that may jump from rest as a run begins: a valve opens at once
 _FULL_COMMAND = 1.5  # within it a command may well jump there and back
 _COMMANDS = ("_ref", "_cmd", "_set")
-_FEW = 50  # rows below which neither a glitch nor a dead channel can be told
+_FEW = 50  # rows below which neither a glitch nor a dead channel can be detected
 _WIDTHS = (1, 2)  # samples of a glitch
 _OF_JUMPS, _OF_STEPS = 20.0, 10.0
 _RARE = 6  # steps and jumps that a glitch or two make: they do not count as usual in a short log
@@ -140,7 +140,7 @@ def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.nda
     found.note(signal, "impossible", frame, bad, "", origin)
     return ReadingError(
         f"{where}: {found.first()}.",
-        "readings that the quantity can take",
+        "readings that the quantity can have",
         "Read with nan='keep' to take them as missing, or nan='drop' to leave these rows out.",
     )
 
@@ -193,7 +193,7 @@ def _least_level(arrays: list[np.ndarray], largest: float) -> float:
     Those above the level are few and at most the largest; the others are at most the level, so their mean is as well.
     """
     n = sum(int(np.count_nonzero(a)) for a in arrays)
-    below = int(_share(n) * (n - 1))  # one fewer than it are, so that rounding has no say
+    below = int(_share(n) * (n - 1))  # one fewer than it are, so that rounding does not matter
     if below < 1:
         return 0.0
     return max((sum(float(a.sum()) for a in arrays) - (n - below) * largest) / below, 0.0)

@@ -1,4 +1,4 @@
-r"""Recursive filters over several trajectories at once, as one solution of a triangular system of few diagonals."""
+r"""Recursive filters over several runs at once, as one solution of a triangular system of few diagonals."""
 
 from __future__ import annotations
 

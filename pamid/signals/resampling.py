@@ -28,30 +28,30 @@ _ATTENUATION = 60.0
 
 
 def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[str] = ()) -> pd.DataFrame:
-    """Bring a log to equal steps, each trajectory on its own, with a filter against aliasing where steps grow.
+    """Bring a log to equal steps, each run on its own, with a filter against aliasing where steps grow.
 
     Parameters
     ----------
     log : DataFrame
         Tidy frame with ``trajectory``, ``time`` (s) and signals.
     period : float, optional
-        New time between rows, s; the longest median step of the trajectories if not given.
+        New time between rows, s; the longest median step of the runs if not given.
     hold : sequence of str, default=()
         Signals that jump between states (``branch``, a switched valve): they keep their last value, unfiltered.
 
     Returns
     -------
     DataFrame
-        The same columns; each trajectory begins at its first time and does not pass its last.
+        The same columns; each run begins at its first time and does not pass its last.
 
     Raises
     ------
     ParameterError
         If the period is not positive.
     MissingColumnError
-        If a column is not there.
+        If a column is missing.
     ShortTrajectoryError
-        If a trajectory is shorter than the period.
+        If a run is shorter than the period.
 
     Notes
     -----
@@ -87,7 +87,7 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
         count = int(np.floor((t[-1] - t[0]) / period * (1 + 1e-9))) + 1
         if len(t) < 2 or count < 2:
             raise ShortTrajectoryError(
-                f"Trajectory '{name}' lasts {t[-1] - t[0]:.4g} s.", f"at least one period of {period:.4g} s", "Drop it."
+                f"Run '{name}' lasts {t[-1] - t[0]:.4g} s.", f"at least one period of {period:.4g} s", "Drop it."
             )
         new = t[0] + period * np.arange(count)
         columns: dict[str, object] = {"trajectory": np.repeat(name, count), "time": new}
@@ -135,7 +135,7 @@ def _decimate(y: np.ndarray, t: np.ndarray, new: np.ndarray, old: float, period:
 
 
 def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, hold: Sequence[str] = ()) -> pd.DataFrame:
-    """Join logs of the same trajectories that were recorded at different rates.
+    """Join logs of the same runs that were recorded at different rates.
 
     Parameters
     ----------
@@ -149,16 +149,16 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
     Returns
     -------
     DataFrame
-        One frame over the time that all logs of a trajectory share.
+        One frame over the time that all logs of a run share.
 
     Raises
     ------
     DuplicateColumnError
         If two logs hold the same signal.
     TrajectoryError
-        If the logs hold different trajectories.
+        If the logs hold different runs.
     TimeError
-        If the logs of a trajectory share no time.
+        If the logs of a run share no time.
 
     Examples
     --------
@@ -190,7 +190,7 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
         if (own := set(log["trajectory"].unique())) != set(names):
             odd = sorted(map(str, own ^ set(names)))
             raise TrajectoryError(
-                f"The trajectories {', '.join(odd[:4])} are not in all logs.", "the same in all", "Leave them out."
+                f"The runs {', '.join(odd[:4])} are not in all logs.", "the same in all", "Leave them out."
             )
     if period is None:
         period = max(

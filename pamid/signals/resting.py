@@ -9,12 +9,12 @@ import numpy as np
 from .noise import noise_level
 
 DURATION = 0.1
-"""Shortest rest, s; rests and motions are found as well with half and with twice as much
+"""Shortest rest, s; rests and motions are found equally well with half and with twice as much
 (``benchmarks/settings.py --computed``)."""
 ROWS = 20
 """Least rows of a rest."""
 SLOW = 0.01
-"""Share of the fastest motion below which a position may rest; as little hangs on it."""
+"""Share of the fastest motion below which a position may rest; it matters as little."""
 NOISE = 8.0
 """Range that a hundred samples of noise alone exceed once in 14,000 times, in standard deviations: the studentised
 range (``scipy.stats.studentized_range.sf(8, 100, inf)``)."""
@@ -46,4 +46,4 @@ def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
 
 def at_rest(name: str, share: float) -> str:
     """Word that rows at rest are left out."""
-    return f"{name} rests in {100 * share:.1f} % of the rows, which are left out: friction takes up whatever drives it."
+    return f"{name} rests in {100 * share:.1f} % of the rows, which are left out: at rest, friction balances any drive."

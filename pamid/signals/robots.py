@@ -18,7 +18,7 @@ _SIGNS: tuple[tuple[frozenset[str], dict[str, str]], ...] = (
     (frozenset(("timestamp", "episode_index", "frame_index")), {"timestamp": "time", "episode_index": TRAJECTORY}),
     (frozenset(("timestamp", "actual_q_0")), {"timestamp": "time"}),
 )
-"""Columns that only LeRobot (s, from the begin of each episode) and RTDE (s, since the controller started) write."""
+"""Columns that only LeRobot (s, from the start of each episode) and RTDE (s, since the controller started) write."""
 _ABOVE = 4
 _MOST = 2**22
 

@@ -1,4 +1,4 @@
-"""Splits by whole trajectories, by kinds of trajectories and by muscles, as scikit-learn's searches use them."""
+"""Splits by whole runs, by kinds of runs and by muscles, as scikit-learn's searches use them."""
 
 from __future__ import annotations
 
@@ -20,24 +20,26 @@ from pamid.errors import (
 
 
 def trajectories_of(X: Any, groups: Any = None, *, needed_by: str = "The split") -> np.ndarray:
-    """Name the trajectory of each row."""
+    """Name the run of each row."""
     if groups is None and "trajectory" in getattr(X, "columns", ()):
         groups = X["trajectory"]
     if groups is None:
         raise MissingTrajectoryError(
-            f"{needed_by} needs to know which rows form a trajectory.",
+            f"{needed_by} needs to know which rows form a run.",
             "groups, or a column 'trajectory' in X",
             "Pass groups=log['trajectory'] (with metadata routing on, in params={'groups': ...}).",
         )
     names = np.asarray(groups, dtype=object).ravel()
     n = X.shape[0] if hasattr(X, "shape") else (len(X) if X is not None else len(names))
     if len(names) != n:
-        raise ShapeError(f"groups has {len(names)} entries for {n} rows.", "one a row", "Pass one group for each row.")
+        raise ShapeError(
+            f"groups has {len(names)} entries for {n} rows.", "one per row", "Pass one group for each row."
+        )
     return names
 
 
 class _TrajectorySplitter(BaseCrossValidator):
-    """Base of the splits: subclasses assign each trajectory to a fold."""
+    """Base of the splits: subclasses assign each run to a fold."""
 
     __metadata_request__split: ClassVar[dict[str, bool]] = {"groups": True}
 
@@ -64,21 +66,21 @@ def _number(keys: np.ndarray) -> tuple[list[Any], np.ndarray]:
 
 
 class TrajectoryKFold(_TrajectorySplitter):
-    """K folds of whole trajectories, with about the same number of rows in each.
+    """K folds of whole runs, with about the same number of rows in each.
 
     Parameters
     ----------
     n_splits : int, default=5
         Number of folds.
     shuffle : bool, default=False
-        Whether chance decides which of the trajectories of similar length come together.
+        Whether runs of similar length are assigned at random.
     random_state : int, RandomState instance or None, default=None
         Seed of the shuffle.
 
     Notes
     -----
-    Trajectories go one by one, the longest first, into the fold with the fewest rows. A shuffled split orders
-    trajectories by chance among those of the same length up to a quarter.
+    Runs go one by one, the longest first, into the fold with the fewest rows. A shuffled split orders runs at random
+    where their lengths differ by up to a quarter.
 
     Examples
     --------
@@ -99,10 +101,10 @@ class TrajectoryKFold(_TrajectorySplitter):
         keys, codes = _number(names)
         if len(keys) < self.n_splits:
             raise TooFewTrajectoriesError(
-                f"There {'is' if len(keys) == 1 else 'are'} {len(keys)} trajector{'y' if len(keys) == 1 else 'ies'} "
+                f"There {'is' if len(keys) == 1 else 'are'} {len(keys)} run{'' if len(keys) == 1 else 's'} "
                 f"for {self.n_splits} folds.",
-                "at least one trajectory a fold",
-                "Lower n_splits, or record more trajectories.",
+                "at least one run per fold",
+                "Lower n_splits, or record more runs.",
             )
         sizes = np.bincount(codes)
         order = np.argsort(-sizes, kind="stable")
@@ -145,12 +147,12 @@ class TrajectoryKFold(_TrajectorySplitter):
 
 
 def kind_of(trajectory: Any) -> str:
-    """Tell the kind of a trajectory: the first part of its name, up to the first ``-``.
+    """Return the kind of a run: the first part of its name, up to the first ``-``.
 
     Parameters
     ----------
     trajectory : str
-        Name of a trajectory, such as ``"sine-4-25"``.
+        Name of a run, such as ``"sine-4-25"``.
 
     Returns
     -------
@@ -172,7 +174,7 @@ class LeaveOneKindOut(_TrajectorySplitter):
     Parameters
     ----------
     kind : callable or None, default=None
-        Takes a trajectory's name and returns its kind; None: the first part of the name (`kind_of`).
+        Takes a run's name and returns its kind; None: the first part of the name (`kind_of`).
 
     Examples
     --------
@@ -190,7 +192,7 @@ class LeaveOneKindOut(_TrajectorySplitter):
         keys, codes = _number(names)
         if self.kind is None and not all(isinstance(k, str) for k in keys):
             raise TrajectoryError(
-                f"Trajectories are named by {type(keys[0]).__name__} ({keys[0]!r}), which tells no kind.",
+                f"Runs are named by {type(keys[0]).__name__} ({keys[0]!r}), which gives no kind.",
                 "names such as 'sine-1-10', or kind= as a function of what groups holds",
                 "Pass the names as groups, or kind=.",
             )
@@ -204,7 +206,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
     Parameters
     ----------
     muscle : mapping, callable or None, default=None
-        The muscle of each trajectory's name; None: a column ``muscle`` of X.
+        The muscle of each run, by name; None: a column ``muscle`` of X.
 
     Examples
     --------
@@ -229,7 +231,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
         y : array_like, optional
             Ignored.
         groups : array_like, shape (n_samples,), optional
-            Trajectory of each row; a column ``trajectory`` of X serves as well.
+            Run of each row; a column ``trajectory`` of X serves as well.
 
         Yields
         ------
@@ -248,7 +250,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
         y : array_like, optional
             Ignored.
         groups : array_like, optional
-            Trajectory of each row.
+            Run of each row.
 
         Returns
         -------
@@ -258,7 +260,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
         return super().get_n_splits(X, y, self._groups(X, groups))
 
     def _groups(self, X: Any, groups: Any) -> Any:
-        """A column of muscles needs no names of trajectories."""
+        """A column of muscles needs no names of runs."""
         return X["muscle"] if self.muscle is None and "muscle" in getattr(X, "columns", ()) else groups
 
     def _folds(self, X: Any, names: np.ndarray) -> np.ndarray:
@@ -266,8 +268,8 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
         if self.muscle is None:
             if "muscle" not in getattr(X, "columns", ()):
                 raise TrajectoryError(
-                    "Nothing tells which muscle a trajectory belongs to.",
-                    "a column 'muscle' in X, or muscle= as a mapping or function of the trajectory's name",
+                    "Nothing says which muscle a run belongs to.",
+                    "a column 'muscle' in X, or muscle= as a mapping or function of the run's name",
                     "Give one of them.",
                 )
             muscles, muscle_codes = keys, np.arange(len(keys))
@@ -276,7 +278,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
                 told = [self.muscle[k] if isinstance(self.muscle, Mapping) else self.muscle(k) for k in keys]
             except KeyError as error:
                 raise TrajectoryError(
-                    f"muscle= does not name the muscle of the trajectory {error}.", "all of them", "Add it."
+                    f"muscle= does not name the muscle of the run {error}.", "all of them", "Add it."
                 ) from None
             muscles, muscle_codes = _number(np.array(told, dtype=object))
         return _at_least_two(muscles, muscle_codes[codes], "muscle", "Use TrajectoryKFold within one muscle.")
@@ -285,7 +287,7 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
 def _at_least_two(keys: list[Any], folds: np.ndarray, what: str, remedy: str) -> np.ndarray:
     if len(keys) < 2:
         raise TooFewTrajectoriesError(
-            f"All trajectories are of one {what} ({keys[0] if keys else 'none'}).", f"at least two {what}s", remedy
+            f"All runs are of one {what} ({keys[0] if keys else 'none'}).", f"at least two {what}s", remedy
         )
     return folds
 
@@ -293,16 +295,16 @@ def _at_least_two(keys: list[Any], folds: np.ndarray, what: str, remedy: str) ->
 def split_trajectories(
     X: Any, groups: Any = None, *, test_size: float = 0.25, random_state: Any = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Split rows into training and test by whole trajectories.
+    """Split rows into training and test by whole runs.
 
     Parameters
     ----------
     X : DataFrame or array_like, shape (n_samples, n_features)
         The table.
     groups : array_like, shape (n_samples,), optional
-        Trajectory of each row; a column ``trajectory`` of X serves as well.
+        Run of each row; a column ``trajectory`` of X serves as well.
     test_size : float, default=0.25
-        Wanted share of the rows to test on; at least one trajectory is on either side.
+        Wanted share of the rows to test on; at least one run is on either side.
     random_state : int, RandomState instance or None, default=None
         Seed.
 
@@ -316,7 +318,7 @@ def split_trajectories(
     Raises
     ------
     TooFewTrajectoriesError
-        If there is only one trajectory.
+        If there is only one run.
 
     Examples
     --------
@@ -330,13 +332,13 @@ def split_trajectories(
         raise ParameterError(f"test_size is {test_size}.", "a share between 0 and 1", "Correct it.")
     keys, codes = _number(trajectories_of(X, groups))
     if len(keys) < 2:
-        raise TooFewTrajectoriesError("There is one trajectory.", "at least two", "Record more, or split in time.")
+        raise TooFewTrajectoriesError("There is only one run.", "at least two", "Record more, or split in time.")
     sizes = np.bincount(codes)
     order = check_random_state(random_state).permutation(len(keys))
     filled = np.cumsum(sizes[order])
     wanted = test_size * len(codes)
     n_test = int(np.argmin(np.abs(filled[:-1] - wanted))) + 1
-    # Of two equally good counts the larger one, so that a test set is not smaller than asked for.
+    # Of two equally good counts the larger one, so that a test set is not smaller than requested.
     if n_test < len(keys) - 1 and abs(filled[n_test] - wanted) <= abs(filled[n_test - 1] - wanted):
         n_test += 1
     chosen = np.isin(codes, order[:n_test])

@@ -9,7 +9,7 @@ Array = Any
 
 
 class State(NamedTuple):
-    """Signals of one muscle, one entry a sample.
+    """Signals of one muscle, one entry per sample.
 
     Parameters
     ----------

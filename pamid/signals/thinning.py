@@ -23,13 +23,13 @@ def thinned_rows(
     Parameters
     ----------
     groups : array_like, shape (n_samples,)
-        Trajectory of each row; the rows of each are contiguous.
+        Run of each row; the rows of each are contiguous.
     every : int, optional
         Distance between kept rows.
     n_rows : int, optional
         Instead: at most so many rows in all.
     across : bool, default=False
-        Whether to count through the borders of trajectories; otherwise the first row of each is kept.
+        Whether to count across the borders of runs; otherwise the first row of each is kept.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def thinned_rows(
     if every is None:
         if n_rows < (1 if across else len(lengths)):  # type: ignore[operator]
             raise ParameterError(
-                f"n_rows is {n_rows} for {len(lengths)} trajectories.",
-                "at least one row a trajectory",
+                f"n_rows is {n_rows} for {len(lengths)} runs.",
+                "at least one row per run",
                 "Allow more rows, or set across=True.",
             )
         total = [len(groups)] if across else lengths
@@ -75,7 +75,7 @@ def thinned_rows(
 def thin(
     log: pd.DataFrame, every: int | None = None, *, n_rows: int | None = None, across: bool = False
 ) -> pd.DataFrame:
-    """Keep every k-th row of each trajectory of a log.
+    """Keep every k-th row of each run of a log.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ def thin(
     n_rows : int, optional
         Instead: at most so many rows in all.
     across : bool, default=False
-        Whether to count through the borders of trajectories.
+        Whether to count across the borders of runs.
 
     Returns
     -------
     DataFrame
-        The kept rows, numbered anew.
+        The kept rows, renumbered.
 
     Raises
     ------
@@ -116,16 +116,16 @@ def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
 
 
 def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | None = None) -> pd.DataFrame:
-    """Keep trajectories spread evenly over a log, each whole, up to so many rows in all.
+    """Keep runs spread evenly over a log, each whole, up to so many rows in all.
 
     Parameters
     ----------
     log : DataFrame
         Tidy frame with a column ``trajectory``.
     most : int
-        Most rows; the last trajectory is cut there, and so is one that is longer by itself.
+        Most rows; the last run is cut there, and so is a single run that is longer.
     rows : sequence of slice, optional
-        Rows of each trajectory, where they are known.
+        Rows of each run, where they are known.
 
     Returns
     -------
@@ -149,6 +149,6 @@ def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | Non
 
 
 def spread_evenly(lengths: Sequence[int] | np.ndarray, most: int) -> list[int]:
-    """Return the numbers of trajectories that are spread evenly over a log and hold about so many rows in all."""
+    """Return the numbers of runs that are spread evenly over a log and hold about so many rows in all."""
     count = min(max(1, len(lengths) * most // max(int(np.sum(lengths)), 1)), len(lengths))
     return [int(k) for k in np.linspace(0, len(lengths) - 1, count).round()]

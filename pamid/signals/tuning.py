@@ -118,7 +118,7 @@ def tune(
     *,
     curved_ends: bool = False,
 ) -> float:
-    """Choose the cut-off frequency with the least estimated error of the rate over all trajectories."""
+    """Choose the cut-off frequency with the least estimated error of the rate over all runs."""
     longest = max(len(y) for y in signals)
     cutoffs = candidate_cutoffs(longest) / min(periods)
     if noises is None:
@@ -127,7 +127,7 @@ def tune(
     chosen = _least_risk([spectrum(y, s) for y, _, s in runs], [h for _, h, _ in runs], gain, cutoffs)
     if not curved_ends:
         return chosen
-    # Over about a period of that cut-off the signal is close to a cubic, which tells its curvature at the ends.
+    # Over about a period of that cut-off the signal is close to a cubic, which gives its curvature at the ends.
     refined = [spectrum(y, s, round(1.0 / (chosen * h))) for y, h, s in runs]
     # The ends count too much with the line and too little with the cubic: the middle of the two is taken.
     return float(np.sqrt(chosen * _least_risk(refined, [h for _, h, _ in runs], gain, cutoffs)))

@@ -230,7 +230,7 @@ def dimension_of(signal: str) -> str | None:
 
 
 def is_gauge_name(signal: str) -> bool:
-    """Say whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute."""
+    """Return whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute."""
     return base_name(signal) in ("p", "p_gauge")
 
 
@@ -280,7 +280,7 @@ def parse_quantity(value: float | str, signal: str | None = None) -> float:
     Raises
     ------
     MappingError
-        If the text is no number.
+        If the text is not a number.
     UnitError
         If its unit is unknown or of another dimension.
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
-    """Take time-means and end-differences of every signal over windows within each trajectory.
+    """Take time-means and end-differences of every signal over windows within each run.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
     ParameterError
         If the length is not positive.
     ShortTrajectoryError
-        If a trajectory is shorter than half a window.
+        If a run is shorter than half a window.
 
     Notes
     -----
     Means are those of the trapezoidal rule: mean · duration is the integral over the window, so that a balance such as
-    ∫ ṁ dt = Δm holds over each window and, the differences telescoping, over the trajectory.
+    ∫ ṁ dt = Δm holds over each window and, the differences telescoping, over the run.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
         edges = np.unique(_nearest(t, borders)) if count else np.zeros(1, int)
         if len(edges) < 2:
             raise ShortTrajectoryError(
-                f"Trajectory '{name}' lasts {t[-1] - t[0]:.4g} s in {len(t)} rows.",
+                f"Run '{name}' lasts {t[-1] - t[0]:.4g} s in {len(t)} rows.",
                 f"at least half a window of {length:.4g} s",
                 "Choose shorter windows, or leave it out.",
             )

@@ -1,4 +1,4 @@
-"""Which effects can act between two ports of a simulator: those of one port on what is across both, and their own."""
+"""Effects between two ports of a simulator: those of one port acting on the difference, and special ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type[Effect]]]) -> list[Placement]:
-    """Return the effects that can act between two ports: those of one port on what is across both, and their own."""
+    """Return the effects between two ports: those of one port acting on the difference, and special ones."""
     motion, span = link.domain == "motion", survey.spans.get(next(iter(link.sources)), 0.0)
     if not span > 0.0:
         return []

@@ -1,4 +1,4 @@
-"""What a simulator is to the diagnosis: ports, parameters, and one of three ways to say what the system does."""
+"""The interface of simulators to the diagnosis: ports, parameters, and one of three forms of the system."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Simulator:
     Raises
     ------
     ParameterError
-        Two ports share a name, or one refers to another that is not there.
+        Two ports share a name, or one refers to a port that does not exist.
 
     Examples
     --------
@@ -44,15 +44,15 @@ class Simulator:
 
     form: str = "ode"
     kind: ClassVar[str] = "function"
-    """Kind of its page, see `read_simulator`."""
+    """Kind of its simulator file, see `read_simulator`."""
     kinds: ClassVar[tuple[str, ...]] = ()
-    """Kinds that pages may call it."""
+    """Kinds that simulator files may name."""
     executes: ClassVar[bool] = True
-    """Whether making it from a page runs code that the page names."""
+    """Whether reading a simulator file runs code that it names."""
     one_by_one: ClassVar[bool] = False
-    """Whether it answers one instant at a time, however many it is asked about."""
+    """Whether it is evaluated one instant at a time."""
     between: tuple[Between, ...] = ()
-    """Two ports each between which effects may act, beside those that it couples itself."""
+    """Pairs of ports between which effects may act, besides those that it couples itself."""
 
     def __init__(
         self,
@@ -166,7 +166,7 @@ class Simulator:
         Raises
         ------
         UnknownParameterError
-            It has no parameter of a name.
+            It has no parameter of such a name.
         """
         import copy
         from dataclasses import replace
@@ -187,7 +187,7 @@ class Simulator:
         return out
 
     def identity(self) -> dict[str, Any]:
-        """Return what makes it the same simulator: kind, ports, numbers, tolerances and effects, as plain data."""
+        """Return what identifies the simulator: kind, ports, numbers, tolerances and effects, as plain data."""
         return {
             "name": self.kind,
             "kind": self.kind,
@@ -197,13 +197,13 @@ class Simulator:
             "ports": {p.name: f"{p.kind} in {p.unit}" for p in self.ports},
         }
 
-    # --- its page -------------------------------------------------------------------------------------------
+    # --- its simulator file -------------------------------------------------------------------------------------------
     @classmethod
     def from_page(
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator that a page names: its kind, the table of that name, and what all kinds have."""
+        """Return the simulator of a file: its kind, the table of that name, and what all kinds have."""
         raise NotImplementedError
 
     def page_table(self, folder: Path) -> dict[str, Any]:
@@ -211,19 +211,19 @@ class Simulator:
         raise NotImplementedError
 
     def own_numbers(self) -> dict[str, ModelParameter]:
-        """Return the numbers that the model itself has and that a page may give a tolerance."""
+        """Return the numbers that the model itself has and that a simulator file may give a tolerance."""
         return dict(self.parameters)
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
-        """Return for each joint the number that more inertia there is added to, and the inertia that it has already."""
+        """Return for each joint the number to which additional inertia is added, and its present inertia."""
         return {}
 
     @staticmethod
     def text_of(table: Mapping[str, Any], name: str, others: Sequence[str] = ()) -> str:
-        """Return the one text that a page's table must have; raise where it has others than these."""
+        """Return the required text entry of a simulator file's table; raise on any others."""
         if extra := sorted(set(table) - {name, *others}):
             raise UnknownParameterError(
-                f"The page has {', '.join(extra)}.", f"only {', '.join((name, *others))}", "Correct the name."
+                f"The simulator file has {', '.join(extra)}.", f"only {', '.join((name, *others))}", "Correct the name."
             )
         value = table.get(name)
         if not isinstance(value, str) or not value:
@@ -240,7 +240,7 @@ class Simulator:
         raise NotImplementedError
 
     def inertia(self, x: np.ndarray) -> np.ndarray | None:
-        """Return what turns the rates of the velocities into forces, shape (n, n_velocities, n_velocities), or None."""
+        """Return the matrix from rates of the velocities to forces, shape (n, n_velocities, n_velocities), or None."""
         return None
 
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import MissingParameterError, ParameterError, SimulatorSyntaxError, UnknownParameterError
 
 AND = " and "
-"""What stands between the names of two ports where a place is said as one text."""
+"""Separator between the names of two ports in a place written as one text."""
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,16 @@ class Between:
     first, second : str
         Joints (a joint port, its position or its velocity) or chambers (a chamber port or its level).
     ratio : float, optional
-        Travel of the first a travel of the second, such as that of a gear: across them is x₁ − ratio · x₂. By default
+        Travel of the first per travel of the second, such as a gear ratio: across them is x₁ − ratio · x₂. By default
         what the simulator's own coupling says, else 1.
     inertia : tuple of (str, str), optional
-        What turns the rate at each end into what flows through: a mass, an inertia, a capacity; a number or a formula
+        What turns the rate at each end into a force or flow: a mass, an inertia, a capacity; a number or a formula
         of the simulator's parameters and states, in SI. By default what the simulator's own coupling says.
 
     Raises
     ------
     ParameterError
-        Both ends are one, or a ratio is zero or no number.
+        Both ends are the same, or a ratio is zero or not a number.
 
     Examples
     --------
@@ -75,9 +75,9 @@ def ends_of(where: str) -> tuple[str, str] | None:
 
 
 def read_between(given: Any) -> list[Between]:
-    """Return what ``[[between]]`` of a page says."""
+    """Return what ``[[between]]`` of a simulator file says."""
     if not isinstance(given, list) or not all(isinstance(b, dict) for b in given):
-        raise SimulatorSyntaxError("between is no list of tables.", "[[between]]", "Write one [[between]] each.")
+        raise SimulatorSyntaxError("between is not a list of tables.", "[[between]]", "Write one [[between]] each.")
     return [_between(b) for b in given]
 
 

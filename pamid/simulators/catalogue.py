@@ -1,4 +1,4 @@
-"""Which effects can act at which ports of a simulator, under names that say both."""
+"""Which effects can act at which ports of a simulator, under names that contain both."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|press
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
 NEAR_END = 1e-3
-"""How near to where readings stand a sensor's range ends, as a share of it: as far off is the end that is found."""
+"""Accuracy of the end of a sensor's range, as a share of it."""
 
 
 class SignalSizes(NamedTuple):
@@ -45,11 +45,11 @@ class SignalSizes(NamedTuple):
     lows : dict of str to float
         Smallest value of each state.
     gaps : dict of str to float
-        How large a force or flow would matter at a joint or state, in the unit of its rate.
+        Size of a relevant force or flow at a joint or state, in the unit of its rate.
     readings : sequence of str
         Outputs and states that sensors measured.
     pushes : dict of (str, str) to float
-        For an input and a state what the input does to its rate.
+        Influence of an input on the rate of a state.
     joints : list of JointPort
         The joints.
     run_length, interval : float
@@ -80,7 +80,7 @@ class SignalSizes(NamedTuple):
 
     @property
     def time(self) -> float:
-        """What a second of the log counts, s: runs of other lengths than usual are taken as usual ones."""
+        """Scale of one second of the log, s: runs of unusual length are scaled to usual ones."""
         usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
         return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
 
@@ -105,7 +105,7 @@ class SignalSizes(NamedTuple):
         )
 
     def turns(self, name: str) -> bool:
-        """Return whether a signal has both signs: else nothing shows how an effect differs between them."""
+        """Return whether a signal has both signs: otherwise nothing shows how an effect depends on them."""
         low = self.lows.get(name, -1.0)
         return low < 0.0 < low + self.spans.get(name, 0.0)
 
@@ -121,7 +121,7 @@ def _extremes(each: Sequence[SignalSizes], which: Callable[..., float]) -> dict[
 
 
 class PortOverflow(Overflow):
-    r"""Outflow above a level, of which a share runs on into what the chamber feeds.
+    r"""Outflow above a level, a share of which enters the next chamber.
 
     .. math:: \dot h = -c\,\max(h - h_o, 0), \qquad \dot h_\mathrm{next} = r\,c\,\max(h - h_o, 0)
     """
@@ -176,12 +176,12 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
 
 
 def _rank(name: str) -> tuple[bool, str]:
-    """Return where an effect stands among those that become the same one at a port: a force's sensor first."""
+    """Return the rank of an effect among those that are equivalent at a port: a force's sensor first."""
     return not name.startswith("force"), name
 
 
 def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list[str]:
-    """Return the keys that a choice among the library stands for."""
+    """Return the keys of a choice among the library."""
     if isinstance(effects, str) and effects == "all":
         return list(found)
     wanted = [effects] if isinstance(effects, str) else list(effects)
@@ -276,7 +276,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
         for name, (kind, effect) in port_effects().items():
             if name == "back_emf" and joint.unit != "V":
-                continue  # in volts it is one and the same as a viscous friction: both are said
+                continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
             if kind != "joint" or ("pressure" in effect.roles and not without_pressure(effect)):
@@ -347,9 +347,9 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
 
 
 def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float, fastest: float) -> type[Effect]:
-    """Return an overflow whose level is one that the log passes: below all of it, it would be any leak.
+    """Return an overflow whose level lies within the log's range: below it, it would be a plain leak.
 
-    Nor is it faster than a sample: what runs off within one is as good as at once, and no step could follow it.
+    Nor is it faster than a sample, which no step could follow.
     """
     low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
     changed = []
@@ -370,7 +370,7 @@ def _temperature(unit: str) -> Unit | None:
 
 
 def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
-    """Return how what is stored counts as a pressure: a gas against the surroundings, a level against nothing."""
+    """Return how a stored quantity acts as a pressure: a gas relative to the surroundings, a level absolutely."""
     if kelvin := _temperature(unit):
         return {"pressure": kelvin.factor, "offset": kelvin.offset}
     if unit not in PASCAL:
@@ -382,7 +382,7 @@ def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
 
 
 def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
-    """Return an effect that acts in the units of its port, where the bounds of a bench or log say nothing."""
+    """Return an effect that acts in the units of its port, without the bounds of a bench or log."""
     kind, cls = port_effects()[name]
     hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
     known = (powers(cls, hook) if kind != "chamber" else None) or {}

@@ -1,11 +1,11 @@
-r"""Where a fault of a command cannot be told from the same fault of a reading: linear paths from one to the other.
+r"""Faults of a command that are equivalent to the same fault of a reading: linear paths from one to the other.
 
-What is linear and does not change in time commutes: a lag, delay or gain before a plant G acts on the reading y = G u
+Linear time-invariant systems commute: a lag, delay or gain before a plant G acts on the reading y = G u
 as the same one after it,
 
 .. math:: y = H\,(G\,u) = G\,(H\,u)
 
-as long as that input moves this reading alone, and no other input moves it.
+as long as that input moves only this reading, and no other input moves it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .placement import Placement
 from .structure import spread_numbers
 
 LINEAR = ("gain", "lag", "delay")
-"""Faults that are linear and the same at all times, as commands and readings have them: ``actuator_lag``,
+"""Linear, time-invariant faults of commands and readings: ``actuator_lag``,
 ``sensor_lag``."""
 
 
@@ -33,7 +33,7 @@ def commuting_paths(
     if slopes is None:
         return {}
     n = len(simulator.states)
-    # A signal reaches a state through rates, and what it reaches reaches on; an output reads what it is made of.
+    # A signal reaches a state through rates, and other states through that; an output depends on its arguments.
     reach = np.abs(slopes[:n]) > 0.0
     for _ in range(n):
         reach = reach | (reach[:, :n].astype(int) @ reach.astype(int) > 0)
@@ -49,7 +49,7 @@ def commuting_paths(
 
 
 def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str]) -> dict[str, str]:
-    """Return the effects at ports that act alike on linear paths, each by the other's name."""
+    """Return the effects at ports that are equivalent on linear paths, each by the other's name."""
     found = {}
     for entry, reading in paths.items():
         for word in LINEAR:
@@ -60,7 +60,7 @@ def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str]) -> d
 
 
 def _slopes(simulator: Simulator, t: np.ndarray, signals: np.ndarray) -> np.ndarray | None:
-    """Return what each state and input does to each rate and output; None where that is not the same everywhere."""
+    """Return the slopes of rates and outputs over states and inputs; None where they are not constant."""
     n, p = len(simulator.states), spread_numbers(simulator, len(t))
 
     def answers(at: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from .ports import ModelParameter, Port, merged
 
 
 class ControlSimulator(Simulator):
-    r"""A linear system, :math:`\dot x = A x + B u`, :math:`y = C x + D u`, or the same in steps.
+    r"""A linear system, :math:`\dot x = A x + B u`, :math:`y = C x + D u`, or its discrete-time form.
 
     Its ports are named as the system's signals are: ``u[0]`` becomes ``u0``.
 
@@ -25,20 +25,20 @@ class ControlSimulator(Simulator):
     system : control.StateSpace or control.TransferFunction
         The system.
     ports : sequence of Port, optional
-        What is said of ports otherwise than by the system: columns, units, starts.
+        Ports whose columns, units or starts differ from the system's own.
     parameters : mapping, optional
         None: a control system has no parameters by name.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it.
     source : str, default=""
-        Where it was imported from, for its page.
+        Where it was imported from, for its simulator file.
 
     Raises
     ------
     MissingDependencyError
         python-control is not installed.
     ParameterError
-        The system is none of it.
+        The system is neither of them.
 
     Examples
     --------
@@ -83,7 +83,7 @@ class ControlSimulator(Simulator):
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator that a page names; its table has ``system``, as ``module:object``."""
+        """Return the simulator of a file; its table has ``system``, as ``module:object``."""
         source = cls.text_of(table, "system")
         system = load_function(source, folder)
         if callable(system) and not hasattr(system, "input_labels"):
@@ -93,7 +93,7 @@ class ControlSimulator(Simulator):
         return out
 
     def page_table(self, folder: Path) -> dict[str, Any]:
-        """Return the entries of the page's table."""
+        """Return the entries of the simulator file's table."""
         return {"system": written_source(self.source, self.folder, folder)}
 
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

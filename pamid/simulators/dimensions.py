@@ -1,4 +1,4 @@
-"""In which power of a signal's unit each parameter of an effect counts."""
+"""The power of a signal's unit in each parameter of an effect."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NOTHING: Any = Surroundings()
 def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
     """Return for each parameter of an effect the power of a signal's unit in it.
 
-    With the signal shrunk by a factor and every parameter by that power of it, the effect does the same: it adds the
+    With the signal scaled by a factor and every parameter by that power of it, the effect does the same: it adds the
     same force, or changes a command or a reading by the same share.
     """
     if hook == "force" and effect.site == "joint":  # an angle is an angle
@@ -46,7 +46,7 @@ def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
 
 
 def _scales(effect: type[Effect], hook: str, named: Mapping[str, int], values: Mapping[str, float]) -> bool:
-    """Tell whether an effect does the same to a smaller signal, its parameters changed by powers of the factor."""
+    """Return whether an effect does the same to a smaller signal, its parameters changed by powers of the factor."""
     does = {"force": _force, "command": _command, "measure": _reading}[hook]
     wanted = _quietly(does, effect, values, 1.0)
     if wanted is None or not np.any(wanted):
@@ -56,7 +56,7 @@ def _scales(effect: type[Effect], hook: str, named: Mapping[str, int], values: M
 
 
 def _generic(p: Parameter, fill: bool) -> float:
-    """Return a value of a parameter that shows what it does; nominal ones where nothing need be shown."""
+    """Return a value of a parameter at which its influence shows; nominal ones otherwise."""
     value = p.nominal
     if not value and fill:
         value = 0.4 if p.share else min(0.1 * p.upper, 10.0)
@@ -74,7 +74,7 @@ def _quietly(does: Any, effect: type[Effect], values: Mapping[str, float], scale
         ValueError,
         ArithmeticError,
         PamidError,
-    ):  # it reads a signal or a number of a muscle, or a value has left its bounds
+    ):  # it reads a signal or a number of a muscle, or a value is outside its bounds
         return None
 
 

@@ -1,4 +1,4 @@
-"""A simulator that is written as equations: rates of states and outputs, as text that is data and no code."""
+"""A simulator written as equations: rates of states and outputs, as text that is data, not code."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class EquationSimulator(FunctionSimulator):
 
     .. math:: \dot x_i = f_i(t, x, u, p), \qquad y_j = h_j(t, x, u, p)
 
-    Only arithmetic and `FUNCTIONS` are known, so that a page of equations is data: it needs no trust.
+    Only arithmetic and `FUNCTIONS` are allowed, so a file of equations is data: it needs no trust.
 
     Parameters
     ----------
     equations : mapping of str to str
-        Right sides by what stands on the left: ``"dh/dt"`` for the state ``h``, ``"F"`` for an output.
+        Right sides by left side: ``"dh/dt"`` for the state ``h``, ``"F"`` for an output.
     ports : sequence of Port
         Its ports.
     parameters : mapping, optional
@@ -50,7 +50,7 @@ class EquationSimulator(FunctionSimulator):
     Raises
     ------
     ParameterError
-        An equation is none, calls what is not known, or names what is no port, parameter or ``t``.
+        An equation is invalid, calls an unknown function, or uses a name that is no port, parameter or ``t``.
     MissingParameterError
         A state or output has no equation.
 
@@ -100,13 +100,13 @@ class EquationSimulator(FunctionSimulator):
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator of a page, whose table has an equation a line."""
+        """Return the simulator of a simulator file, whose table has one equation per line."""
         if wrong := [k for k, v in table.items() if not isinstance(v, str)]:
             raise ParameterError(f"The equation of {wrong[0]} is {table[wrong[0]]!r}.", "a text", "Quote it.")
         return cls(table, ports, parameters, effects)
 
     def page_table(self, folder: Path) -> dict[str, Any]:
-        """Return the entries of the page's table."""
+        """Return the entries of the simulator file's table."""
         return {f'"{left}"': right for left, right in self.equations.items()}
 
 
@@ -121,23 +121,23 @@ def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]
         elif clean.isidentifier() and clean.isascii():
             outputs[clean] = right
         else:
-            raise ParameterError(f"The left side {left[:60]!r} is none.", "dNAME/dt or NAME", "Write dx/dt = ...")
+            raise ParameterError(f"The left side {left[:60]!r} is not valid.", "dNAME/dt or NAME", "Write dx/dt = ...")
     return rates, outputs
 
 
 def names_in(text: str) -> set[str]:
-    """Return the names of an equation's right side that are no functions or constants."""
+    """Return the names of an equation's right side other than functions and constants."""
     return {n.id for n in ast.walk(_parsed(text)) if isinstance(n, ast.Name)} - {*FUNCTIONS, *_CONSTANTS}
 
 
 def _parsed(text: str) -> ast.Expression:
-    """Return an equation's right side as a tree that holds arithmetic alone."""
+    """Return an equation's right side as a tree of arithmetic only."""
     try:
         if len(text) > _LONGEST:
-            raise ValueError(f"it has {len(text)} letters")
+            raise ValueError(f"it has {len(text)} characters")
         tree = ast.parse(text.strip().replace("^", "**"), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ParameterError(f"{text[:80]!r} is no equation ({error}).", _KNOWN, "Correct it.") from None
+        raise ParameterError(f"{text[:80]!r} is not an equation ({error}).", _KNOWN, "Correct it.") from None
     for node in ast.walk(tree):
         called = isinstance(node, ast.Call)
         if not isinstance(node, _NODES) or (called and _wrong_call(node)):
@@ -166,7 +166,7 @@ def formulas(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, A
     for name, text in right.items():
         if unknown := sorted(names_in(text) - known):
             raise ParameterError(
-                f"The equation of {name} names {', '.join(unknown)}.",
+                f"The equation of {name} uses {', '.join(unknown)}.",
                 f"states, inputs, parameters or t: {', '.join(sorted(known))}",
                 "Give it as a port or parameter, or correct the name.",
             )

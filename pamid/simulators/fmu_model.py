@@ -37,7 +37,7 @@ from .ports import ModelParameter, Port, merged
 from .workers import ended, started
 
 SECONDS, BYTES = 60.0, 4 * 2**30
-"""Time and memory that a run of an FMU may take, where nobody says otherwise."""
+"""Default limits of time and memory for a run of an FMU."""
 _LOADING = 30.0  # s more for the first answer of a process, which loads Python and fmpy
 _PIECE = 2**16
 _STREAMS = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
@@ -55,13 +55,13 @@ class FmuSimulator(Simulator):
     fmu : path-like
         The ``.fmu`` file.
     ports : sequence of Port, optional
-        What is said of ports otherwise than by the FMU, and states.
+        Ports that differ from the FMU's own, and states.
     parameters : mapping, optional
         Its parameters that have a tolerance or another value.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it.
     trust : bool, default=False
-        Whether it may run. Its description is read without.
+        Whether it may run. Its description is read in any case.
     seconds : float, default=60
         Time that one run may take, s.
 
@@ -70,16 +70,16 @@ class FmuSimulator(Simulator):
     MissingDependencyError
         fmpy is not installed.
     SimulatorSyntaxError
-        The file is no FMU.
+        The file is not an FMU.
     ParameterError
-        It has no variable of a name.
+        It lacks a variable that is named.
 
     Examples
     --------
     >>> from pamid.simulators import FmuSimulator
     >>> FmuSimulator("gone.fmu")
     Traceback (most recent call last):
-    pamid.errors.SimulatorNotFoundError: gone.fmu is not there. Expected an FMU. Check the path.
+    pamid.errors.SimulatorNotFoundError: gone.fmu does not exist. Expected an FMU. Check the path.
     """
 
     kind: ClassVar[str] = "fmu"
@@ -98,7 +98,7 @@ class FmuSimulator(Simulator):
     ) -> None:
         self.path, self.trust, self.seconds = Path(fmu), trust, float(seconds)
         if not self.path.is_file():
-            raise SimulatorNotFoundError(f"{self.path} is not there.", "an FMU", "Check the path.")
+            raise SimulatorNotFoundError(f"{self.path} does not exist.", "an FMU", "Check the path.")
         self._workers = [_Worker(self.path, self.seconds), _Worker(self.path, self.seconds)]
         self.described = self._workers[0].asked({"do": "describe"}, {})[0]["ok"]
         self._names = _distinct([v["name"] for v in self.described["variables"]])
@@ -122,7 +122,7 @@ class FmuSimulator(Simulator):
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator that a trusted page names; its table has ``fmu``, and if wanted ``seconds``."""
+        """Return the simulator of a trusted file; its table has ``fmu``, and optionally ``seconds``."""
         seconds = table.get("seconds", SECONDS)
         if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not seconds > 0:
             raise ParameterError(f"seconds is {seconds!r}.", "a positive number", "Correct it.")
@@ -131,7 +131,7 @@ class FmuSimulator(Simulator):
         return cls(path, ports, parameters, effects, trust=True, seconds=float(seconds))
 
     def page_table(self, folder: Path) -> dict[str, Any]:
-        """Return the entries of the page's table."""
+        """Return the entries of the simulator file's table."""
         return {"fmu": named_from(self.path, folder), "seconds": self.seconds}
 
     def run(self, t: np.ndarray, u: np.ndarray, p: np.ndarray, x0: np.ndarray) -> np.ndarray:
@@ -142,7 +142,7 @@ class FmuSimulator(Simulator):
         """Return the outputs of several runs of the same times, shape (n_runs, n_outputs, n), in two processes."""
         if not self.trust:
             raise UntrustedCodeError(
-                f"{self.path} is native code.", "your word that it may run", "Say trust=True, or add --trust."
+                f"{self.path} is native code.", "your permission to run it", "Pass trust=True, or add --trust."
             )
         said = {
             "do": "run",
@@ -183,7 +183,7 @@ class FmuSimulator(Simulator):
 
 
 class _Worker:
-    """The other process; it is started when first asked, and anew after it has died."""
+    """The other process; it is started when first needed, and again after it has died."""
 
     def __init__(self, path: Path, seconds: float) -> None:
         self.path, self.seconds = path, seconds
@@ -217,14 +217,14 @@ class _Worker:
             code = process.poll()
             self._given_up()
             raise ForeignSimulatorError(
-                f"{self.path.name} ended its process with code {code}.", "a run that ends well", "Mend the FMU."
+                f"{self.path.name} ended its process with exit code {code}.", "a run that completes", "Fix the FMU."
             ) from None
         if answer is None:
             self._given_up()
             raise ForeignSimulatorError(
                 f"{self.path.name} did not answer within {self.seconds:g} s.",
                 "a run that ends",
-                "Give it more time (seconds in [fmu]), or mend it.",
+                "Give it more time (seconds in [fmu]), or fix it.",
             )
         if "error" in answer[0]:
             text = str(answer[0]["error"])
@@ -233,14 +233,16 @@ class _Worker:
                     "fmpy is not installed.", "the package fmpy", "pip install 'pamid[export]'."
                 )
             if said["do"] == "describe":
-                raise SimulatorSyntaxError(f"{self.path} is no FMU: {text}.", "an FMU of FMI 2 or 3", "Check the file.")
+                raise SimulatorSyntaxError(
+                    f"{self.path} is not an FMU: {text}.", "an FMU of FMI 2 or 3", "Check the file."
+                )
             if "run" in answer[0]:
                 raise SimulatorRunError(
                     f"{self.path.name} failed in run {first + int(answer[0]['run']) + 1}: {text}.",
-                    "a run that ends well, with finite numbers",
-                    "Mend the FMU, or the inputs and parameters that it is given.",
+                    "a run that completes, with finite numbers",
+                    "Fix the FMU, or the inputs and parameters that it is given.",
                 )
-            raise ForeignSimulatorError(f"{self.path.name} failed: {text}.", "a run that ends well", "Mend the FMU.")
+            raise ForeignSimulatorError(f"{self.path.name} failed: {text}.", "a run that completes", "Fix the FMU.")
         return answer
 
     def _given_up(self) -> None:
@@ -249,7 +251,7 @@ class _Worker:
         self._process = None
 
     def _awaited(self, process: subprocess.Popen[bytes]) -> Any:
-        """Return the answer, or None where none is whole within the time; raise where the process has died."""
+        """Return the answer, or None where none is complete in time; raise where the process has died."""
         assert process.stdout is not None
         until = time.monotonic() + max(self.seconds, 1.0) + (_LOADING if self._fresh(process) else 0.0)
         heard = bytearray()
@@ -268,7 +270,7 @@ class _Worker:
         return None
 
     def _fresh(self, process: subprocess.Popen[bytes]) -> bool:
-        """Tell whether a process has just been started: Python and fmpy take a while to load."""
+        """Return whether a process has just been started: Python and fmpy take a while to load."""
         first = getattr(process, "_pamid_asked", False) is False
         process._pamid_asked = True  # type: ignore[attr-defined]
         return first
@@ -280,7 +282,7 @@ def _end(process: subprocess.Popen[bytes], remove: Callable[[], object]) -> None
 
 
 def _start(variable: Mapping[str, Any]) -> float:
-    """Return the value at which a variable stands where nobody says another; 0 where the FMU says none."""
+    """Return the default start value of a variable; 0 where the FMU states none."""
     try:
         value = float(variable["start"])
     except ValueError:
@@ -294,7 +296,7 @@ def _plain(name: str) -> str:
 
 
 def _distinct(names: Sequence[str]) -> dict[str, str]:
-    """Return names by plain ones: those that are plain keep theirs, and no two share one."""
+    """Return names by plain ones: plain names are kept, and no two share one."""
     found = {name: name for name in names if _plain(name) == name}
     for name in names:
         if name in found.values():

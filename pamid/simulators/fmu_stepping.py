@@ -13,7 +13,7 @@ _WARNING = 1
 
 
 def _well(status: int, what: str, time: float) -> None:
-    """Raise where a call has not succeeded: there is then no number to go on with."""
+    """Raise where a call has failed."""
     if status > _WARNING:
         word = _STATUS[status] if status < len(_STATUS) else str(status)
         raise FailedStepError(f"{what} at {time:g} s returned the status {word}")
@@ -31,12 +31,12 @@ class Stepper:
     folder : str
         Where the FMU was unpacked.
     inputs, outputs : sequence of str
-        Names of its variables, real numbers all.
+        Names of its variables, all real numbers.
 
     Raises
     ------
     LookupError
-        It is no such FMU, or a variable is no real number of 8 bytes: ask fmpy as a whole.
+        It is not such an FMU, or a variable is not an 8-byte real: leave the run to fmpy.
     """
 
     def __init__(self, folder: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -62,7 +62,7 @@ class Stepper:
         if self._fmu is not None and self._used:
             try:
                 self._fmu.reset()
-            except s.FMICallException:  # what cannot be reset is made anew
+            except s.FMICallException:  # what cannot be reset is made again
                 self._fmu.freeInstance()
                 self._fmu = None
         if self._fmu is None:

@@ -1,4 +1,4 @@
-"""The process in which an FMU lives: it reads requests from its input and answers on its output, and may die alone."""
+"""The process that runs an FMU: it reads requests from its input, answers on its output, and may crash alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 MOST_UNPACKED = 500_000_000
-"""Bytes that an FMU may unfold to."""
+"""Most bytes that an FMU may unpack to."""
 
 
 def send(stream: IO[bytes], said: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
@@ -45,7 +45,7 @@ def receive(stream: IO[bytes]) -> tuple[dict[str, Any], dict[str, np.ndarray]] |
 
 
 def is_whole(heard: bytes | bytearray) -> bool:
-    """Tell whether a message has come to its end."""
+    """Return whether a message is complete."""
     return len(heard) >= 16 and len(heard) >= 16 + sum(struct.unpack_from("<QQ", heard))
 
 
@@ -55,7 +55,7 @@ def described(path: str) -> dict[str, Any]:
 
     with zipfile.ZipFile(path) as archive:
         if (size := sum(i.file_size for i in archive.infolist())) > MOST_UNPACKED:
-            raise ValueError(f"it unfolds to {size:,} bytes; at most {MOST_UNPACKED:,} are read")
+            raise ValueError(f"it unpacks to {size:,} bytes; at most {MOST_UNPACKED:,} are read")
     d = fmpy.read_model_description(path, validate=False)
     variables = [
         {
@@ -98,7 +98,7 @@ def _run(folder: str, kind: str, said: dict[str, Any], given: dict[str, np.ndarr
 
 
 def limited(memory: int, seconds: int | None = None) -> None:
-    """Hold this process to a number of bytes of memory and of processor seconds, where the system can."""
+    """Limit the memory and processor time of this process, where the system can."""
     try:
         import resource
 
@@ -119,7 +119,7 @@ class FailedRunError(Exception):
 
 
 def _numbers(y: np.ndarray, t: np.ndarray, names: list[str]) -> None:
-    """Raise where an output is no finite number."""
+    """Raise where an output is not finite."""
     wrong = ~np.isfinite(y)
     if wrong.any():
         k = int(np.argmax(wrong.any(axis=0)))
@@ -128,7 +128,7 @@ def _numbers(y: np.ndarray, t: np.ndarray, names: list[str]) -> None:
 
 
 class _Served:
-    """One FMU and what was made of it."""
+    """One FMU and its loaded instance."""
 
     def __init__(self, path: str, folder: str) -> None:
         self.path, self.folder = path, folder
@@ -151,7 +151,7 @@ class _Served:
                 else:
                     y = _run(self._unpacked, said["kind"], one, {"t": given["t"], "u": u})
                 _numbers(y, given["t"], said["outputs"])
-            except Exception as error:  # whatever foreign code and fmpy raise: the others of the batch are not asked
+            except Exception as error:  # whatever foreign code and fmpy raise: the rest of the batch is skipped
                 raise FailedRunError(k, f"{type(error).__name__}: {error}") from error
             found.append(y)
         return np.stack(found)
@@ -171,9 +171,9 @@ class _Served:
 
 
 def main() -> None:
-    """Serve one FMU, the first argument, within a number of bytes of memory, unpacked into a folder: the others."""
+    """Serve one FMU (first argument) within a memory limit, unpacked into a folder (the other arguments)."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what the FMU prints is no answer
+    os.dup2(2, 1)  # what the FMU prints is not an answer
     path, memory, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     limited(memory)
     threading.Thread(target=_leave_with, args=(os.getppid(), folder), daemon=True).start()
@@ -199,14 +199,14 @@ def _serve(served: _Served, path: str, answers: IO[bytes]) -> None:
 
 
 def _leave_with(parent: int, folder: str) -> None:
-    """Leave when the process that asks is gone, even while the FMU runs: nobody else could tidy up."""
+    """Exit when the parent process is gone, even while the FMU runs: nobody else could clean up."""
     while os.getppid() == parent:
         time.sleep(0.5)
     _leave(folder)
 
 
 def _leave(folder: str) -> None:
-    """Remove what was unpacked, and end with all that the FMU has started."""
+    """Remove unpacked files, and end with all processes that the FMU has started."""
     shutil.rmtree(folder, ignore_errors=True)
     if os.name == "posix" and os.getpgrp() == os.getpid():
         os.killpg(os.getpid(), signal.SIGKILL)

@@ -22,7 +22,7 @@ from .fmu_model import FmuSimulator
 from .fmu_worker import MOST_UNPACKED
 
 SUBSTEPS = 10
-"""Steps of the original in one of the wrapper: what a force follows is read anew before each."""
+"""Steps of the original per step of the wrapper; the signals that a force depends on are read before each."""
 _ABSENT = (
     "GetFMUstate", "SetFMUstate", "FreeFMUstate", "SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate",
     "GetDirectionalDerivative", "SetRealInputDerivatives", "GetRealOutputDerivatives", "GetStatus", "GetRealStatus",
@@ -32,24 +32,28 @@ _GASES = ("Pa", "hPa", "kPa", "bar", "MPa")
 
 
 def wrapped(simulator: FmuSimulator, compiler: str | None = None) -> bytes:
-    """Return an FMU that is another one with a simulator's effects and parameters.
+    """Return an FMU wrapped with a simulator's effects and parameters.
 
     The original lies inside, with its binary for this machine; the wrapper passes all calls on.
     """
     with zipfile.ZipFile(simulator.path) as archive:
         if sum(i.file_size for i in archive.infolist()) > MOST_UNPACKED:
-            raise ExportError(f"{simulator.path.name} unfolds to too much.", "an FMU", "Check it.")
+            raise ExportError(f"{simulator.path.name} unpacks to too many bytes.", "an FMU", "Check it.")
         inside = {i.filename: archive.read(i) for i in archive.infolist() if not i.is_dir()}
     root = ET.fromstring(inside["modelDescription.xml"])
     described = root.find("CoSimulation")
     if root.get("fmiVersion") != "2.0" or described is None:
         raise ExportError(
-            f"{simulator.path.name} is of FMI {root.get('fmiVersion')}.", "FMI 2.0 with co-simulation", "Use the page."
+            f"{simulator.path.name} is of FMI {root.get('fmiVersion')}.",
+            "FMI 2.0 with co-simulation",
+            "Use the simulator file.",
         )
     folder, ending = binary_folder(2)
     library = f"binaries/{folder}/{described.get('modelIdentifier')}{ending}"
     if ending == ".dll" or library not in inside:
-        raise ExportError(f"{simulator.path.name} has no {library}.", "a binary for Linux or macOS", "Use the page.")
+        raise ExportError(
+            f"{simulator.path.name} has no {library}.", "a binary for Linux or macOS", "Use the simulator file."
+        )
     name = re.sub(r"\W", "_", f"{described.get('modelIdentifier')}_corrected")
     code = {f"{name}.c": _source(simulator, root, name, library)}
     _rename(root, name, simulator.start_values())
@@ -60,7 +64,7 @@ def wrapped(simulator: FmuSimulator, compiler: str | None = None) -> bytes:
 
 
 def _rename(root: ET.Element, name: str, starts: Mapping[str, float]) -> None:
-    """Let a description be that of the wrapper: of co-simulation alone, with other start values."""
+    """Turn a description into that of the wrapper: only co-simulation, with other start values."""
     for other in root.findall("ModelExchange"):
         root.remove(other)
     own = root.find("CoSimulation")
@@ -100,17 +104,17 @@ def _started(variable: ET.Element) -> float:
 
 
 def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
-    """Return what the effects do to inputs and outputs as C, one block an effect."""
+    """Return the effects on inputs and outputs as C, one block per effect."""
     pushed, read, known = [], [], port_effects()
     places = {n: f"y[{k}]" for k, n in enumerate(simulator.outputs)}
     forces = []
     for name, where, values in simulator.effects:
         kind, cls = known[name]
         if ends_of(where) is not None:
-            raise ExportError(f"{name} is between {where}.", "effects at one port", "Use the page of the simulator.")
+            raise ExportError(f"{name} is between {where}.", "effects at one port", "Use the simulator file instead.")
         if cls.n_states or kind == "parameter":
             raise ExportError(
-                f"{name} at {where} remembers.", "an effect of what is there now", "Use the page of the simulator."
+                f"{name} at {where} has memory.", "an effect without memory", "Use the simulator file instead."
             )
         effect: Any = in_port_units(name, where, values)
         if kind == "output":
@@ -134,7 +138,7 @@ def _force(simulator: FmuSimulator, kind: str, where: str, effect: Any, places: 
     s, used = Signals(), {}
     given = {"position": port.position, "velocity": port.velocity} if kind == "joint" else {"pressure": port.level}
     if kind == "chamber" and simulator.port(port.level).unit in _GASES:
-        raise ExportError(f"{where} holds a gas.", "a chamber of a liquid", "Use the page of the simulator.")
+        raise ExportError(f"{where} holds a gas.", "a chamber of a liquid", "Use the simulator file instead.")
     for role, name in given.items():
         if name:
             setattr(s, role, symbol(role))

@@ -1,4 +1,4 @@
-"""What a unit of an input comes to as a force, where a number of a simulator is the mass that says it."""
+"""The force of one unit of an input, where a number of the simulator is the mass."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STEP, _CLOSE = 1e-3, 1e-4
 
 
 class ForcePerInput(NamedTuple):
-    """What drives a joint, as a force.
+    """The drive of a joint, as a force.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class ForcePerInput(NamedTuple):
     unit : str
         ``"N"`` or ``"N m"``.
     mass : str
-        The parameter that says so.
+        The mass parameter.
     """
 
     factor: float
@@ -34,10 +34,10 @@ class ForcePerInput(NamedTuple):
 def force_per_input(
     simulator: Simulator, joint: JointPort, t: np.ndarray, x: np.ndarray, u: np.ndarray
 ) -> ForcePerInput | None:
-    r"""Return what a unit of the input that drives a joint comes to as a force; None where no parameter says it.
+    r"""Return the force of one unit of the input that drives a joint; None where no parameter is the mass.
 
-    A parameter m is the mass of the joint if it has that unit and what the input does to the velocity's rate is as its
-    inverse. Then
+    A parameter m is the mass of the joint if it has that unit and the input's influence on the velocity's rate is
+    inversely proportional to it. Then
 
     .. math:: F/u = m\,\partial\dot v/\partial u
     """
@@ -61,7 +61,7 @@ def force_per_input(
 
 
 def as_force(value: float, unit: str, own: str, force: ForcePerInput) -> tuple[float, str] | None:
-    """Return a size in newtons instead of the joint's own unit; None where it holds none."""
+    """Return a size in newtons instead of the joint's own unit; None where it is not a force."""
     if own in ("", "-") or unit_powers(unit).get(own, 0) != 1:
         return None
     return value * force.factor, unit_text([(force.unit, 1), (own, -1), (unit, 1)])

@@ -39,8 +39,8 @@ class FunctionSimulator(Simulator):
     ----------
     function : callable
         ``f(t, x, u, p)`` returns the rates of the states; ``g(u, p)`` (or ``g(t, u, p)``) the outputs at an instant;
-        ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``, the last. x, u and p go by name
-        (``x["angle"]``, ``x.angle``) and by place (``x[0]``). It returns numbers in the order of the ports, or a
+        ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``, the last. x, u and p are read by
+        name (``x["angle"]``, ``x.angle``) or by position (``x[0]``). It returns numbers in the order of the ports, or a
         mapping by name.
     ports : sequence of Port
         Its ports.
@@ -49,16 +49,16 @@ class FunctionSimulator(Simulator):
     output : callable, optional
         ``h(t, x, u, p)`` for a function of rates: what the output ports show.
     form : {"ode", "algebraic", "run"}, optional
-        Which of the three it is; by default what its arguments say.
+        Which of the three it is; by default inferred from its arguments.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it.
     source : str, default=""
-        Where it was imported from, for its page.
+        Where it was imported from, for its simulator file.
 
     Raises
     ------
     UnknownOptionError
-        The form is none.
+        Unknown form.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class FunctionSimulator(Simulator):
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator that a page names: ``function``, and if wanted ``output`` and ``form``."""
+        """Return the simulator of a file; its table has ``function``, and optionally ``output`` and ``form``."""
         source = cls.text_of(table, "function", ("output", "form"))
         shown = cls.text_of({"output": table["output"]}, "output") if "output" in table else ""
         out = cls(
@@ -113,7 +113,7 @@ class FunctionSimulator(Simulator):
         return out
 
     def page_table(self, folder: Path) -> dict[str, Any]:
-        """Return the entries of the page's table."""
+        """Return the entries of the simulator file's table."""
         found = {"function": written_source(self.source or _source_of(self.function), self.folder, folder)}
         if self.output_function is not None:
             found["output"] = written_source(
@@ -125,7 +125,7 @@ class FunctionSimulator(Simulator):
         self, what: str, function: Callable[..., Any], arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
         t: np.ndarray | None, names: tuple[str, ...],
     ) -> np.ndarray:  # fmt: skip
-        """Return a function at many instants at once where it can be asked so, else one after the other."""
+        """Evaluate a function at many instants at once where it allows that, else one by one."""
         n = arguments[0][0].shape[1]
 
         def at(k: Any) -> np.ndarray:
@@ -148,7 +148,7 @@ class FunctionSimulator(Simulator):
             answer = _silently(function, t, arguments)
             if type(answer) in (list, tuple) and len(answer) == len(names):
                 out = np.empty((len(names), n))
-                with contextlib.suppress(TypeError, ValueError):  # told below
+                with contextlib.suppress(TypeError, ValueError):  # reported below
                     for row, values in zip(out, answer, strict=True):
                         row[:] = values
                     return out
@@ -210,12 +210,14 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
             f"{module} has no {name!r}.", "the name of a function in it", "Correct the name after the colon."
         )
     if not callable(found):
-        raise ParameterError(f"{source} is no function.", "the name of a function", "Correct the name after the colon.")
+        raise ParameterError(
+            f"{source} is not a function.", "the name of a function", "Correct the name after the colon."
+        )
     return found
 
 
 def _asked(function: Callable[..., Any], *given: Any) -> Any:
-    """Call a user's function: what it raises is told as its own, and what it prints stays out of the results."""
+    """Call a user's function: its errors are reported as its own, and its printout stays out of the results."""
     out, sys.stdout = sys.stdout, sys.stderr
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):  # a function may set both, for pamid too
@@ -235,7 +237,7 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
 
 
 def _said(error: BaseException) -> str:
-    """Return what an error of somebody else's says; its own text may fail as well."""
+    """Return the text of a foreign error; making that text may fail as well."""
     try:
         return str(error)[:200]
     except Exception:
@@ -243,17 +245,17 @@ def _said(error: BaseException) -> str:
 
 
 def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]) -> Any:
-    """Call a user's function with numbers by name; what is not finite is looked at later."""
+    """Call a user's function with numbers by name; non-finite values are checked later."""
     # Copies: a function may keep or overwrite what it is given.
     given = [Values.of(np.array(rows), labels) for rows, labels in arguments]
     return _asked(function, *given) if t is None else _asked(function, np.array(t)[()], *given)
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:
-    """Return where code was imported from, a file as it is called from another folder."""
+    """Return where code was imported from, a file relative to another folder."""
     if not source:
         raise ParameterError(
-            "The simulator was made from something without a name.", "a function of a module", "Define it in a file."
+            "The simulator was made from an object without a name.", "a function of a module", "Define it in a file."
         )
     module, _, name = source.rpartition(":")
     if module.endswith(".py"):
@@ -270,10 +272,10 @@ def _source_of(function: Callable[..., Any]) -> str:
 
 def _load_file(path: Path) -> Any:
     if not path.is_file():
-        raise SimulatorNotFoundError(f"{path} is not there.", "a Python file", "Check the path.")
+        raise SimulatorNotFoundError(f"{path} does not exist.", "a Python file", "Check the path.")
     spec = importlib.util.spec_from_file_location(f"pamid_simulator_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise SimulatorNotFoundError(f"{path} is no Python file.", "a file that ends in .py", "Check the path.")
+        raise SimulatorNotFoundError(f"{path} is not a Python file.", "a file that ends in .py", "Check the path.")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -288,7 +290,9 @@ def _load_module(name: str, folder: Path | None) -> Any:
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
             raise SimulatorNotFoundError(
-                f"There is no module {name!r}.", "a module on the path, or a file beside the page", "Check the name."
+                f"There is no module {name!r}.",
+                "a module on the path, or a file beside the simulator file",
+                "Check the name.",
             ) from None
         raise
     finally:
@@ -338,7 +342,9 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
     try:
         return np.stack(np.broadcast_arrays(*[np.asarray(r, dtype=float) for r in rows]))
     except (TypeError, ValueError) as error:
-        raise ShapeError(f"{_name(function)} returned no plain numbers ({error}).", "numbers", "Correct it.") from None
+        raise ShapeError(
+            f"{_name(function)} did not return plain numbers ({error}).", "numbers", "Correct it."
+        ) from None
 
 
 def _count(answer: Any, rows: list[Any], names: tuple[str, ...]) -> str:
@@ -352,7 +358,7 @@ def _is_list_of_one(answer: Any) -> bool:
 
 
 def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
-    """Tell whether a function gives many instants at once what it gives one by one."""
+    """Return whether a function gives the same for many instants at once as one by one."""
     some = np.unique(np.linspace(0, n - 1, min(n, 5)).astype(int))
     single = np.stack([at(k).reshape(rows) for k in some], axis=1)
     try:
@@ -364,7 +370,7 @@ def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
         LookupError,
         ArithmeticError,
         PamidError,
-    ):  # a branch on a number, math.sin ...: it is then asked one instant at a time
+    ):  # a branch on a number, math.sin ...: it is then called one instant at a time
         return False
     if many.ndim == 1:
         many = np.repeat(many[:, None], len(some), axis=1)

@@ -14,11 +14,11 @@ from .structure import JointPort
 
 Acting = Sequence[tuple[Placement, Effect]]
 MOST = 1e9
-"""Size, in spans of a state, at which a run has left its senses: it is held there."""
+"""Size, in spans of a state, at which a run has diverged: it is held there."""
 
 
 class Runner:
-    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or in lines between.
+    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or interpolated.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class Runner:
     joints : sequence of JointPort
         Its joints: one without a position gets a path.
     substeps : int, default=1
-        Steps in a sample.
+        Steps per sample.
     lines : bool, default=False
-        Whether inputs go straight to the next sample; over each step they stand at their mean.
+        Whether inputs are interpolated to the next sample; over each step their mean is used.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Runner:
 def substeps_for(
     simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, most: int = 32
 ) -> int:
-    """Return the steps in a sample beyond which a run does not change by more than a thousandth of its range."""
+    """Return the steps per sample beyond which a run changes by less than a thousandth of its range."""
     steps = 1
     coarse = Runner(simulator, dt, (), steps).states(t, x0, u, p)
     while steps < most:

@@ -1,4 +1,4 @@
-"""Laws of what acts between two ports and has no sense at one: a play, a spring, a passage."""
+"""Laws that act only between two ports: a play, a spring, a passage."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..signals.state import Array
 
 
 class Play(Effect):
-    r"""Lost motion of the spring (and damper) between two ends: within the play it transmits nothing.
+    r"""Lost motion of the spring (and damper) between two ends, which transmits nothing within the play.
 
     .. math:: f = k\,\operatorname{clip}(\delta, -w, w) + d\,\dot\delta\,[\,|\delta| < w\,]
 
-    beside what the simulator transmits, :math:`-k \delta - d \dot\delta`: together the spring behind the play. Its
-    stiffness k and damping d are those of the simulator. The damper acts within the play to the share ``damped``.
+    in addition to the simulator's own coupling, :math:`-k \delta - d \dot\delta`: together the spring behind the play.
+    Its stiffness k and damping d are those of the simulator. A share ``damped`` of the damper acts within the play.
 
     References
     ----------
@@ -48,7 +48,7 @@ class Play(Effect):
 
 
 class Spring(Effect):
-    r"""A spring between two ends that the simulator holds for free: :math:`f = -k\,(\delta - \delta_0)`."""
+    r"""A spring between two ends that are free in the simulator: :math:`f = -k\,(\delta - \delta_0)`."""
 
     family = "elasticity"
     equations = ()
@@ -67,7 +67,7 @@ class Spring(Effect):
 
 
 class Passage(Effect):
-    r"""A gap or pipe that passes in proportion to the difference of pressures: :math:`q = G\,(P_1 - P_2)`.
+    r"""A gap or pipe with a flow proportional to the pressure difference: :math:`q = G\,(P_1 - P_2)`.
 
     References
     ----------
@@ -82,11 +82,11 @@ class Passage(Effect):
     conductance: float
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return what passes."""
+        """Return the flow."""
         return FlowTerm(-self.conductance * s.pressure, 0.0)
 
 
 LAWS: dict[str, type[Effect]] = {"backlash": Play, "spring": Spring}
-"""Effects that act between two ports alone, by name."""
+"""Effects that act only between two ports, by name."""
 ONE_BODY = ("load", "drive")
-"""Families of effects of what hangs on one end, or of what drives it: they have no sense between two."""
+"""Families of effects of a load on one end, or of its drive: they make no sense between two."""

@@ -1,4 +1,4 @@
-"""How far a column of a log may be a port of a simulator: by name, role, unit and range, each a sign of its own."""
+"""Likeness of log columns and simulator ports: name, role, unit and range as separate clues."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..signals.units import UNITS
 from .ports import Port
 
 EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
-"""What signs count for: a name that is a port's own counts for more than all others together."""
+"""Weights of the clues: a port's own name outweighs all others together."""
 _COMMANDED = frozenset(
     ("cmd", "command", "commanded", "commands", "des", "desired", "ref", "reference", "target", "ctrl", "control",
      "setpoint", "goal", "action", "actions", "soll", "sollwert", "wanted", "sp", "d")
@@ -43,29 +43,29 @@ _SYMBOLS = {
     "angular rate": {"w", "omega", "n", "speed", "drehzahl"}, "speed": {"v", "velocity", "speed"},
     "mass flow": {"mdot", "flow"}, "temperature": {"temp", "temperature", "temperatur"},
 }  # fmt: skip
-"""What quantities without a unit are called."""
+"""Names for quantities without a unit."""
 _FILLING = frozenset(("state", "states", "joint", "joints", "motor", "motors", "dof"))
 _TOGETHER = {("q", "dot"): "dq", ("d", "q"): "dq", ("dd", "q"): "ddq"}
 
 
 @dataclass(frozen=True)
 class Column:
-    """What the header of a column says.
+    """Content of a column's header.
 
     Parameters
     ----------
     name : str
         The header.
     words : tuple of str
-        What it names, without role, quantity and unit.
+        Words of its name, without role, quantity and unit.
     commanded, measured : bool
-        Whether it says that it is a command, or a reading.
+        Whether it is marked as a command, or a reading.
     quantity : str
         ``"position"``, ``"velocity"``, ``"effort"``, or another; empty where it says none.
     unit : str
         Its unit as `pamid.signals.UNITS` names it; empty where it states none.
     certain : bool
-        Whether what was read as a unit can be nothing else.
+        Whether the unit is unambiguous.
     series, number : str, int
         Its name with a mark for the last number in it, and that number; -1 where it has none.
     """
@@ -86,14 +86,14 @@ class Column:
         return UNITS[self.unit].dimension if self.unit else ""
 
     def may_be(self, kind: str) -> bool:
-        """Tell whether its unit is of a dimension, or without one whether its words speak of it."""
+        """Return whether its unit, or without one its words, are of a dimension."""
         said = {*tokens(self.name)}
         return self.dimension == kind or (not self.certain and bool(said & _SYMBOLS.get(kind, set())))
 
 
 @dataclass(frozen=True)
 class Place:
-    """What a port is to a log.
+    """A port as it may appear in a log.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Place:
 
     @property
     def commanded(self) -> bool:
-        """Whether it goes in."""
+        """Whether it is an input."""
         return self.port.kind == "input"
 
     @property
@@ -142,7 +142,7 @@ def tokens(name: str) -> list[str]:
 
 
 def column_of(name: str) -> Column:
-    """Return what a header says."""
+    """Return the content of a header."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
@@ -168,7 +168,7 @@ def column_of(name: str) -> Column:
 
 
 def place_of(port: Port) -> Place:
-    """Return what a port is to a log."""
+    """Return a port as it may appear in a log."""
     words = tokens(port.name)
     quantity = _BY_DIMENSION.get(dimension(port.unit), "")
     if not quantity and port.unit in ("", "-"):
@@ -182,7 +182,7 @@ def _speaks_of_role(word: str) -> bool:
 
 
 def is_named(place: Place, column: Column) -> bool:
-    """Tell whether a column is called as a port, with or without a unit."""
+    """Return whether a column is named like a port, with or without a unit."""
     wanted = letters(place.port.name)
     return letters(column.name) == wanted or letters(read_header(column.name).bare) == wanted
 
@@ -205,11 +205,11 @@ def role_score(place: Place, column: Column) -> float:
             return never
         score += QUANTITY
     elif place.quantity == "position" and not column.quantity:
-        score += 0.2 * QUANTITY  # what says nothing is rather a position than its derivative
+        score += 0.2 * QUANTITY  # by default a position rather than its derivative
     if place.commanded and column.commanded:
         score += ROLE
     elif place.commanded and column.quantity in ("position", "velocity") and place.quantity:
-        score -= 0.5 * ROLE  # rather the reading than the command
+        score -= 0.5 * ROLE  # by default the reading rather than the command
     elif not place.commanded and column.measured:
         score += 0.5 * ROLE
     if column.unit and column.dimension == place.dimension != "":
@@ -218,7 +218,7 @@ def role_score(place: Place, column: Column) -> float:
 
 
 class Names:
-    """How alike names are, a word for the less the more ports or columns share it.
+    """Likeness of names; a word counts less the more ports or columns share it.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ class Names:
         return 0.25 * share if word in _FILLING else share
 
     def score(self, place: Place, column: Column) -> float:
-        """Return the likeness of what two names speak of, 0 to 1."""
+        """Return the likeness of two names, 0 to 1."""
         if not place.words or not column.words:
             return 0.0
         if "".join(place.words) == "".join(column.words):
@@ -257,7 +257,7 @@ class Names:
                 spoken |= best > 0.0 and weight > 0.0 and word not in _FILLING
         for word in set(column.words):
             theirs += self._weight(word, self._of_columns, self._m) if self._m > 1 else 0.5
-        if spoken:  # numbers alone say nothing where ports have names
+        if spoken:  # numbers alone are no clue where ports have names
             common += sum(
                 self._weight(w, self._of_ports, self._n) for w in set(place.words) if w.isdigit() and w in column.words
             )

@@ -1,4 +1,4 @@
-"""Two ports of a simulator between which effects can act: what is across them, and what each end yields."""
+"""Pairs of simulator ports between which effects can act: their difference, and the response of each end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .structure import JointPort, rate_unit, spread_numbers
 _FORCES = ("N", "N m")
 _KEPT = 4
 MOST_STATES = 40
-"""States of a simulator beyond which pairs are only those that are named: each state is asked for what it does."""
+"""Number of states above which only named pairs are used, since finding pairs probes every state."""
 
 Shares = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[Any, Any]]
 """Of times, states, inputs and parameters: rates at both ends of one unit of what flows through."""
@@ -40,7 +40,7 @@ class LinkEnd(NamedTuple):
     through : str
         The input that acts there, where a port names one.
     unit : str
-        Unit of what is across.
+        Unit of the across variable.
     domain : str
         ``"motion"``, ``"store"`` or ``"temperature"``.
     """
@@ -70,11 +70,11 @@ class Link:
     unit : str
         Unit of f.
     shares : callable or None
-        What each end's rate changes by, see `Shares`; None where both ends have inputs that act on them.
+        Change of each end's rate, see `Shares`; None where both ends have inputs that act on them.
     stiffness, damping : float
         Of the simulator's own coupling, f per difference of positions and of velocities; 0 where it has none.
     typical : (float, float)
-        What one unit of f typically does to the residual at each end: to a rate, or one where that is of forces.
+        Typical change of the residual at each end by one unit of f: of a rate, or 1 where residuals are forces.
     """
 
     name: str
@@ -94,7 +94,7 @@ class Link:
 
     @property
     def domain(self) -> str:
-        """What is exchanged: motion, what is stored, or heat."""
+        """Domain of the exchange: motion, storage, or heat."""
         return self.first.domain
 
     @property
@@ -115,7 +115,7 @@ class Link:
         return {f"{a} - {b}": (a, b) for a, b in pairs}
 
     def across(self, found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the differences between the ends, of signals by name, where both are there and they are not."""
+        """Return the missing differences between the ends, from signals by name."""
         here = {n: s for n, s in self.sources.items() if n not in found and s[0] in found and s[1] in found}
         return {name: found[a] - self.ratio * found[b] for name, (a, b) in here.items()}
 
@@ -123,7 +123,7 @@ class Link:
         self, force: Any, simulator: Simulator, at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
         u: np.ndarray, added: np.ndarray,
     ) -> None:  # fmt: skip
-        """Let what flows through act on both ends: on inputs `u`, or on rates `added`, in place."""
+        """Apply a force or flow to both ends: to inputs `u`, or rates `added`, in place."""
         if self.shares is None:
             names = simulator.inputs
             u[names.index(self.first.through)] += force
@@ -136,7 +136,7 @@ class Link:
 
 
 class Kept:
-    """Shares that change with the states, kept for the latest ones.
+    """Shares that change with the states, cached for the latest ones.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def _named(ends: Sequence[LinkEnd], name: str) -> LinkEnd:
             return end
     known = ", ".join(end.port for end in ends) or "there is none"
     raise UnknownOptionError(
-        f"{name!r} is no joint or chamber of the simulator.", f"one of {known}", "Correct the ends."
+        f"{name!r} is not a joint or chamber of the simulator.", f"one of {known}", "Correct the ends."
     )
 
 
@@ -216,7 +216,7 @@ def links_of(
 
 
 def _sized_by(link: Link, simulator: Simulator, at: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Link:
-    """Return a pair with what one unit of what flows through typically does to the rates at its ends."""
+    """Return a pair with the typical change of rates at its ends by one unit of force or flow."""
     if link.shares is None:
         return link
     shares = link.shares(*at, spread_numbers(simulator, len(at[0])))
@@ -225,7 +225,7 @@ def _sized_by(link: Link, simulator: Simulator, at: tuple[np.ndarray, np.ndarray
 
 
 def _alike(a: LinkEnd, b: LinkEnd) -> bool:
-    """Tell whether two ends hold the same kind of thing."""
+    """Return whether two ends store the same kind of quantity."""
     return a.domain == b.domain and _dimension(a.unit) == _dimension(b.unit)
 
 
@@ -237,7 +237,7 @@ def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slop
     first, second = _named(ends, b.first), _named(ends, b.second)
     if first.domain != second.domain or first == second:
         raise ParameterError(
-            f"{b.first} and {b.second} hold different things ({first.unit} and {second.unit}).",
+            f"{b.first} and {b.second} store different quantities ({first.unit} and {second.unit}).",
             "two joints, or two chambers of one kind",
             "Correct the ends.",
         )
@@ -248,7 +248,7 @@ def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slop
         plain = Link(b.name, first, second, ratio, units[0], None)
         if coupled is None or coupled.shares is None:
             return plain
-        # What the simulator's own coupling holds, as what acts on the input of the first.
+        # The simulator's own coupling, as an action on the input of the first end.
         size = _in_input(simulator, coupled, known)
         held = coupled.stiffness * size, coupled.damping * size
         return replace(plain, ratio=coupled.ratio, stiffness=held[0], damping=held[1])
@@ -257,14 +257,14 @@ def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slop
     if coupled is not None:
         return coupled
     raise ParameterError(
-        f"Nothing says what {b.first} and {b.second} yield to what acts between them.",
+        f"It is not known how {b.first} and {b.second} respond to an effect between them.",
         'inertia = ["...", "..."] under [[between]], or inputs named in through at both',
         "Say the mass, inertia or capacity of each end, a number or a formula of the parameters.",
     )
 
 
 def _in_input(simulator: Simulator, coupled: Link, known: Slopes | None) -> float:
-    """Return what one unit of what flows through a coupling is in the unit of the input at its first end."""
+    """Return one unit of a coupling's force or flow in the unit of the input at its first end."""
     assert known is not None and coupled.shares is not None
     at, row = known.at, simulator.states.index(coupled.first.state)
     moved, k = at.u.copy(), simulator.inputs.index(coupled.first.through)
@@ -277,7 +277,7 @@ def _in_input(simulator: Simulator, coupled: Link, known: Slopes | None) -> floa
 def _by_formula(
     simulator: Simulator, b: Between, first: LinkEnd, second: LinkEnd, ratio: float, coupled: Link | None
 ) -> Link:  # fmt: skip
-    """Return a pair whose page says what each end yields."""
+    """Return a pair whose simulator file states the inertia of each end."""
     from .equation_model import formulas
 
     assert b.inertia is not None
@@ -304,7 +304,7 @@ def _by_formula(
 
 
 def _flow_unit(simulator: Simulator, end: LinkEnd) -> str:
-    """Return the SI unit of what flows through an end."""
+    """Return the SI unit of the force or flow at an end."""
     if end.domain == "motion":
         return "N m" if "rad" in unit_powers(end.unit) or end.unit in ("deg", "°") else "N"
     if end.domain == "temperature":
@@ -314,7 +314,7 @@ def _flow_unit(simulator: Simulator, end: LinkEnd) -> str:
 
 # --- what the simulator's own coupling says -----------------------------------------------------------------
 def _coupled(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link | None:
-    """Return a pair as the simulator couples it; None where it does not, or where that says nothing."""
+    """Return a pair as the simulator couples it; None where it does not, or where that is ambiguous."""
     return (_moving if first.domain == "motion" else _storing)(known, b, first, second)
 
 
@@ -324,7 +324,7 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
     for x1, x2 in ((first.across, second.across), (first.state, second.state)):
         here, there = known.of(first.state, x2), known.of(second.state, x1)
         if (here is None) != (there is None):
-            return None  # what acts one way is no element between two
+            return None  # a one-way action is not an element between two ports
         if here is not None and there is not None:
             rows.append((here, there, known.of(first.state, x1), known.of(second.state, x2)))
     weights = [here / there for here, there, _, _ in rows]
@@ -349,9 +349,9 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
 
 
 def _lever(rows: Sequence[Any], said: float | None) -> float | None:
-    """Return the ratio of the travels of two ends, of what each does to the rates of both; None where none fits.
+    """Return the ratio of the travels of two ends, from their influence on both rates; None where none fits.
 
-    What holds an end to the ground besides makes its own slope larger: the ratio lies between what both ends say.
+    A connection of an end to ground makes its own slope larger: the ratio lies between the values of both ends.
     """
     here, there, own, other = rows[0]
     low = float(np.median(-here / own)) if own is not None else 0.0
@@ -366,7 +366,7 @@ def _lever(rows: Sequence[Any], said: float | None) -> float | None:
 
 
 def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link | None:
-    """Return two chambers that exchange, or that a piston parts."""
+    """Return two chambers that exchange, or that a piston separates."""
     simulator, at = known.simulator, known.at
     here, there = known.of(first.state, second.state), known.of(second.state, first.state)
     if here is not None and there is not None:
@@ -401,9 +401,9 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
 
 
 def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
-    """Tell whether a speed fills one chamber and empties the other, which push it one way and the other.
+    """Return whether a speed fills one chamber and empties the other, which push it in opposite directions.
 
-    What a gas takes in grows with its pressure: what passes between two gases is a mass, which this does not say.
+    The intake of a gas grows with its pressure: two gases exchange mass, which this does not give.
     """
     found = [known.of(a, b) for a, b in ((first, piston), (second, piston), (piston, first), (piston, second))]
     if any(f is None for f in found):
@@ -414,7 +414,7 @@ def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
 
 
 def _gas(known: Slopes, level: str, piston: str) -> bool:
-    """Tell whether what a piston does to a pressure grows with the pressure."""
+    """Return whether a piston's influence on a pressure grows with the pressure."""
     names, at = known.simulator.states, known.at
     i, k = names.index(level), names.index(piston)
     x = at.x.copy()
@@ -424,10 +424,10 @@ def _gas(known: Slopes, level: str, piston: str) -> bool:
 
 
 def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple[float, float, str]:
-    """Return the rates at both ends in SI of one unit of what flows through, and that unit.
+    """Return the rates at both ends, SI, by one unit of force or flow, and that unit.
 
-    The first yields `weight` times as much as the second. Where no parameter is a mass, it is what changes the first
-    rate by one.
+    The first responds `weight` times as much as the second. Without a mass parameter, the unit changes the first rate
+    by one.
     """
     first, second = ends
     for own, other, share in ((first, second, 1.0), (second, first, weight)):

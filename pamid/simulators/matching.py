@@ -31,7 +31,7 @@ from .ports import Port
 _LEAST = 1.2
 """Score that a pair needs: more than a role or a unit alone."""
 _LEAD = 0.3
-"""Lead over a column that is left over without which nothing is chosen."""
+"""Least lead over the best unused column for a choice."""
 _SLACK = 0.05
 """Share of its range by which a joint may be driven against its stop, or read beyond it."""
 
@@ -41,18 +41,18 @@ _FAR = math.log(1.5)
 
 @dataclass(frozen=True)
 class Match:
-    """A column that is taken for a port.
+    """A column matched to a port.
 
     Parameters
     ----------
     port, column : str
         Their names.
     unit : str
-        Unit of the column as `pamid.signals.UNITS` names it; empty where the values count as they are.
+        Unit of the column as `pamid.signals.UNITS` names it; empty where values are used as they are.
     named : bool
-        Whether the column is called as the port: nothing of it is guessed.
+        Whether the column is named like the port: nothing is guessed.
     why : str
-        What speaks for a column or unit that is guessed.
+        Reason for a guessed column or unit.
     """
 
     port: str
@@ -74,7 +74,7 @@ def matches(
 
 
 class _Matcher:
-    """Ports, columns, and what is known of both."""
+    """Ports, columns, and knowledge about both."""
 
     def __init__(
         self, simulator: Simulator, ports: Sequence[Port], frame: Mapping[str, np.ndarray], t: np.ndarray,
@@ -97,7 +97,7 @@ class _Matcher:
 
     # --- scores ---------------------------------------------------------------------------------------------
     def _ranks(self, column: Column) -> dict[str, bool]:
-        """Return for each port of a numbered series' role whether it stands where the column does; empty for others."""
+        """Return for each port of a numbered series whether its position matches the column's; empty for others."""
         if not column.series:
             return {}
         series = sorted({c.number for c in self.columns if c.series == column.series})
@@ -126,13 +126,13 @@ class _Matcher:
         return score + NAME * likeness if likeness > 0.2 else min(score, _LEAST - 0.01)
 
     def _clashes(self, place: Place, column: Column) -> bool:
-        """Tell whether a column that is called as a port is in a unit of something else, which its name leaves out."""
+        """Return whether a column named like a port is in a unit of another quantity, which its name leaves out."""
         other = column.certain and place.dimension and column.dimension != place.dimension
         apart = read_header(column.name).bracketed or letters(column.name) != letters(place.port.name)
         return bool(other) and apart and is_named(place, column)
 
     def _moved(self, pairs: Mapping[str, str]) -> np.ndarray:
-        """Return what the samples say of each pair, with what is already known of other ports."""
+        """Return the score of each pair by the samples, given what is known of other ports."""
         out = np.zeros_like(self.base)
         over = {position: velocity for velocity, position in self.place_under.items()}
         position_of = {joint: position for position, joint in self.joint_of.items()}
@@ -155,7 +155,7 @@ class _Matcher:
 
     # --- assignment -----------------------------------------------------------------------------------------
     def assigned(self, known: Mapping[str, str]) -> dict[str, str]:
-        """Return the pairs that score most together, given what is known of others."""
+        """Return the pairs with the highest total score, given what is known of others."""
         from scipy.optimize import linear_sum_assignment
 
         if not self.base.size:
@@ -174,7 +174,7 @@ class _Matcher:
         return {self.places[r].port.name: self.columns[c].name for r, c in pairs.items()}
 
     def in_order(self, pairs: Mapping[str, str]) -> dict[str, str]:
-        """Return what is left over of a kind on both sides, in equal number: in the order of both."""
+        """Match the unmatched of a kind in order, where both sides have equal numbers."""
         found: dict[str, str] = {}
         free = [c for c in self.columns if c.name not in pairs.values()]
         left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimension]
@@ -196,7 +196,7 @@ class _Matcher:
 
     # --- units ----------------------------------------------------------------------------------------------
     def told(self, pairs: Mapping[str, str]) -> tuple[list[Match], dict[str, str]]:
-        """Return the pairs with units, and what is doubtful."""
+        """Return the pairs with units, and doubts."""
         by_port = {p.port.name: p for p in self.places}
         by_column = {c.name: c for c in self.columns}
         doubts = {port: f"it may be {both}" for port, both in self.rivals.items()}
@@ -225,7 +225,7 @@ class _Matcher:
         stated = column.unit if column.dimension == place.dimension else ""
         under = known.get(self.place_under.get(place.port.name, ""))
         below = known.get(self.supposed_under.get(place.port.name, ""))
-        if below is not None and not stated:  # no joint says that one is the other's derivative: only the samples do
+        if below is not None and not stated:  # only the samples show that one is the other's derivative, no joint does
             unit, why = self._unit_of_rate(below, column, place, "")
             if unit is not None and self._rate(below.column, column.name)[0] > 0.9:
                 return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
@@ -261,7 +261,7 @@ class _Matcher:
         return f"degrees, as {beyond[0]}" if beyond and len(still) < len(beyond) else ""
 
     def _beyond(self, port: str, column: Column, factor: float) -> str:
-        """Return how a column leaves the range of a port; empty where it does not or nothing is known of it."""
+        """Return how a column leaves the range of a port; empty where it does not or the range is unknown."""
         if port not in self.ranges:
             return ""
         low, high = self.ranges[port]
@@ -307,12 +307,12 @@ def _only_pair(places: Sequence[Place]) -> dict[str, str]:
 
 
 def _own(place: Place) -> str:
-    """Return the unit of a port as `pamid.signals.UNITS` names it; empty where it is no known one."""
+    """Return the unit of a port as `pamid.signals.UNITS` names it; empty where it is unknown."""
     from ..signals.unit_names import unit_name
 
     return (unit_name(place.port.unit) or "") if dimension(place.port.unit) else ""
 
 
 def _sign(r: float) -> float:
-    """Return what a correlation of a rate with the change of a position is worth."""
+    """Return the score of a rate's correlation with the change of a position."""
     return 0.0 if math.isnan(r) else 2.0 * r if r > 0.0 else 0.0 if r > -0.5 else r

@@ -1,11 +1,11 @@
-"""What two channels say of each other: whether one is the derivative of the other, whether one follows the other."""
+"""Relations of two channels: whether one is the derivative of the other, or follows it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 _PARTS = 200
-"""Windows a run is cut into: a change over a window counts against noise as many samples as it holds."""
+"""Windows a run is cut into: a change over a window is compared with the noise of its mean."""
 
 
 def rate_between(t: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> tuple[float, float]:

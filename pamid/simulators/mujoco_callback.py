@@ -21,14 +21,14 @@ _PLANT: Any = Surroundings(0.0)
 
 
 class _Remembered:
-    """An effect with what it remembers of one simulation, advanced as its time goes on."""
+    """An effect with its memory in one simulation, advanced with its time."""
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect
         self._time, self._before, self._memory = np.inf, Signals(), np.zeros((0,))
 
     def memory(self, s: Signals, time: float, step: float) -> Any:
-        """Return the memory at a time; a time before the last one begins anew."""
+        """Return the memory at a time; an earlier time than the last one restarts it."""
         if time < self._time:
             self._memory = self.effect.start(s, _PLANT, step)
         elif time > self._time:
@@ -40,7 +40,7 @@ class _Remembered:
 class MujocoCallbacks:
     """Effects at joints and actuators of a MuJoCo model, which act while it is a context.
 
-    They hold for one ``MjData`` at a time: callbacks of MuJoCo are the process's.
+    They hold for one ``MjData`` at a time, since MuJoCo's callbacks are global to the process.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class MujocoCallbacks:
     Raises
     ------
     UnknownOptionError
-        No effect has a name.
+        The name of an effect is unknown.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class MujocoCallbacks:
                     data.qfrc_passive[dof] += signs * float(np.ravel(getattr(kept.effect, hook)(s, x, _PLANT))[0])
 
     def _drive(self, model: Any, data: Any) -> None:
-        # What was written here before is not what the controller asks for.
+        # Values written here earlier are not the controller's commands.
         self._asked = np.where(data.ctrl == self._given, self._asked, data.ctrl)
         u = self._asked.copy()
         for at, kept in self._actuators:
@@ -128,11 +128,11 @@ class MujocoCallbacks:
 
 
 def corrected(page: str | Path) -> tuple[Any, MujocoCallbacks]:
-    """Return the model of a page, and its effects as callbacks."""
+    """Return the model of a simulator file, and its effects as callbacks."""
     import mujoco
 
     simulator = read_simulator(page)
     if not isinstance(simulator, MujocoSimulator):
-        raise SimulatorTypeError(f"{page} is a {simulator.kind}.", "a MuJoCo model", "Name its page.")
+        raise SimulatorTypeError(f"{page} is a {simulator.kind}.", "a MuJoCo model", "Name its simulator file.")
     model = mujoco.MjModel.from_xml_path(str(simulator.path))
     return model, MujocoCallbacks(model, simulator.effects, simulator.between)

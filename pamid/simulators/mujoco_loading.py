@@ -1,4 +1,4 @@
-"""Loading a MuJoCo model of anybody: compiled in a process of its own first, unless it is plainly small."""
+"""Loading an untrusted MuJoCo model: compiled in a separate process first, unless it is clearly small."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ _PLAIN_SHAPES = frozenset(["plane", "sphere", "capsule", "ellipsoid", "cylinder"
 
 
 def mujoco_module() -> Any:
-    """Return the package mujoco, which then writes no notes of its own into the user's folder."""
+    """Return the package mujoco, kept from writing its log into the user's folder."""
     try:
         import mujoco
     except ImportError:
@@ -114,21 +114,22 @@ def mujoco_module() -> Any:
             "MuJoCo is not installed.", "the package mujoco", "Install it: pip install 'pamid[mujoco]'."
         ) from None
     if not getattr(mujoco, "_pamid_quiet", False):
-        # Without a handler MuJoCo appends each warning to MUJOCO_LOG.TXT; what is not finite pamid tells itself.
+        # Without a handler MuJoCo appends each warning to MUJOCO_LOG.TXT; pamid itself reports values that are not
+        # finite.
         mujoco.set_mju_user_warning(_silent)
         mujoco._pamid_quiet = True
     return mujoco
 
 
 def _silent(message: str) -> None:
-    """Leave a warning of MuJoCo unwritten."""
+    """Suppress a warning of MuJoCo."""
 
 
 def loaded_model(path: Path) -> Any:
     """Return the model of an MJCF file."""
     mj = mujoco_module()
     if not path.is_file():
-        raise SimulatorNotFoundError(f"{path} is not there.", "an MJCF file", "Check the path.")
+        raise SimulatorNotFoundError(f"{path} does not exist.", "an MJCF file", "Check the path.")
     if path.stat().st_size > MOST_BYTES:
         raise SimulatorSyntaxError(f"{path} holds {path.stat().st_size:,} bytes.", "an MJCF file", "Check the path.")
     if not _plainly_small(path):
@@ -140,15 +141,15 @@ def loaded_model(path: Path) -> Any:
 
 
 def _no_mjcf(path: Path, error: str) -> SimulatorSyntaxError:
-    return SimulatorSyntaxError(f"{path} is no MJCF: {error}.", "a model that MuJoCo loads", "Correct it.")
+    return SimulatorSyntaxError(f"{path} is not valid MJCF: {error}.", "a model that MuJoCo loads", "Correct it.")
 
 
 def _plainly_small(path: Path) -> bool:
-    """Tell whether a file is one whose model cannot be larger than its text: it names no file and no count."""
+    """Return whether a model cannot be larger than its text: it names no file and no count."""
     if path.stat().st_size > _PLAIN_BYTES:
         return False
     text = path.read_bytes()
-    if b"<!" in text.replace(b"<!--", b""):  # entities unfold
+    if b"<!" in text.replace(b"<!--", b""):  # entities expand
         return False
     try:
         root = ET.fromstring(text)

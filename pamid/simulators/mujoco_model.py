@@ -28,19 +28,19 @@ _IN_REST = ("body_mass", "dof_armature", "actuator_gear")
 class MujocoSimulator(Simulator):
     """A MuJoCo model (MJCF) whose joints are hinges and slides.
 
-    For a joint ``arm`` there are the states ``arm_q`` and ``arm_dq``, an input ``arm_tau`` (a torque that acts there
-    beside the actuators, none by itself) and the joint ``arm``; each actuator is an input, each scalar sensor an
-    output. An actuator that is called as the joint is the input ``arm_ctrl``.
+    For a joint ``arm`` there are the states ``arm_q`` and ``arm_dq``, an input ``arm_tau`` (a torque there in addition
+    to the actuators, 0 by default) and the joint ``arm``; each actuator is an input, each scalar sensor an output. An
+    actuator named like the joint is the input ``arm_ctrl``.
 
     Parameters
     ----------
     model : path-like
         An ``.xml`` file.
     ports : sequence of Port, optional
-        What is said of ports otherwise than by the model: their columns, units, starts.
+        Ports whose columns, units or starts differ from the model's own.
     parameters : mapping, optional
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
-        ``dof_frictionloss.NAME`` or ``actuator_gear.NAME``; a number alone scales nothing: it is the value itself.
+        ``dof_frictionloss.NAME`` or ``actuator_gear.NAME``; a plain number is the value itself, not a factor.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it.
 
@@ -49,7 +49,7 @@ class MujocoSimulator(Simulator):
     MissingDependencyError
         MuJoCo is not installed.
     SimulatorSyntaxError
-        The file is no MJCF, or has joints or actuators of other kinds.
+        The file is not valid MJCF, or has joints or actuators of other kinds.
 
     Examples
     --------
@@ -85,7 +85,7 @@ class MujocoSimulator(Simulator):
         self._actuators = actuators_of(self._m)
         self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
         given = dict(parameters or {})
-        for k, joint in enumerate(self._joints):  # none by itself, but a joint may turn out to have more inertia
+        for k, joint in enumerate(self._joints):  # zero by default, but a joint may turn out to have more inertia
             number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._inertia_unit(k))
             given.setdefault(f"dof_armature.{joint}", number)
         super().__init__(merged(self._own_ports(), ports), given, effects)
@@ -110,7 +110,7 @@ class MujocoSimulator(Simulator):
         return found + [Port(f"{n}_sensor" if n in taken else n, "output") for n in names]
 
     def _turns(self, k: int) -> bool:
-        """Tell whether a joint is a hinge."""
+        """Return whether a joint is a hinge."""
         return int(self._m.jnt_type[k]) == int(_mujoco().mjtJoint.mjJNT_HINGE)
 
     def _inertia_unit(self, k: int) -> str:
@@ -154,11 +154,11 @@ class MujocoSimulator(Simulator):
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator that a page names; its table has ``model``, the ``.xml`` file."""
+        """Return the simulator of a file; its table has ``model``, the ``.xml`` file."""
         return cls(folder / cls.text_of(table, "model"), ports, parameters, effects)
 
     def page_table(self, folder: Path) -> dict[str, Any]:
-        """Return the entries of the page's table."""
+        """Return the entries of the simulator file's table."""
         return {"model": named_from(self.path, folder)}
 
     def own_numbers(self) -> dict[str, ModelParameter]:
@@ -183,12 +183,12 @@ class MujocoSimulator(Simulator):
             _mujoco().mj_setConst(self._m, self._d)
 
     def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any, sensors: bool = False) -> Any:
-        """Return what is read of the model at many instants; NaN where an instant is not finite."""
+        """Return readings of the model at many instants; NaN where an instant is not finite."""
         mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
         spec = mj.mjtState.mjSTATE_QPOS | mj.mjtState.mjSTATE_QVEL | mj.mjtState.mjSTATE_CTRL
         spec |= mj.mjtState.mjSTATE_QFRC_APPLIED
         if mj.mj_stateSize(m, spec) != 2 * m.nv + nu + m.nv:
-            raise ParameterError(f"{self.path} has other states.", "joints and inputs alone", "Leave them out.")
+            raise ParameterError(f"{self.path} has other states.", "only joints and inputs", "Leave them out.")
         out = np.full((x.shape[1], rows), np.nan)
         given = np.ascontiguousarray(np.vstack([x[0::2], x[1::2], u[:nu], u[nu:]]).T)
         usable = np.isfinite(given).all(axis=1) & np.isfinite(p).all(axis=0)
@@ -279,7 +279,7 @@ def _loaded(path: Path) -> Any:
     if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:
         raise SimulatorSyntaxError(
             f"{path} has {m.njnt} joints, not all of them hinges or slides, or actuators with states of their own.",
-            "at least one joint; hinges, slides and plain actuators alone",
+            "at least one joint; only hinges, slides and plain actuators",
             "Leave out free and ball joints and actuator dynamics; the effect actuator_lag stands for the latter.",
         )
     return m

@@ -1,4 +1,4 @@
-r"""Accelerations of a MuJoCo model under other forces than those of a motion that it has been asked about.
+r"""Accelerations of a MuJoCo model under other forces than those of an evaluated motion.
 
 At a given position and speed MuJoCo minimises, with H the inertia of the joints and of the constraints that yield,
 
@@ -6,8 +6,8 @@ At a given position and speed MuJoCo minimises, with H the inertia of the joints
     a(f + \Delta f) = a(f) + H^{-1} \Delta f, \quad H = M + \sum_{i \text{ quadratic}} D_i J_i^\top J_i
 
 as long as each dry friction, limit and contact stays in its piece of :math:`s_i`. So the inertia is inverted once for
-each instant, all inputs follow from it, and only the instants at which a joint begins to slip or a limit lets go are
-asked for again.
+each instant, all inputs follow from it, and only instants at which a joint begins to slip or leaves a limit are
+evaluated again.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 
 LEAST_ROWS = 200
-"""Fewer instants are asked for one by one as quickly."""
+"""Fewer instants are evaluated one by one just as fast."""
 WORTH = 3
-"""Times that a motion is asked about before its pieces are worth their cost, about five such questions (SO-ARM100)."""
+"""Evaluations of a motion before its pieces are worth their cost, about five evaluations (SO-ARM100)."""
 MOST_BYTES = 128 * 2**20
-"""Size of the pieces that are kept of one simulator."""
+"""Size of the cached pieces of one simulator."""
 AGREES = 1e-6
-"""How closely the solver of a model has converged where its answers are called the same, as a share of their size."""
+"""Convergence of a model's solver at which its answers count as equal, as a share of their size."""
 CHECKED = 32
-"""Instants at which the pieces are held against the model before they are used."""
+"""Instants at which the pieces are checked against the model before they are used."""
 
 Ask = Callable[[np.ndarray, np.ndarray, np.ndarray, int, Callable[[], np.ndarray]], np.ndarray]
 """What reads a model at many instants: states, inputs, parameters, number of values, and how they are read."""
@@ -40,7 +40,7 @@ class Pieces:
     m, d : mujoco.MjModel, mujoco.MjData
         The model.
     ask : callable
-        What reads the model at many instants, see `Ask`.
+        Evaluates the model at many instants, see `Ask`.
     x, u, p : array
         States, inputs and parameters at these instants, a column each.
     """
@@ -57,7 +57,7 @@ class Pieces:
         self._a, M, length, speed, moment, J, at, stiff, reach, one_sided = np.split(found, cuts)
         used = np.flatnonzero(np.any(np.nan_to_num(stiff) > 0.0, axis=1))
         J, self._at, reach, one = J.reshape(most, nv, -1)[used], at[used], reach[used], one_sided[used] > 0.0
-        # Below, between and above the ends of what a constraint yields; the solver's own word may be an older one.
+        # Below, between and above the limits of a constraint force; the solver's own state may be outdated.
         with np.errstate(invalid="ignore"):
             below, above = (self._at <= -reach) & ~one, self._at >= np.where(one, 0.0, reach)
         D = np.where(below | above, 0.0, stiff[used])
@@ -79,11 +79,11 @@ class Pieces:
 
     @property
     def nbytes(self) -> int:
-        """Size of what is kept."""
+        """Size of the cache."""
         return int(self._answers.nbytes + self._moment.nbytes + 8 * self.x.size)
 
     def _agrees(self, u: np.ndarray) -> bool:
-        """Tell whether the model answers the same under other inputs, its actuators and its solver among it."""
+        """Return whether pieces and model agree under other inputs, including actuators and solver."""
         n = self.x.shape[1]
         some = np.unique(np.linspace(0, n - 1, CHECKED).astype(int))
         steps = np.ptp(u, axis=1, keepdims=True)
@@ -107,11 +107,11 @@ class Pieces:
         return out
 
     def _moved(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the accelerations as if nothing changed its piece, and the instants at which that is so."""
+        """Return the accelerations assuming unchanged pieces, and the instants at which that holds."""
         change, nv = self._forces(u) - self._force, len(self._a)
         moved = np.zeros(self._answers.shape[1:])
         for column, df in zip(self._answers, change, strict=True):
-            if np.any(df):  # what is not finite is asked for, too
+            if np.any(df):  # values that are not finite are requested, too
                 moved += column * df
         reached = self._at + moved[nv:]
         straight = np.all((reached >= self._low) & (reached <= self._high), axis=0)
@@ -138,7 +138,7 @@ class Pieces:
 
 
 class KeptPieces:
-    """Pieces of the motions that a model is asked about again and again, the latest ones."""
+    """Cache of the pieces of repeatedly evaluated motions."""
 
     def __init__(self, m: Any, d: Any, ask: Ask) -> None:
         self._model, self._ask = (m, d), ask
@@ -147,7 +147,7 @@ class KeptPieces:
         self._seen: list[tuple[np.ndarray, np.ndarray, int]] = []
 
     def find(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Pieces | None:
-        """Return the pieces of a motion; None where they are not worth their cost, or the model has none."""
+        """Return the pieces of a motion; None where they do not pay, or the model has none."""
         if not self._usable or x.shape[1] < LEAST_ROWS or np.any(p != p[:, :1]):
             return None
         for k, kept in enumerate(self._kept):
@@ -157,7 +157,7 @@ class KeptPieces:
         return self._made(x, u, p) if self._asked(x, p) >= WORTH else None
 
     def _asked(self, x: np.ndarray, p: np.ndarray) -> int:
-        """Return how often a motion has been asked about."""
+        """Return how often a motion has been evaluated."""
         for k, (its_x, its_p, times) in enumerate(self._seen):
             if _same(its_x, its_p, x, p):
                 self._seen[k] = its_x, its_p, times + 1
@@ -178,7 +178,7 @@ class KeptPieces:
 
 
 class _Reader:
-    """Reads of a model at an instant what `Pieces` needs."""
+    """Reads from a model at an instant what `Pieces` needs."""
 
     def __init__(self, m: Any, d: Any, most: int) -> None:
         import mujoco as mj
@@ -193,7 +193,7 @@ class _Reader:
     def __call__(self) -> np.ndarray:
         mj, m, d, n = self._mj, self._m, self._d, self._d.nefc
         kinds = d.efc_type[:n]
-        if n > self._most or self._cone in kinds:  # pieces of a cone are not straight
+        if n > self._most or self._cone in kinds:  # pieces of a cone are not linear
             return np.full(self.size, np.nan)
         mj.mj_fullM(m, d, self._M)
         J, (at, stiff, reach, one_sided) = np.zeros((self._most, m.nv)), np.zeros((4, self._most))
@@ -225,7 +225,7 @@ def _most_constraints(m: Any) -> int:
 
 
 def _has_pieces(m: Any) -> bool:
-    """Tell whether inputs of a model act in pieces that are straight."""
+    """Return whether inputs of a model act piecewise linearly."""
     import mujoco as mj
 
     gains = (int(mj.mjtGain.mjGAIN_FIXED), int(mj.mjtGain.mjGAIN_AFFINE))
@@ -238,12 +238,12 @@ def _has_pieces(m: Any) -> bool:
 def _same(x: np.ndarray, p: np.ndarray, other: np.ndarray, numbers: np.ndarray) -> bool:
     if x.shape != other.shape or not np.array_equal(p, numbers[:, 0]):
         return False
-    middle = x.shape[1] // 2  # most motions differ there, and are not compared as a whole
+    middle = x.shape[1] // 2  # most motions differ there, which saves a full comparison
     return np.array_equal(x[:, middle], other[:, middle]) and np.array_equal(x, other)
 
 
 def _clipped(values: np.ndarray, limited: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """Return values kept within those ranges that count."""
+    """Return values clipped to their active ranges."""
     if not np.any(limited):
         return values
     on = np.asarray(limited, dtype=bool)

@@ -1,4 +1,4 @@
-"""The process in which a MuJoCo model is compiled, within limits of time and memory: it may die alone.
+"""The process in which a MuJoCo model is compiled, within limits of time and memory: it may crash alone.
 
 Run as ``python -m pamid.simulators.mujoco_trial MODEL OUT BYTES SECONDS``; what it says on its output is an error.
 """

@@ -1,4 +1,4 @@
-"""Effects at the numbers of a simulator: one that is off, that drifts, or an inertia that it leaves out."""
+"""Effects on the numbers of a simulator: a wrong one, a drifting one, or an omitted inertia."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .placement import Placement, Scales, named
 
 
 class ParameterDeviation(Effect):
-    r"""A parameter that is off by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
+    r"""A parameter that deviates by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
 
     family = "parameter"
     equations = ()
@@ -49,7 +49,7 @@ class AddedInertia(Effect):
     family = "load"
     equations = ()
     source = "10.1007/978-1-4899-7560-7"
-    parameters = (Parameter("inertia", "-", 0.0, 50.0, 0.1, "inertia at the joint, in that which it has"),)
+    parameters = (Parameter("inertia", "-", 0.0, 50.0, 0.1, "inertia at the joint, as a share of its own"),)
     inertia: float
     size = 1.0
     """Inertia that the joint has, in the unit of the number that it is added to."""
@@ -64,9 +64,9 @@ OF_PARAMETERS: dict[str, type[Effect]] = {
     "parameter_drift": ParameterDrift,
     "added_inertia": AddedInertia,
 }
-"""By name. Each changes a number of the simulator; all but a drift by the same all along."""
+"""By name. Each changes a number of the simulator; all but a drift by a constant amount."""
 FIXED = (ParameterDeviation, AddedInertia)
-"""Those by which a number is the same all along a log."""
+"""Those that change a number by a constant amount along a log."""
 
 
 def at_parameters(simulator: Simulator) -> list[Placement]:

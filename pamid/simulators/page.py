@@ -1,4 +1,4 @@
-"""The page of a simulator: a TOML file with its kind, its ports, its numbers and the effects that are part of it."""
+"""Simulator files: TOML with a simulator's kind, its ports, its numbers and the effects that are part of it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PORT = {f.name: f.type for f in fields(Port)}
 
 
 def bare_model(path: Path, trust: bool = False) -> Simulator:
-    """Return a model without a page: its ports stand in columns of their own names."""
+    """Return a model without a simulator file: its ports stand in columns of their own names."""
     from . import FmuSimulator, MujocoSimulator
 
     return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
@@ -44,7 +44,7 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
 
 @cache
 def simulator_kinds() -> dict[str, type[Simulator]]:
-    """Return the kinds of simulators that a page may name, with their classes."""
+    """Return the kinds of simulators that a simulator file may name, with their classes."""
     found = {kind: cls for cls in subclasses("pamid.simulators", Simulator) for kind in cls.kinds}
     expected = "a whole class below pamid.simulators.Simulator with kinds of its own"
     for source, thing in plugins("pamid.simulators", expected):
@@ -57,7 +57,7 @@ def simulator_kinds() -> dict[str, type[Simulator]]:
 
 
 def page_signals(path: str | Path) -> dict[str, str]:
-    """Return the columns in which a page says that signals stand, with their units; nothing that it names is run."""
+    """Return the columns of signals by a simulator file, with their units; nothing that it names is run."""
     ports = read_toml(path, "a simulator file", _ERRORS).get("ports", {})
     entries = ports.items() if isinstance(ports, dict) else ()
     signals = {n: p for n, p in entries if isinstance(p, dict) and p.get("kind") in ("input", "output", "state")}
@@ -65,15 +65,16 @@ def page_signals(path: str | Path) -> dict[str, str]:
 
 
 def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
-    """Read the page of a simulator, or a model itself. Nothing runs code from a file without trust.
+    """Read the simulator file of a simulator, or a model itself. Nothing runs code from a file without trust.
 
     Parameters
     ----------
     path : path-like
         TOML file with ``kind``, a table of that name, ``[ports]``, and if wanted ``[parameters]``, ``[[effects]]``; or
-        a MuJoCo model (``.xml``) or an FMU (``.fmu``), with the page of the same name beside it if there is one.
+        a MuJoCo model (``.xml``) or an FMU (``.fmu``), with the simulator file of the same name beside it if there is
+        one.
     trust : bool, default=False
-        Whether the code that the page names (a Python function, an FMU) may run.
+        Whether the code that the simulator file names (a Python function, an FMU) may run.
 
     Returns
     -------
@@ -83,9 +84,9 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
     Raises
     ------
     UntrustedCodeError
-        It names code, and there is no trust.
+        It names code, and ``trust`` is False.
     SimulatorFileError, ParameterError
-        The page is missing, no TOML, or says something that cannot be.
+        The simulator file is missing, not valid TOML, or contains something invalid.
 
     Examples
     --------
@@ -130,7 +131,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
         if known[kind].executes and not trust:
             raise UntrustedCodeError(
                 f"{path} names code to run: {', '.join(str(v) for v in table.values() if isinstance(v, str))}.",
-                "your word that it may run",
+                "your permission to run it",
                 "Read that code, then add --trust (in Python: trust=True).",
             )
         made = known[kind].from_page(kind, table, ports, numbers, effects, path.parent)
@@ -140,7 +141,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
 
 
 def read_outline(path: str | Path) -> Simulator:
-    """Read what a page says of ports; nothing that it names is run, so the simulator itself cannot be asked."""
+    """Read what a simulator file says about ports; nothing that it names is run, not even the simulator."""
     raw = read_toml(path, "a simulator file", _ERRORS)
     known = simulator_kinds().get(raw.get("kind", ""))
     if known is None or not known.executes:
@@ -173,7 +174,7 @@ def _port(name: str, given: Any) -> Port:
         )
     texts = {k: v for k, v in given.items() if k != "start" and not isinstance(v, str)}
     if texts:
-        raise SimulatorSyntaxError(f"{next(iter(texts))} of the port {name} is no text.", "a text", "Quote it.")
+        raise SimulatorSyntaxError(f"{next(iter(texts))} of the port {name} is not text.", "a text", "Quote it.")
     return Port(name, **given)
 
 
@@ -193,7 +194,7 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
     from .catalogue import port_effects
 
     if not isinstance(given, list) or not all(isinstance(e, dict) for e in given):
-        raise SimulatorSyntaxError("effects is no list of tables.", "[[effects]]", "Write one [[effects]] each.")
+        raise SimulatorSyntaxError("effects is not a list of tables.", "[[effects]]", "Write one [[effects]] each.")
     found = []
     for e in given:
         values = {k: v for k, v in e.items() if k not in ("effect", "at")}
@@ -210,20 +211,20 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
                 f"The effect {name} has no port.", 'at = "PORT", or at = ["A", "B"] between two', "Say where it acts."
             )
         if wrong := [k for k, v in values.items() if isinstance(v, bool) or not isinstance(v, (int, float))]:
-            raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is no number.", "a number", "Correct it.")
+            raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is not a number.", "a number", "Correct it.")
         found.append((name, where, {k: float(v) for k, v in values.items()}))
     return found
 
 
 def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
-    """Return the page of a simulator, which `read_simulator` reads.
+    """Return the simulator file of a simulator, which `read_simulator` reads.
 
     Parameters
     ----------
     simulator : Simulator
         The simulator.
     folder : path-like, default="."
-        Where the page will lie: files are named from there.
+        Where the simulator file will lie: files are named from there.
 
     Returns
     -------
@@ -274,5 +275,5 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
 
 
 def named_from(path: Path, folder: Path) -> str:
-    """Return the name of a file as a page in a folder calls it."""
+    """Return the name of a file as a simulator file in a folder calls it."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

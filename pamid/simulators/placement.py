@@ -1,4 +1,4 @@
-"""An effect of the library at a port: what it follows there, where it enters, and in which units it counts."""
+"""An effect of the library at a port: its signals, where it enters, and its units."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .links import Link
 
 @dataclass(frozen=True)
 class Scales:
-    """What counts as one in the units for which the library's bounds and grids are written.
+    """Sizes that correspond to one in the units of the library's bounds and grids.
 
     Parameters
     ----------
     position : float
-        Position that counts as a strain of one.
+        Position that corresponds to a strain of one.
     time : float
         What a second of the log counts, s.
     target : float
-        What counts as one newton.
+        Size of one newton.
     command : float
-        What counts as a full command.
+        Size of a full command.
     pressure : float
-        What counts as one pascal.
+        Size of one pascal.
     offset : float
         Pressure, Pa, that a gauge reading lacks.
     ambient : float
-        Pressure of the surroundings, Pa; 0 where what is stored is no gas.
+        Pressure of the surroundings, Pa; 0 where no gas is stored.
     """
 
     position: float = 1.0
@@ -68,13 +68,13 @@ class Placement:
     follows : dict of str to str
         The signal (state or input) behind each role of the effect.
     scales : Scales
-        Units in which it counts.
+        Its units.
     powers : dict of str to int
         Power of the signal's unit in each parameter, see `pamid.simulators.dimensions.powers`.
     units : dict of str to str
         Units of its parameters.
     into : str
-        For what is lost from a chamber: the state that gets the ``returned`` share of it; empty where none does.
+        For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does.
     link : Link, optional
         For an effect between two ports, both: it follows their differences, and acts on both.
     """
@@ -94,12 +94,12 @@ class Placement:
 
     # --- values ---------------------------------------------------------------------------------------------
     def factor(self, parameter: str) -> float:
-        """Return what a parameter in the library's units is multiplied by, to be in those of the port."""
+        """Return the factor of a parameter from the library's units to those of the port."""
         s, p = self.scales, next(q for q in self.effect.parameters if q.name == parameter)
         base = {"s": 1.0 / s.time}
         if self.acts:
             base |= {"N": s.target, "Pa": 1.0 / s.pressure}
-        if "flow" in self.effect.hooks():  # a flow is what the rate of the level counts in
+        if "flow" in self.effect.hooks():  # a flow has the unit of the level's rate
             base |= {"kg": s.target / s.time, "m": (s.target / s.time) ** (1 / 3)}
         factor = 1.0
         for word, power in unit_powers(p.unit).items():
@@ -127,8 +127,8 @@ class Placement:
     def made(self, values: Mapping[str, float]) -> Effect:
         """Return the effect with values in the units of the port, however large they are.
 
-        Bounds in those units follow from the sizes in a log and are for a search; a sign, and the range of what has no
-        unit, hold everywhere.
+        Bounds in those units follow from the sizes in a log and limit a search; signs, and ranges of dimensionless
+        parameters, hold everywhere.
         """
         out, named = self.effect(), f"{self.name} at {self.port}"
         for p in self.effect.parameters:
@@ -145,7 +145,7 @@ class Placement:
     # --- what it adds ---------------------------------------------------------------------------------------
     @property
     def plant(self) -> Any:
-        """What the effect may know of the system."""
+        """Numbers of the system that the effect may use."""
         return Surroundings(self.scales.ambient)
 
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
@@ -178,7 +178,7 @@ class Placement:
             if hook in hooks:
                 total = total + getattr(made, hook)(s, x, self.plant)
         if "flow" in hooks:
-            # A bench counts what must flow in, other systems what is stored: at a port it is always what is lost.
+            # A bench counts what must flow in, other systems what is stored: at a port it is always a loss.
             if self.link is None:
                 total = total - np.abs(made.flow(s, x, self.plant)[0])
             else:  # it goes from the fuller end to the other, whichever that is
@@ -188,7 +188,7 @@ class Placement:
         return total * self.scales.target
 
     def sources(self) -> set[str]:
-        """Return the signals behind what it follows."""
+        """Return the source signals of the effect."""
         both = self.link.sources if self.link is not None else {}
         return {source for name in self.follows.values() for source in both.get(name, (name,))}
 
@@ -196,9 +196,9 @@ class Placement:
         self, made: Effect, force: Any, simulator: Simulator,
         at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], u: np.ndarray, added: np.ndarray,
     ) -> None:  # fmt: skip
-        """Let a force or flow act on an input `u`, or on rates `added`, in place.
+        """Apply a force or flow to an input `u`, or to rates `added`, in place.
 
-        What is lost may be another state's gain; what acts between two ports acts on both. `at` are times, states,
+        A loss may be another state's gain; effects between two ports act on both. `at` are times, states,
         inputs and parameters, shape (n_parameters, n).
         """
         if self.link is not None:
@@ -225,13 +225,13 @@ class Placement:
         return np.asarray(made.measure(y / self.scales.target, x), dtype=float) * self.scales.target
 
     def truth(self, made: Effect, reading: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
-        """Return what is behind the readings of a sensor, along runs."""
+        """Return the true values behind the readings of a sensor, along runs."""
         found = made.restore(reading / self.scales.target, dt * self.scales.time, starts)
         return np.asarray(found, dtype=float) * self.scales.target
 
 
 def named(effect: type[Effect], key: str, hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
-    """Return an effect of the library under another name, which the library itself does not learn of."""
+    """Return an effect of the library under another name, without registering it."""
     kept = tuple(p for p in effect.parameters if p.name not in hidden)
     fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
     bound: type[Effect] = type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

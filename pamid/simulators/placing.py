@@ -15,11 +15,11 @@ from .placement import Placement, Scales, named
 PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 """Units of pressure, in Pa."""
 STRAIN = 0.2
-"""Strain in the library's units that a signal's range counts as."""
+"""Strain in the library's units that corresponds to a signal's range."""
 GAP = {"force": 10.0, "flow": 1e-4}
-"""Force, N, and flow, kg/s, in the library's units that a gap counts as."""
+"""Force, N, and flow, kg/s, in the library's units that correspond to a gap."""
 QUARTER = 0.5 * np.pi
-"""Phase, rad, between two rows of the fastest swing that they show as one."""
+"""Largest phase, rad, between two rows of the fastest swing that they resolve."""
 
 
 def placed(
@@ -37,8 +37,8 @@ def placed(
             words = {"N": target, "m": "", "kg": target, "rad": signal if signal != "-" else "rad"}
             powers_of = unit_powers(p.unit)
             if hook == "flow" and target == "kg/s" and signal in PASCAL:
-                words = {"Pa": signal}  # a flow of mass under a pressure is what the library's units are of
-            elif hook == "flow":  # what runs off in a second is what the rate counts in
+                words = {"Pa": signal}  # the library's units are those of a mass flow under a pressure
+            elif hook == "flow":  # the rate is in what flows out per second
                 words |= {"Pa": signal}
                 powers_of = {**powers_of, "s": powers_of.get("s", 0) + powers_of.get("kg", 0)}
             turns = p.unit != "rad/s"  # of a frequency it is no angle of the joint
@@ -65,7 +65,7 @@ def _frequency(p: Parameter) -> bool:
 
 
 def _seen(p: Parameter, fastest: float) -> Parameter:
-    """Return a frequency within what rows show: what swings faster than they are read follows no row."""
+    """Return a frequency bounded by what the sampling resolves."""
     if not _frequency(p):
         return p
     upper = max(min(p.upper, fastest), 2.0 * p.lower)
@@ -73,7 +73,7 @@ def _seen(p: Parameter, fastest: float) -> Parameter:
 
 
 def _remembered(p: Parameter, shortest: float) -> Parameter:
-    """Return the time of a memory from which rows show it as one: what relaxes between two of them is friction."""
+    """Return the shortest time constant that the sampling resolves: below it, relaxation looks like friction."""
     if not p.simplest or p.lower >= shortest:
         return p
     lower = min(shortest, 0.5 * p.upper)
@@ -81,12 +81,12 @@ def _remembered(p: Parameter, shortest: float) -> Parameter:
 
 
 def _reached(p: Parameter, top: float, least: float) -> Parameter:
-    """Return the limit of a saturation within what a signal reaches, and where it must be at least."""
+    """Return the limit of a saturation within the range of a signal, and its least value."""
     if p.name != "limit":
         return p
     return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
 
 
 def without_pressure(effect: type[Effect]) -> bool:
-    """Tell whether an effect that may follow a pressure does without one."""
+    """Return whether an effect that may depend on a pressure works without one."""
     return any(p.linear and p.nominal and "Pa" not in unit_powers(p.unit) for p in effect.parameters)

@@ -13,7 +13,7 @@ from .placement import Placement
 from .structure import JointPort
 
 ROUNDS = 3
-"""Times that forces of whole runs, which follow what is read, are found from what was read before."""
+"""Fixed-point iterations for forces that depend on what a whole run reads."""
 
 
 def played(

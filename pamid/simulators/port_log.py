@@ -38,9 +38,9 @@ class PortLog:
     names : list of str
         Names of the runs.
     gaps : dict of str to array of bool, shape (n,)
-        Rows in which a channel was not read, if any; straight lines between what was read stand there.
+        Rows in which a channel was not read, if any; they are filled by linear interpolation.
     notes : list of str
-        What a reader must know.
+        Notes for the reader.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -77,9 +77,9 @@ class PortLog:
         return np.logical_or.reduce([np.zeros(self.n, dtype=bool), *self.gaps.values()])
 
     def missed(self, name: str) -> np.ndarray:
-        """Return by how much straight lines may miss a channel at each row: 0 where it was read.
+        """Return the possible interpolation error of a channel at each row: 0 where it was read.
 
-        What was read between neighbours that were read, too, tells that: its distance from their line.
+        It is estimated from readings between two others: their distance from the line.
         """
         out, gap = np.zeros(self.n), self.gaps.get(name)
         if gap is None:
@@ -93,7 +93,7 @@ class PortLog:
         return out
 
     def hidden(self, n: int) -> np.ndarray:
-        """Return the lost rows that straight lines cannot stand for in windows of n samples.
+        """Return the lost rows that interpolation cannot replace in windows of n samples.
 
         Windows are short beside the fastest motion, a sixth of its period and less; over a quarter of one a sine leaves
         its chord by no more than 1 % of its amplitude. So does a mean of as many rows without those of such a gap.
@@ -106,7 +106,7 @@ class PortLog:
         return out
 
     def inputs(self, simulator: Simulator) -> np.ndarray:
-        """Return the inputs, shape (n_inputs, n); those that were not logged stand at their start value."""
+        """Return the inputs, shape (n_inputs, n); those that were not logged are at their start value."""
         rows = [
             self.channels[p.name] if p.name in self.channels else np.full(self.n, p.start)
             for p in simulator.ports

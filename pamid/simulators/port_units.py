@@ -1,4 +1,4 @@
-"""Columns of ports whose numbers are of another unit: told by motion, size and the model's answer."""
+"""Columns of ports in another unit: detected by motion, size and the model's response."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from .port_log import PortLog
 
 _FACTOR = 2.0
-"""Factor of a rate and its speed beyond which no friction, lag or noise accounts for it."""
+"""Factor between a rate and its speed that no friction, lag or noise explains."""
 _GAIN = 5.0
-"""The same of an input and what it does: a fault of an actuator is smaller."""
+"""The same between an input and its effect: a fault of an actuator is smaller."""
 _ALIKE = 0.95
 _LEAST = 5_000.0
 """Pa; what a pressure port never exceeds in a whole log is read in bar, kPa or MPa, not in Pa."""
@@ -29,14 +29,14 @@ _KNOWN = (
 
 
 def tell_unit_doubts(simulator: Simulator, log: PortLog) -> None:
-    """Warn, once for a simulator, of columns that look like another unit than their port's."""
+    """Warn, once per simulator, of columns that seem not to be in their port's unit."""
     if getattr(simulator, "_units_told", False):
         return
     simulator._units_told = True  # type: ignore[attr-defined]
     try:
         doubts = list(_doubts(simulator, log))
     except PamidError:
-        return  # told where the simulator is asked in earnest
+        return  # reported where the simulator is actually evaluated
     if doubts:
         warnings.warn(
             f"{'; '.join(doubts)}. Give the column's unit in its name, in the mapping or at the port.",
@@ -63,8 +63,8 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         if alike > _ALIKE and not 1 / _FACTOR < abs(factor) < _FACTOR:
             wrong |= {position, speed}
             yield (
-                f"{position} or {speed} looks like another unit: {position} changes {abs(factor):.4g} times as fast as "
-                f"{speed} says{_word(abs(factor))}"
+                f"{position} or {speed} seems to be in another unit: {position} changes {abs(factor):.4g} times as "
+                f"fast as {speed} says{_word(abs(factor))}"
             )
     if wrong:
         return
@@ -79,7 +79,7 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         factor, alike = _factor(does[i], seen[i])
         if alike > _ALIKE and factor > 0.0 and not 1 / _GAIN < factor < _GAIN:
             yield (
-                f"{name} looks like another unit: {simulator.states[i]} moves as with {factor:.3g} times its numbers"
+                f"{name} seems to be in another unit: {simulator.states[i]} moves as with {factor:.3g} times its values"
                 f"{_word(1.0 / factor)}"
             )
 
@@ -95,7 +95,7 @@ def _factor(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def _word(factor: float) -> str:
-    """Return which units a factor speaks of; empty where of none."""
+    """Return which unit a factor suggests; empty where none."""
     near = [word for known, word in _KNOWN if abs(np.log(factor / known)) < 0.1]
     back = [f"the other way round, {word}" for known, word in _KNOWN if abs(np.log(factor * known)) < 0.1]
     found = near or back

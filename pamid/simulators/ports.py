@@ -1,4 +1,4 @@
-"""Ports of a simulator: what goes in, what comes out, what it remembers, and where forces and losses can act."""
+"""Ports of a simulator: inputs, outputs, states, and where forces and losses can act."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*$")
 
 @dataclass(frozen=True)
 class Port:
-    """A place at which a simulator meets the world.
+    """A signal of a simulator, or a place where forces or losses act on it.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Port:
     Raises
     ------
     ParameterError
-        A name or a number is none.
+        Invalid name or number.
     UnknownOptionError
         There is no such kind.
 
@@ -95,14 +95,14 @@ class ModelParameter:
     value : float
         Its value.
     tolerance : float, default=0.0
-        Relative: how well it is known. What a change within it explains is no gap; 0 holds it fixed.
+        Relative: how well it is known. What a change within it explains is not a gap; 0 holds it fixed.
     unit : str, default="-"
         Its unit.
 
     Raises
     ------
     ParameterError
-        A number is none, or the tolerance is not within 0 and 10.
+        A number is invalid, or the tolerance is not between 0 and 10.
 
     Examples
     --------
@@ -124,7 +124,7 @@ class ModelParameter:
                 raise ParameterError(f"The {name} of a parameter is {number}.", "a finite number", "Correct it.")
         if not 0.0 <= self.tolerance <= 10.0:
             raise ParameterError(
-                f"The tolerance of a parameter is {self.tolerance:g}.", "0 to 10, relative", "10 % are 0.1."
+                f"The tolerance of a parameter is {self.tolerance:g}.", "0 to 10, relative", "10 % is 0.1."
             )
 
 
@@ -142,7 +142,7 @@ def as_parameters(given: Mapping[str, Any] | None) -> dict[str, ModelParameter]:
 
 
 def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
-    """Return a model's own ports, with what is said of them otherwise, and further ones."""
+    """Return a model's own ports, with overrides and further ones."""
     found = {p.name: p for p in own}
     for port in said:
         if port.name not in found:
@@ -150,7 +150,7 @@ def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
             continue
         if port.kind != found[port.name].kind:
             raise ParameterError(
-                f"The port {port.name} is said to be of the kind {port.kind}.",
+                f"The port {port.name} is declared as {port.kind}.",
                 f"{found[port.name].kind}, as the model has it",
                 "Correct its kind.",
             )
@@ -164,7 +164,7 @@ def merged(own: Sequence[Port], said: Sequence[Port]) -> list[Port]:
 class Values(np.ndarray):
     """Numbers by name: an array whose rows also go by name, as items or as attributes.
 
-    A name goes before what arrays call so: ``x.T`` is the port T, if there is one.
+    Names take precedence over array attributes: ``x.T`` is the port T, if there is one.
 
     Examples
     --------
@@ -197,7 +197,7 @@ class Values(np.ndarray):
         return dict(zip(values._names, np.asarray(values), strict=True))
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        return array[()] if return_scalar else array  # what is computed has no names
+        return array[()] if return_scalar else array  # computed values have no names
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):

@@ -1,13 +1,12 @@
-r"""What two ends of a simulator exchange, and how much each end yields to it: from the simulator's own rates.
+r"""The exchange between two ends of a simulator, and each end's response: from the simulator's own rates.
 
-What acts between two ends acts on both alike, so that what one does to the rate of the other is symmetric but for the
-masses (capacities) of both,
+Action equals reaction, so the mutual influence of two ends on their rates is symmetric up to their masses (capacities),
 
 .. math:: m_i\,\frac{\partial \dot x_i}{\partial x_j} = \pm\, m_j\,\frac{\partial \dot x_j}{\partial x_i}
 
 with the plus between ends of one kind (a spring, a damper, a pipe, a wall) and the minus between a pressure and the
-speed of its piston. The rates of any simulator hence say :math:`m_i / m_j`, and :math:`m` where a parameter is known as
-one of the masses.
+speed of its piston. The rates of any simulator hence give :math:`m_i / m_j`, and :math:`m` where a parameter is known
+as one of the masses.
 
 References
 ----------
@@ -30,18 +29,18 @@ from .structure import spread_numbers
 STEP = 1e-4
 """Share of a state's range by which it is moved: differences both ways are exact to its square."""
 SAME = 1e-4
-"""Relative difference below which two numbers from such differences are one."""
+"""Relative difference below which two numbers from such differences are equal."""
 NOTHING = 1e-9
 """Share of the largest slope of a rate below which a slope is rounding."""
 MOSTLY = 0.98
-"""Share of instants at which a sign must hold: at the others something may stand at a stop."""
+"""Share of instants at which a sign must hold: at the others something may be at a stop."""
 _MASSES: Mapping[str, dict[str, int]] = {
     "N": {"kg": 1}, "N m": {"kg": 1, "m": 2}, "W": {"J": 1, "K": -1}, "m^3/s": {"m": 2},
 }  # fmt: skip
 
 
 def factor_of(unit: str) -> float:
-    """Return what a unit, or the rate of one, is multiplied by to be in SI; 1 for what is not known."""
+    """Return the factor to SI of a unit or its rate; 1 if unknown."""
     if unit in UNITS:
         return float(UNITS[unit].factor)
     return factor_of(unit.removesuffix("/s")) if unit.endswith("/s") else 1.0
@@ -55,7 +54,7 @@ class SomeInstants(NamedTuple):
     t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
         Times, states, inputs.
     step : array, shape (n_states,)
-        By how much each state is moved.
+        Step of each state.
     """
 
     t: np.ndarray
@@ -65,14 +64,14 @@ class SomeInstants(NamedTuple):
 
     @classmethod
     def of(cls, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> SomeInstants:
-        """Return instants with steps that are small beside the states' ranges."""
+        """Return instants with steps that are small relative to the states' ranges."""
         size = np.ptp(x, axis=1) if x.shape[1] else np.zeros(len(x))
         top = np.max(np.abs(x), axis=1, initial=0.0)
         return cls(t, x, u, STEP * np.where(size > 0.0, size, np.where(top > 0.0, top, 1.0)))
 
 
 def slopes(simulator: Simulator, at: SomeInstants, by: list[int], p: np.ndarray | None = None) -> np.ndarray:
-    """Return what some states do to all rates, in SI, shape (n_states, n_by, n)."""
+    """Return the slopes of all rates over some states, in SI, shape (n_states, n_by, n)."""
     n, m = at.x.shape[1], len(by)
     p = spread_numbers(simulator, n) if p is None else p
     x = np.tile(at.x, 2 * m)
@@ -88,14 +87,14 @@ def slopes(simulator: Simulator, at: SomeInstants, by: list[int], p: np.ndarray 
 
 
 class Slopes:
-    """What states of a simulator do to rates, in SI, at some instants.
+    """Slopes of a simulator's rates over its states, in SI, at some instants.
 
     Parameters
     ----------
     simulator : Simulator
         Of the form ``"ode"``.
     at : SomeInstants
-        Where it is asked.
+        Where it is evaluated.
     """
 
     def __init__(self, simulator: Simulator, at: SomeInstants) -> None:
@@ -106,7 +105,7 @@ class Slopes:
         self.there = np.mean(change > NOTHING * np.max(change, axis=(1, 2), keepdims=True), axis=2) > MOSTLY
 
     def of(self, state: str, by: str) -> np.ndarray | None:
-        """Return what a state does to the rate of another at each instant; None where that is nothing."""
+        """Return the slope of a state's rate over another state at each instant; None where it is zero."""
         names = self.simulator.states
         if state not in names or by not in names:
             return None
@@ -114,14 +113,13 @@ class Slopes:
         return self.J[i, k] if self.there[i, k] else None
 
     def constant(self, ratio: np.ndarray) -> bool:
-        """Tell whether a ratio of slopes is the same at all instants."""
+        """Return whether a ratio of slopes is the same at all instants."""
         middle = float(np.median(ratio))
         return bool(np.mean(np.abs(ratio - middle) <= SAME * abs(middle)) > MOSTLY)
 
     def mass(self, state: str, by: str) -> tuple[float, str] | None:
-        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of what flows there.
-
-        What another state does to the rate is as its inverse.
+        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of the flow there. Slopes
+        of the rate are inversely proportional to it.
         """
         plain = self.of(state, by)
         if plain is None:

@@ -1,4 +1,4 @@
-"""Whether a simulator of a user's own gives the same numbers when it is asked the same again."""
+"""Whether a user's simulator is repeatable."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 _INSTANTS = 24
 _SAME = 1e-6
-"""Share of an answer's size by which solvers that begin from their last solution may differ."""
+"""Relative difference that warm-started solvers may show."""
 
 
 def tell_if_unsteady(simulator: Simulator, log: PortLog) -> None:
-    """Warn where a simulator is random or keeps something between calls; it is asked once in its life."""
+    """Warn where a simulator is random or keeps state between calls; it is tested once."""
     if not simulator.executes or getattr(simulator, "_asked_twice", False):
         return
     simulator._asked_twice = True  # type: ignore[attr-defined]
     try:
         first, again = _asked(simulator, log)
     except PamidError:
-        return  # told where it is asked in earnest
+        return  # reported where it is actually evaluated
     size = np.max(np.abs(first), axis=-1, keepdims=True, initial=0.0)
     apart = np.abs(again - first) > _SAME * size + 1e-300
     if not apart.any():
@@ -35,18 +35,18 @@ def tell_if_unsteady(simulator: Simulator, log: PortLog) -> None:
     names = simulator.states if simulator.form == "ode" else simulator.outputs
     where = ", ".join(n for n, wrong in zip(names, rows, strict=False) if wrong) or "its answer"
     warnings.warn(
-        f"Asked twice with the same inputs, the simulator answers differently in {where} (by up to {worst:.2g} of the "
-        "largest value): it is random, or keeps something between calls. Fits and intervals rest on equal answers: "
-        "fix its seed in each call, and let nothing stay from one call to the next.",
+        f"Called twice with the same inputs, the simulator returns different values of {where} (by up to {worst:.2g} "
+        "of the largest value): it is random, or keeps state between calls. Fits and intervals need repeatable values: "
+        "fix its seed in each call, and keep no state from one call to the next.",
         SimulatorWarning,
         stacklevel=2,
     )
 
 
 def _asked(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray]:
-    """Return two answers to the same question, with another one between."""
+    """Return two evaluations at the same point, with another one in between."""
     a, b = log.spans[0]
-    at = np.arange(a, b)  # a whole run: one that is cut may be another one
+    at = np.arange(a, b)  # a whole run: a cut one may differ
     if simulator.form != "run":
         at = np.unique(np.linspace(a, b - 1, _INSTANTS).astype(int))
     starts = {p.name: p.start for p in simulator.ports}

@@ -10,7 +10,7 @@ import numpy as np
 from .base import Simulator
 
 _SOME = 200
-"""Instants at which a simulator is asked for its structure."""
+"""Instants at which a simulator's structure is probed."""
 _OWN = 0.98
 """Share of instants at which an input must push the same way to be the drive of a joint."""
 
@@ -85,7 +85,7 @@ def joints_of(
 def pushes_of(
     simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, step: np.ndarray
 ) -> dict[tuple[str, str], float]:
-    """Return what each input does to the rate of each state, where it always pushes the same way."""
+    """Return the slopes of states' rates over inputs, where their sign is constant."""
     p = spread_numbers(simulator, x.shape[1])
     base = simulator.rate(t, x, u, p)
     found = {}

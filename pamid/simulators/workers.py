@@ -1,4 +1,4 @@
-"""Processes beside this one: how a module of pamid is started in one, and how it ends with all that it has started."""
+"""Child processes: starting a module of pamid in one, and ending it with all that it has started."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ENDED: weakref.WeakSet[subprocess.Popen[bytes]] = weakref.WeakSet()
 
 
 def started(module: str, *said: str, **streams: Any) -> subprocess.Popen[bytes]:
-    """Start a module of pamid as a process that leads a group of its own."""
+    """Start a module of pamid as the leader of a new process group."""
     given = [str(Path(p).resolve()) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*given, str(_ROOT)]), "PYTHONSAFEPATH": "1"}
     environment |= streams.pop("env", {})
@@ -25,8 +25,8 @@ def started(module: str, *said: str, **streams: Any) -> subprocess.Popen[bytes]:
 
 
 def ended(process: subprocess.Popen[bytes]) -> None:
-    """End a process and what it has started, and close what leads to it."""
-    if process in _ENDED:  # its number may be that of another one by now
+    """End a process and its children, and close its pipes."""
+    if process in _ENDED:  # its number may have been reused
         return
     _ENDED.add(process)
     with contextlib.suppress(OSError):

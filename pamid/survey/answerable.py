@@ -35,7 +35,7 @@ class Answerable:
     answer : str
         ``"yes"``, ``"partly"`` or ``"no"``.
     why : str
-        What speaks for it, with numbers.
+        The reason, with numbers.
     record : str
         What would help; empty for a yes.
 
@@ -147,7 +147,7 @@ def _plane(f: Facts) -> tuple[bool | None, str]:
 def _sealed(f: Facts) -> tuple[bool | None, str]:
     c = f.coverage
     if math.isnan(c.sealed):
-        return False, "no command is logged, so that sealed stretches cannot be seen"
+        return False, "no command is logged, so sealed periods cannot be found"
     said = f"{c.sealed:.2g} s with the valves shut, at {c.sealed_levels} pressure levels"
     return ((c.sealed >= 1 and c.sealed_levels >= 2) or (None if c.sealed >= 0.5 else False)), said
 
@@ -258,7 +258,8 @@ RULES = (
         GAS,
         "F P position",
         _plane,
-        "Move the position at constant pressure, and the pressure at constant position, so that the two go apart.",
+        "Move the position at constant pressure, and the pressure at constant position, so that the two are not "
+        "correlated.",
     ),
     Rule(
         "offset or gain of force and pressure sensors",
@@ -330,7 +331,7 @@ RULES = (
         ALL,
         "",
         _noise_by_repeats,
-        "Record one run twice or more: without it the noise rests on the differences of neighbouring samples.",
+        "Record one run twice or more: otherwise the noise is estimated from differences between neighbouring samples.",
     ),
 )
 """The questions, in the order of the page."""

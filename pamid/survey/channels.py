@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MOTION = ("q", "eps", "x")
-_READINGS = ("P", "F", "mdot", "drive")  # a position may well stand still while others move
+_READINGS = ("P", "F", "mdot", "drive")  # a position may be constant while others move
 _EDGE = 3.0  # times as many readings at an edge as steps of the same width have elsewhere
 _LEAST_EDGE = 0.005
 _MOST_RUNS = 60
@@ -31,7 +31,7 @@ class Channel:
     name : str
         Signal.
     unit : str
-        SI unit; empty where the name does not tell.
+        SI unit; empty where the name does not say.
     low, high : float
         Range.
     missing : float

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_STILL = 0.02  # of the largest rate: slower is standing still
+_STILL = 0.02  # of the largest rate: slower counts as rest
 _HELD = 0.02  # of the range over all runs: a run that moves by less is held
 _SHUT = 1e-3
 _POWER = 0.99
@@ -31,7 +31,7 @@ class Coverage:
     Parameters
     ----------
     position, pressure, target : str
-        Signals that were looked at; empty where the log has none. A bench counts by its joint and muscle 1.
+        Signals that were analysed; empty where the log has none. Of a bench these are its joint and muscle 1.
     position_range, pressure_range : float
         Swing between the 0.5 and 99.5 % quantiles.
     slow, fast : float
@@ -43,7 +43,7 @@ class Coverage:
     amplitudes : int
         Different amplitudes between turns (a factor of 1.5 apart).
     correlation : float
-        Between position and pressure; ±1 means that one cannot be told from the other.
+        Between position and pressure; at ±1 their effects cannot be distinguished.
     longest_hold : float
         Longest stretch with the position standing still, s.
     sealed : float
@@ -112,7 +112,7 @@ def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
         found |= _valves(log, commands, pressure, sampling.period)
     if position and _moves(log, position):
         found |= _motion(log, position, pressure, sampling)
-    elif pressure:  # what stands still in every run is held: the pressure is what moves
+    elif pressure:  # a position at rest in every run is held: only the pressure moves
         found |= _held(log, position, pressure, sampling)
     if position and pressure:
         found["correlation"] = _correlation(log, position, pressure)
@@ -120,7 +120,7 @@ def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
 
 
 def _moves(log: pd.DataFrame, position: str) -> bool:
-    """Say whether the position moves within a run; runs held at different places are no movement."""
+    """Return whether the position moves within a run; runs held at different places are no movement."""
     whole = _swing(log[position].to_numpy(dtype=float))
     for _, run in log.groupby("trajectory", sort=False):
         values = run[position].dropna().to_numpy(dtype=float)
@@ -218,7 +218,7 @@ def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling)
         sizes = _turns(one.value, max(0.02 * whole, 4.0 * noise_level(one.raw)))
         turns += len(sizes)
         amplitudes += sizes
-        if _swing(one.value) > 0.1 * whole:  # the rest of the runs stand still but for their noise
+        if _swing(one.value) > 0.1 * whole:  # the other runs are at rest but for their noise
             powers.append(_spectrum(one.value, sampling.period))
     if not rates:
         return {"position_range": whole}

@@ -33,7 +33,7 @@ def survey_html(found: Survey, log: pd.DataFrame, name: str = "") -> str:
     Returns
     -------
     str
-        HTML that holds its pictures and its style and asks for nothing else. All text is escaped.
+        Self-contained HTML with its pictures and its style. All text is escaped.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def _pictures(found: Survey, log: pd.DataFrame) -> list[dict[str, Any]]:
             coverage_picture(log, found.coverage),
             "What the log covers: a thin line here distinguishes little.",
         ),
-        ("speed", speed_picture(log, found.coverage), "How long it moves how fast; orange is the way back."),
+        ("speed", speed_picture(log, found.coverage), "How long it moves at which speed; orange is the return stroke."),
     ]
     return [
         {"svg": Markup(inline_svg(figure, f"check-{key}", words)), "caption": words}

@@ -23,7 +23,7 @@ _LEAST_RISE = 2e4  # Pa above the ambient pressure, below which nothing can be t
 def scale_doubts(log: pd.DataFrame) -> list[str]:
     r"""Say which forces and flows of a log are far from what its pressures can make, whatever the muscle.
 
-    A force is at most the gauge pressure times a piston's area, and the gas that a flow moves to and fro is at most
+    A force is at most the gauge pressure times a piston's area, and the gas that a flow moves back and forth is at most
     what a volume holds, :math:`\int \dot m\,\mathrm{d}t = P V/(R T)`.
     """
     found = []
@@ -64,11 +64,11 @@ def _flow_doubt(log: pd.DataFrame, flow: str, pressure: str, top: float) -> list
         if len(t) < 3:
             continue
         mass = np.concatenate([[0.0], np.cumsum(np.diff(t) * (mdot[1:] + mdot[:-1]) / 2.0)])
-        held = mass - np.polynomial.Polynomial.fit(t, mass, 1)(t)  # a leak passes without being held
+        held = mass - np.polynomial.Polynomial.fit(t, mass, 1)(t)  # leaked gas is not stored
         volume = max(volume, GAS_CONSTANT * TEMPERATURE * float(np.ptp(held)) / top)
     if volume < _LARGEST_VOLUME:
         return []
     return [
-        f"The gas that {flow} moves takes {1e3 * volume:.3g} L at the pressures of {pressure}: {flow} seems to be in "
-        "another unit than kg/s, such as g/s."
+        f"The gas that {flow} moves takes {1e3 * volume:.3g} L at the pressures of {pressure}: {flow} seems not to be "
+        "in kg/s, but for instance in g/s."
     ]

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 SEEN = 5.0
 """Standard deviations of the noise that an effect must stand out by."""
 ALIKE = 0.15
-"""Share of an effect that has to be left once another one takes what it can; less, and the two are alike. A form that
-is known only to within some ten per cent tells no finer."""
+"""Share of an effect that another one must leave unexplained; with less the two are alike. A form known only to within
+some ten per cent allows no finer distinction."""
 _MOST_ROWS = 60_000
 
 
@@ -34,7 +34,7 @@ class Separation:
     family : str
         Its family.
     signal : float
-        By how many standard deviations of the noise it would stand out, what the tolerances explain taken off.
+        Its size in standard deviations of the noise, after removing what the tolerances explain.
     alike : tuple of str
         Effects that would explain it as well.
     seen : bool

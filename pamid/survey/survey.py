@@ -153,7 +153,9 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
         warnings += scale_doubts(log)
         notes.append("With --sim each effect of the library is tried on the log as well.")
     if not sampling.repeats:
-        notes.append("The noise rests on the differences of neighbouring samples, since no run repeats another.")
+        notes.append(
+            "The noise is estimated from differences between neighbouring samples, since no run repeats another."
+        )
     found = Survey(sampling, channels, coverage, answers, separations, best, warnings, [], notes)
     return replace(found, record=_record(found))
 
@@ -163,12 +165,12 @@ def _clock_warnings(s: Sampling, c: Coverage) -> list[str]:
     if s.jitter > 0.1:
         found.append(f"The sampling period varies by {s.jitter:.0%}: rates and delays are uncertain by as much.")
     if s.gaps:
-        found.append(f"{s.gaps} gap(s) in time, the longest of {s.longest_gap:.3g} s; nothing looks across them.")
+        found.append(f"{s.gaps} gap(s) in time, the longest of {s.longest_gap:.3g} s; they are not bridged.")
     if s.mixed:
         found.append("The runs are sampled at different rates; a diagnosis of one equation takes their median.")
     if s.shortest < 0.5:
         found.append(
-            f"The shortest run lasts {s.shortest:.2g} s: the ends of a run are left out, little remains of it."
+            f"The shortest run lasts {s.shortest:.2g} s: the ends of a run are left out, so little of it remains."
         )
     if c.bandwidth > 0 and s.rate < _LEAST_RATE * c.bandwidth:
         found.append(
@@ -186,12 +188,12 @@ def _channel_warnings(c: Channel) -> list[str]:
         burst = f", the longest stretch {c.longest_missing:.2g} s" if c.longest_missing > 0 else ""
         found.append(f"{c.name}: {100 * c.missing:.3g} % of the readings are missing{burst}.")
     if c.frozen > 0:
-        found.append(f"{c.name} repeats one value for long while others move in {100 * c.frozen:.3g} % of the rows.")
+        found.append(f"{c.name} stays at one value for long while others move in {100 * c.frozen:.3g} % of the rows.")
     if c.clipped:
         end = {"low": "lower end", "high": "upper end", "both": "both ends"}[c.clipped]
         found.append(
-            f"{c.name} piles up at the {end} of its range: it looks clipped. Either the sensor ends there, or what it "
-            "measures stands at a stop, which then belongs into the model."
+            f"{c.name} piles up at the {end} of its range: it looks clipped. Either the sensor saturates there, or "
+            "what it measures is at a stop, which then belongs in the model."
         )
     if c.bits < _LEAST_BITS and c.moves and c.high - c.low > 4 * c.step and c.name not in ("branch", "enabled", "gain"):
         found.append(f"{c.name} has {2**c.bits:.0f} steps over its range: its rate will be coarse.")

@@ -1,4 +1,4 @@
-"""Systems other than the antagonistic bench whose gap can be diagnosed from a log and a page of numbers.
+"""Systems other than the antagonistic bench whose gap can be diagnosed from a log and a simulator file of numbers.
 
 A module of this package that defines a `System` adds a kind; ``pamid init --kind`` and ``pamid diagnose`` then know it.
 """

@@ -1,4 +1,4 @@
-"""What a system is: the signals that its log must have, the numbers of its page, and its nominal equation."""
+"""What a system is: the signals that its log must have, the numbers of its simulator file, and its nominal equation."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Quantity(NamedTuple):
     hint: str = ""
 
     def checked(self, value: Any, kind: str) -> float | str:
-        """Return a value of the file in SI; raise if it is none.
+        """Return a value of the file in SI; raise if it is invalid.
 
         Parameters
         ----------
@@ -207,13 +207,13 @@ class System(ABC):
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Groups of inputs of which it needs one each."""
     numbers: ClassVar[tuple[Quantity, ...]]
-    """Numbers of its page."""
+    """Numbers of its simulator file."""
     choices: ClassVar[tuple[Choice, ...]] = ()
-    """Words of its page."""
+    """Words of its simulator file."""
     law: ClassVar[str]
     """Nominal equation, in words of the signals."""
     sense: ClassVar[str | int] = "auto"
-    """1 where effects take away from the target, -1 where they add to it."""
+    """1 where effects subtract from the target, -1 where they add to it."""
     library: ClassVar[str] = "actuator"
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
     estimator: ClassVar[str] = "GeometricForce"
@@ -245,7 +245,7 @@ class System(ABC):
         return [q.name for q in cls.numbers if q.default is None]
 
     def identity(self) -> dict[str, Any]:
-        """Return what makes it the same system: kind, numbers and effects, as plain data."""
+        """Return what identifies the system: kind, numbers and effects, as plain data."""
         return {
             "name": self.kind,
             "kind": self.kind,
@@ -276,7 +276,7 @@ class System(ABC):
             )
 
     tolerance: ClassVar[Mapping[str, float]] = {}
-    """How well its numbers are known: nothing is said of it."""
+    """Tolerances of its numbers: none are stated."""
 
     @property
     def units(self) -> dict[str, str]:
@@ -297,7 +297,7 @@ class System(ABC):
         return type(self)(**given, effects=[*self.effects, *effects])
 
     def to_toml(self, path: str | Path) -> None:
-        """Write the page of the system, whole or not at all."""
+        """Write the simulator file of the system, whole or not at all."""
         from .file import write_system
 
         write_system(self, path)
@@ -324,7 +324,7 @@ class System(ABC):
             raise EmptyLogError(
                 f"No row holds all signals of a {self.kind} that the log has columns for.",
                 "rows in which each of them was read",
-                "See with 'pamid check' which column is empty, and leave it out.",
+                "Run 'pamid check' to see which column is empty, and leave it out.",
             )
         problem = self.nominal_problem(log)
         if not self.effects:
@@ -362,7 +362,7 @@ class Problem(NamedTuple):
     nominal : callable
         Takes X, with signals that a fault of a sensor may have changed; returns what the nominal model says.
     groups : array of str, shape (n_samples,)
-        Trajectory of each row.
+        Run of each row.
     roles : dict of str to str
         Column of X for each role of `pamid.estimators.GapDiagnoser`.
     equation : str
@@ -372,7 +372,7 @@ class Problem(NamedTuple):
     plant : pamid.effects.Plant or None
         Numbers for effects of geometry, gas or valve.
     notes : list of str
-        What a reader must know.
+        Notes for the reader.
     units : dict of str to str
         Units of ``target``, ``position`` and ``pressure`` as `pamid.estimators.GapDiagnoser` takes them.
     """
@@ -390,7 +390,7 @@ class Problem(NamedTuple):
 
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return time and signals with their rates, taken within each trajectory."""
+    """Return time and signals with their rates, taken within each run."""
     import numpy as np
 
     from ..signals import differentiate

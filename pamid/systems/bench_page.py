@@ -1,4 +1,4 @@
-"""The page of the antagonistic bench, commented for somebody who fills it in for the first time."""
+"""The simulator file of the antagonistic bench, commented for somebody who fills it in for the first time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OWN = (
     "rest_length", "rest_diameter", "braid_angle", "initial_contraction", "supply_pressure", "sonic_conductance",
     "pulley_radius", "inertia", "viscous_damping",
 )  # fmt: skip
-"""Numbers that no two benches share: where nobody gives them, those of the study's muscle B stand in, marked."""
+"""Numbers that no two benches share: without a value those of the study's muscle B are used, and marked."""
 
 MEANING = {
     "rest_length": "length between the fittings at rest",
@@ -59,6 +59,6 @@ def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
             said = [f.metadata["unit"], MEANING.get(f.name, ""), f.metadata["comment"]]
             mark = "  ASSUMED: replace it by yours" if f.name in assumed else ""
             lines.append(f"{f.name} = {value!r}  # {', '.join(dict.fromkeys(t for t in said if t))}{mark}")
-    lines += ["", "[tolerance]  # relative: how well each is known; what a number within it explains is no gap"]
+    lines += ["", "[tolerance]  # relative: how well each is known; what values within it explain is not a gap"]
     lines += [f"{name} = {value!r}" for name, value in params.tolerance.items()]
     return "\n".join(lines) + "\n"

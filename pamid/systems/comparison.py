@@ -20,7 +20,7 @@ from .evaluation import complete, noise_of
 if TYPE_CHECKING:
     import pandas as pd
 
-_STILL = 0.05  # of the quickest speed: where the sign of the motion counts by three quarters
+_STILL = 0.05  # of the highest speed, at which the smoothed sign of the motion is three quarters
 
 
 def compare_system(
@@ -94,7 +94,7 @@ def compare_system(
     chosen = [e for e in entries if any(fnmatch.fnmatch(e.label, pattern) for pattern in wanted)]
     if not chosen:
         raise UnknownOptionError(
-            f"{', '.join(wanted)} is no model of a {system.kind}.",
+            f"{', '.join(wanted)} is not a model of a {system.kind}.",
             f"some of {', '.join(e.label for e in entries)}",
             "Correct the names.",
         )

@@ -1,4 +1,4 @@
-"""The nominal equation of a system with the effects that its page adds."""
+"""The nominal equation of a system with the effects that its simulator file adds."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WithEffects:
     effects : sequence of EffectSpec
         Names and parameters.
     sense : int
-        1 where effects take away from the target, -1 where they add to it.
+        1 where effects subtract from the target, -1 where they add to it.
     """
 
     def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:

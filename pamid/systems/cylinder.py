@@ -40,7 +40,7 @@ class Cylinder(System):
         Input("F", "N", "force on the rod"),
     )
     numbers = (
-        Quantity("bore", "m", 1e-3, 1.0, "inner diameter", hint="Lengths are in m: 25 mm are 0.025."),
+        Quantity("bore", "m", 1e-3, 1.0, "inner diameter", hint="Lengths are in m: 25 mm is 0.025."),
         Quantity("rod", "m", 0.0, 1.0, "diameter of the rod, if it passes through the chamber under pressure", 0.0),
         Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),
     )

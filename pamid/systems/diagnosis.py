@@ -29,7 +29,7 @@ def diagnose_system(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Say where a system and its nominal equation part, which effect is the cause, and how far the gap closes.
+    """Diagnose where a system and its nominal equation disagree, which effect is the cause, and how far the gap closes.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def diagnose_system(
     effects : "all" or sequence of str, default="all"
         Effects that may be causes; "all" are those that the system allows.
     rows : array of bool, shape (n_samples,), optional
-        Rows of the log that count; windows with any other are left out, and what effects remember runs through them.
+        Rows of the log that count; windows with any other are left out, but memory of effects runs through them.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
     progress : callable, optional
@@ -87,7 +87,7 @@ def diagnose_system(
         notes.append(f"{100 * (1 - len(clean) / len(log)):.1f} % of the rows have a missing value and are left out.")
     counted = None if rows is None else np.asarray(rows, dtype=bool)[whole]
     if counted is not None:
-        notes.append(f"Only the rows that meet the condition count: {100 * counted.mean():.0f} % of them.")
+        notes.append(f"Only rows that meet the condition are used: {100 * counted.mean():.0f} % of all.")
     one = len(np.unique(problem.groups)) == 1
     diagnoser = GapDiagnoser(
         problem.nominal,
@@ -100,7 +100,7 @@ def diagnose_system(
         one_trajectory=one,
         random_state=seed,
     )
-    say("hold it against the library")
+    say("compare with the library")
     diagnoser.fit(problem.X, problem.y, groups=problem.groups, where=counted)
     found = diagnoser.diagnosis_
     names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
@@ -108,7 +108,7 @@ def diagnose_system(
     names = {name: speed if label == "velocity" else label for name, label in names.items()}
     regions = [replace(r, query=re.sub(r"\bvelocity\b", speed, r.query)) for r in found.regions]
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
-    windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is no contraction
+    windows = found.windows.drop(columns=taken).rename(columns=names)  # a stroke is not a contraction
     sense = -1 if diagnoser.scaling_.target < 0 else 1
     nominal: Any = system
     causes = list(diagnoser.effects_.items())

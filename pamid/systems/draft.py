@@ -1,4 +1,4 @@
-"""The first draft of a mapping and a page for a log that nobody has described yet."""
+"""The first draft of a mapping and a simulator file for a log that nobody has described yet."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Draft:
     settings : dict
         Settings of the mapping beside its signals.
     numbers : dict of str to float or str
-        Numbers of the page that were given.
+        Numbers of the simulator file that were given.
     constants : dict of str to str
         Constants of the mapping, such as ``rest_length``.
     file_constants : dict of str to dict
@@ -64,11 +64,11 @@ class Draft:
     page : str
         Their page.
     runs_code : bool
-        Whether what the page names runs code of its own, as an FMU does.
+        Whether what the simulator file names runs code of its own, as an FMU does.
     supposed : dict of str to str
         What nobody has said of a signal's column or unit, and why it is taken so.
     own_page : Path or None
-        The page, where the user has one: none is written.
+        The simulator file, where the user has one: none is written.
     """
 
     paths: list[Path]
@@ -206,7 +206,7 @@ class Draft:
         return unit if unit and wanted in (None, UNITS[unit].dimension) else ""
 
     def _is_own(self, signal: str, unit: str) -> bool:
-        """Tell whether a simulator's own name means another quantity than it does elsewhere, such as ``u`` a force."""
+        """Return whether a simulator uses a name for another quantity than usual, such as ``u`` for a force."""
         known, found = dimension_of(signal), unit_name(unit)
         own = signal in {port.name for port in self.ports} - {"time"}
         return own and known is not None and (found is None or UNITS[found].dimension != known)
@@ -266,7 +266,7 @@ class Draft:
             try:
                 time = (frame.iloc[:, column] if isinstance(column, int) else frame[column]).to_numpy(dtype=float)
             except (KeyError, IndexError, TypeError, ValueError):
-                continue  # another table, or stamps of date and time: whoever reads them says what is wrong
+                continue  # another table, or stamps of date and time: the reader reports what is wrong
             if self.of("trajectory") is None and (names := run_columns(frame, time)):
                 self.assign("trajectory", names[0])
             found = clock_settings(time, self.of("trajectory") is None)
@@ -295,7 +295,7 @@ class Draft:
 
     def read(self) -> pd.DataFrame:
         """Read the logs with the mapping."""
-        checked = not self.ports  # what is usual of muscles is not of other systems
+        checked = not self.ports  # typical values of muscles do not hold for other systems
         return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore", check_units=checked)
 
     def run_names(self) -> list[str]:
@@ -343,7 +343,7 @@ class Draft:
         )
 
     def assumed(self) -> tuple[str, ...]:
-        """Return the numbers of the page that nobody has given and nobody else can know."""
+        """Return the numbers of the simulator file that nobody has given and nobody else can know."""
         if self.ports:
             return ()
         if self.kind == "bench":
@@ -451,7 +451,7 @@ def _comment(guess: Guess, meaning: str, supposed: str = "") -> str:
 
 
 def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
-    """Return numbers of a page, checked one by one."""
+    """Return numbers of a simulator file, checked one by one."""
     if kind == "bench":
         from ..bench.parameters import NUMBERS, BenchParameters
 
@@ -459,7 +459,7 @@ def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
         for name, value in pairs.items():
             if name not in NUMBERS and name != "name":
                 raise UnknownOptionError(
-                    f"{name!r} is no number of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
+                    f"{name!r} is not a parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
                 )
             found[name] = value if name == "name" else parse_quantity(value, name)
         BenchParameters.for_muscle("B").replace(**found)
@@ -468,6 +468,6 @@ def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
     for name in pairs:
         if name not in known:
             raise UnknownOptionError(
-                f"{name!r} is no number of a {kind}.", f"one of {', '.join(known)}", "Correct the name."
+                f"{name!r} is not a parameter of a {kind}.", f"one of {', '.join(known)}", "Correct the name."
             )
     return {name: known[name].checked(value, kind) for name, value in pairs.items()}

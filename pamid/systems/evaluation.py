@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def evaluate_system(log: pd.DataFrame, system: System) -> LogEvaluation:
-    r"""Hold a log against the nominal equation of its system, over windows of 20 ms.
+    r"""Compare a log with the nominal equation of its system, over windows of 20 ms.
 
     The noise floor is what the white noise of the channels would leave with a perfect equation,
 
@@ -34,7 +34,7 @@ def evaluate_system(log: pd.DataFrame, system: System) -> LogEvaluation:
     Returns
     -------
     LogEvaluation
-        Its one equation, with errors over all and by trajectory.
+        Its one equation, with errors over all and by run.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The page of a system: a TOML file with its kind and its numbers."""
+"""The simulator file of a system: a TOML file with its kind and its numbers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def kind_of_file(path: str | Path) -> str:
     Raises
     ------
     SimulatorTypeError
-        Its kind is no text.
+        Its kind is not text.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def kind_of_file(path: str | Path) -> str:
 
 
 def read_system(path: str | Path) -> System:
-    """Read the page of a system.
+    """Read the simulator file of a system.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def read_system(path: str | Path) -> System:
 
 
 def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[str, ...] = ()) -> str:
-    """Return the commented page of a system.
+    """Return the commented simulator file of a system.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
     values : mapping of str to float or str
         Its numbers in SI; defaults for those left out.
     assumed : tuple of str
-        Numbers that nobody has confirmed: the page says so.
+        Numbers that nobody has confirmed: the simulator file says so.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
     lines = [
         f"# Simulator: {kind.title}.",
         f"# Nominal equation: {kind.law}",
-        '# SI units; a text with a unit does as well, such as "25 mm". Pressures are absolute.',
+        '# SI units; a text with a unit is accepted too, such as "25 mm". Pressures are absolute.',
         f'kind = "{kind.kind}"',
         "",
         f"[{kind.kind}]",
@@ -155,7 +155,7 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
 
 
 def write_system(system: System, path: str | Path) -> None:
-    """Write the page of a system with its effects, whole or not at all."""
+    """Write the simulator file of a system with its effects, whole or not at all."""
     from ..files import write_whole
     from ..gap.residuals.units import Units
 

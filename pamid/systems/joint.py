@@ -16,11 +16,11 @@ from .base import FIT, Choice, Input, Problem, Quantity, System
 if TYPE_CHECKING:
     import pandas as pd
 
-_FULL = 0.95  # of the limit: beyond it a controller no longer says what it wants
+_FULL = 0.95  # of the limit: beyond it a controller's demand is unknown
 _TELLING = 0.02  # of a lever's moment: a smaller change of cos q cannot be told from an offset (settings.py --computed)
-_LEAST = 50  # rows of motion that say what drives a joint
+_LEAST = 50  # least rows of motion with a known drive
 _UNEVEN = 0.02  # of a step: times that vary by more are brought to equal steps before rates are taken
-_STILL = 0.05  # rad/s: speed at which the sign of the motion counts by three quarters
+_STILL = 0.05  # rad/s: speed at which the smoothed sign of the motion is three quarters
 
 
 class Joint(System):
@@ -99,7 +99,7 @@ class Joint(System):
         usable &= np.isfinite(drive) & np.isfinite(q) & np.isfinite(ddq)
         if usable.sum() < _LEAST:
             raise ExcitationError(
-                f"{int(usable.sum())} rows say what drives the joint.",
+                f"{int(usable.sum())} rows have a known drive.",
                 f"at least {_LEAST}",
                 "Check gain, limit and enabled.",
             )

@@ -45,9 +45,9 @@ class Muscle(System):
             0.005,
             5.0,
             "length between the fittings at rest",
-            hint="Lengths are in m: 200 mm are 0.2.",
+            hint="Lengths are in m: 200 mm is 0.2.",
         ),
-        Quantity("rest_diameter", "m", 5e-4, 0.3, "diameter at rest", hint="Diameters are in m: 20 mm are 0.02."),
+        Quantity("rest_diameter", "m", 5e-4, 0.3, "diameter at rest", hint="Diameters are in m: 20 mm is 0.02."),
         Quantity(
             "braid_angle",
             "rad",
@@ -55,10 +55,10 @@ class Muscle(System):
             0.94,
             "between thread and axis at rest",
             BRAID_ANGLE,
-            hint="25 degrees are 0.436 rad.",
+            hint="25 degrees is 0.436 rad.",
         ),
         Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),
-        Quantity("temperature", "K", 150.0, 600.0, "of the gas", TEMPERATURE, hint="20 °C are 293 K."),
+        Quantity("temperature", "K", 150.0, 600.0, "of the gas", TEMPERATURE, hint="20 °C is 293 K."),
     )
     sense = 1
     library = "muscle"

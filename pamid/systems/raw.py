@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _JUMP = 20.0  # sampling intervals: a step of time this long within the first rows is the recorder, not the run
 _FIRST = 0.02
-_RESTART = 0.2  # of a run's length: time that falls by more than the rest of it begins anew
+_RESTART = 0.2  # of a run's length: time that falls by more than the rest of it begins again
 
 
 def read_raw(paths: Sequence[Path], settings: dict[str, Any]) -> list[RawTable]:
@@ -54,7 +54,7 @@ def _tables(path: Path, settings: dict[str, Any]) -> list[RawTable]:
 
 
 def is_zero_run(table: RawTable) -> bool:
-    """Say whether a table is the unloaded run by which sensors are zeroed."""
+    """Return whether a table is the unloaded run by which sensors are zeroed."""
     return any(word in (table.variable or "").lower() for word in ("offset", "zero", "tare", "null", "tara"))
 
 
@@ -79,7 +79,7 @@ def _shared(names: Sequence[str]) -> str:
 
 
 def clock_settings(time: np.ndarray, one_run: bool) -> dict[str, Any]:
-    """Return what a clock says of the runs: rows before the recording begins, and time that begins anew."""
+    """Return what a clock says of the runs: rows before the recording begins, and time that begins again."""
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else 0.0
     found: dict[str, Any] = {}

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 _TIMES = 3.0
 """How many times larger the error under one reading has to be than under the other: offsets of load cells and the
-threshold of a bladder, a few tenths of a bar each, stay below that in runs that tell."""
-_GOOD = 0.15  # of the force's standard deviation: what a reading may leave that is to be believed
+threshold of a bladder, a few tenths of a bar each, stay below that in informative runs."""
+_GOOD = 0.15  # of the force's standard deviation: largest error of a credible reading
 _LEAST = 50  # rows
 _MOST = 20_000
 _FAR = 3.0  # times: units are off by 9.8 and more, shapes of muscles by less

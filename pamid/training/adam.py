@@ -21,14 +21,14 @@ from .trainer import Trainer
 class Adam(Trainer):
     r"""Train by Algorithm 1 as printed; with an adapter whose rates differ, by Algorithm 2.
 
-    Every epoch visits the samples once, in batches drawn anew. A batch gives
+    Every epoch visits the samples once, in new random batches. A batch gives
 
     .. math:: \mathcal{L} = \mathrm{MSE} + \frac{\lambda}{2}\lVert\theta\rVert^2, \quad
         g = \nabla\mathcal{L} + \lambda\theta, \quad
         \theta \leftarrow \theta - \eta\,\frac{\hat M}{\sqrt{\hat V + \epsilon}}
 
-    so that the decay, 2λθ in all, passes through Adam's moments (it is not decoupled), and the parameters of the last
-    epoch are kept. Three options take Adam as it is more often written instead.
+    so that the decay, 2λθ in total, passes through Adam's moments (it is not decoupled), and the parameters of the last
+    epoch are kept. Three options select the more common form of Adam.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Adam(Trainer):
     weight_decay : float, default=1e-5
         λ.
     batch_size : int, default=2048
-        Samples a batch (2048 from scratch, 128 in adaptation, in the study).
+        Samples per batch (2048 from scratch, 128 in adaptation, in the study).
     beta1, beta2 : float, default=0.9, 0.999
         Decay of the first and second moment.
     epsilon : float, default=1e-8
@@ -47,15 +47,15 @@ class Adam(Trainer):
     decay : {"twice", "once"}, default="twice"
         Whether λθ is added to the gradient of a loss that holds λ/2 ‖θ‖² already, as printed, or counts once.
     epsilon_inside : bool, default=True
-        Whether ε stands under the root, as printed, so that gradients below √ε take small steps; or beside it, as in
+        Whether ε is under the root, as printed, so that gradients below √ε take small steps; or outside it, as in
         Kingma and Ba.
     keep : {"last", "best"}, default="last"
-        Which parameters are kept: those of the last epoch, as printed, or those that are best on what is held out, or
-        on the samples where nothing is; with ``"best"`` training ends after `patience`.
+        Which parameters are kept: those of the last epoch, as printed, or those that are best on held-out runs, or on
+        the training samples if none are held out; with ``"best"`` training ends after `patience`.
     patience : int, default=500
-        With ``keep="best"``: epochs without a new best on held-out trajectories after which training stops.
+        With ``keep="best"``: epochs without a new best on held-out runs after which training stops.
     checkpoint : path-like, optional
-        Folder in which a training keeps its state, so that one that is killed goes on to the same result.
+        Folder in which a training keeps its state, so that a killed training resumes to the same result.
 
     References
     ----------

@@ -9,7 +9,7 @@ from .units import TrainingUnits
 
 
 class AdamAsRun(Adam):
-    """Train as the authors' notebooks do: ``trainer="adam_as_run"``, beside ``"adam"``, which follows the print.
+    """Train as the authors' notebooks do: ``trainer="adam_as_run"``, beside ``"adam"``, which follows the paper.
 
     The decay counts once, ε stands beside the root, a batch has 1,024 samples. The network reads 10 ε, 10 dε/dt, bar
     and bar/s and gives 10⁻¹⁰ m³; losses are in (NL/min)². Adapters run 1,000 epochs in batches of 128. What differs in

@@ -37,7 +37,7 @@ class LevenbergMarquardt(Trainer):
     max_iter : int, default=150
         Steps.
     batch_size : int, default=512
-        Samples a step; all of them if there are fewer. Memory grows with its square, time with its cube at the end.
+        Samples per step; all of them if there are fewer. Memory grows with its square, time with its cube at the end.
     weight_decay : float, default=1e-6
         λ: the strength of the pull toward the start of the parameters' prior (zero from scratch, the source's
         parameters in an adaptation), relative to the mean squared residual in units of the target's variance.
@@ -46,9 +46,9 @@ class LevenbergMarquardt(Trainer):
     tolerance : float, default=1e-9
         Relative fall of the penalised loss below which full-batch training counts as converged.
     patience : int, default=40
-        Steps without a new best on held-out trajectories, where there are any, after which training stops.
+        Steps without a new best on held-out runs, where there are any, after which training stops.
     checkpoint : path-like, optional
-        Folder in which a training keeps its state, so that one that is killed goes on to the same result.
+        Folder in which a training keeps its state, so that a killed training resumes to the same result.
 
     References
     ----------
@@ -84,7 +84,7 @@ class LevenbergMarquardt(Trainer):
         self.checkpoint = checkpoint
 
     def loss_covers(self, n_samples: int) -> bool:
-        """Say whether a step takes all samples."""
+        """Return whether a step takes all samples."""
         return n_samples <= self.batch_size
 
     def steps(

@@ -239,7 +239,7 @@ def add_layer_gram(out: Tensor, G: Tensor, H: Tensor, *, bias: bool = True) -> N
 
 
 def _thin_jacobian(G: Tensor, H: Tensor, *, bias: bool) -> Tensor:
-    """Return a layer's own Jacobian, a row a sample, weights first."""
+    """Return a layer's own Jacobian, a row per sample, weights first."""
     wide, thin = (G, H) if G.shape[2] >= H.shape[2] else (H, G)
     (n, width), columns = wide.shape[1:], thin.shape[2]
     valued = len(H) == 2

@@ -1,9 +1,9 @@
-"""How strongly an adaptation should be held to its source: by what cross-validation over trajectories leaves.
+"""How strongly an adaptation should be held to its source: by what cross-validation over runs leaves.
 
 Near the source the network is linear in its parameters, so an adaptation is a ridge regression in the space of the
 samples. One Gram matrix then gives the held-out error of every strength of the pull, without training once.
 
-Which strength comes out best varies from draw to draw, as some trajectories tell little of it. How much error is left
+Which strength comes out best varies from draw to draw, as some runs tell little of it. How much error is left
 at the best one varies little; with a prior on how far a weight moves, that gives a strength which can be relied on.
 """
 
@@ -53,7 +53,7 @@ def choose_weight_decay(
     K, r, _ = _linearised(problem, psi, activation, adapter)
     names, codes = np.unique(trajectories, return_inverse=True)
     fold = random_state.permutation(len(names))[codes] % min(FOLDS, len(names))
-    # Mean squared error of each trajectory for each strength; the last is that of the source as it is.
+    # Mean squared error of each run for each strength; the last is that of the source as it is.
     errors = np.zeros((len(STRENGTHS) + 1, len(names)))
     np.add.at(errors[-1], codes, r**2)
     for k in range(fold.max() + 1):

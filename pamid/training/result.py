@@ -25,7 +25,7 @@ class Status(Enum):
 
     FINISHED = "All iterations were carried out."
     CONVERGED = "No step lowers the loss by more than the tolerance any more."
-    STOPPED_EARLY = "The error on the held-out trajectories has not fallen for `patience` iterations; the best is kept."
+    STOPPED_EARLY = "The error on the held-out runs has not fallen for `patience` iterations; the best is kept."
     STOPPED_BY_CALLBACK = "A callback asked to stop; the parameters so far are kept."
     INTERRUPTED = "The training was interrupted; the parameters so far are kept. Fit again to go on."
     DIVERGED = (
@@ -49,7 +49,7 @@ class TrainingResult:
     loss_curve : list of float
         Mean squared residual after each iteration, in units of the target's variance.
     validation_curve : list of float
-        The same on held-out trajectories; empty without any.
+        The same on held-out runs; empty without any.
 
     Examples
     --------

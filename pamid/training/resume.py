@@ -80,9 +80,9 @@ class Resumption:
                 return _unpacked(content["state"], found)
         except Exception as error:  # a damaged archive fails in many ways
             raise CheckpointError(
-                f"{self.path} is no checkpoint: {str(error)[:80]}.",
+                f"{self.path} is not a checkpoint: {str(error)[:80]}.",
                 "a file that an interrupted training has left",
-                "Delete it to begin anew.",
+                "Delete it to start again.",
             ) from None
 
     def save(self, state: dict[str, Any], *, at_once: bool = False) -> None:

@@ -95,7 +95,7 @@ class Trainer(BaseEstimator):
         return self.keep == "last"
 
     def loss_covers(self, n_samples: int) -> bool:
-        """Say whether the losses that `steps` yields are means over all samples, not over a draw of them."""
+        """Return whether the losses that `steps` yields are means over all samples, not over a draw of them."""
         return True
 
     def check(self) -> None:
@@ -147,7 +147,7 @@ class Trainer(BaseEstimator):
         prior : list of Tensor, optional
             Parameters toward which a trainer that has a pull draws; zero by default.
         validation : TrainingProblem, optional
-            Held-out trajectories: the parameters that are best on them are returned, and training stops early; a
+            Held-out runs: the parameters that are best on them are returned, and training stops early; a
             trainer that keeps the last ones is only watched on them.
         callback : callable, optional
             Called with the loss and the parameters after every iteration; returns whether to stop.

@@ -56,7 +56,7 @@ def check_volume(
     level_known: bool = True,
     warn: bool = True,
 ) -> VolumeReport:
-    """Say whether an identified volume makes physical sense.
+    """Return whether an identified volume makes physical sense.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def check_volume(
     state : State
         Where: signals of the muscle, SI units, absolute pressure.
     rest_volume : float, optional
-        Volume of the muscle as a cylinder at rest, π D₀² L₀/4, m³. Between half of it and ten times of it is
-        taken for sensible (a braided muscle gains a factor of about three at most).
+        Volume of the muscle as a cylinder at rest, π D₀² L₀/4, m³. Between half of it and ten times of it is taken as
+        sensible (a braided muscle gains a factor of about three at most).
     level_known : bool, default=True
         Whether the data determine V itself; a force determines ∂V/∂ε alone, and then V is not judged.
     warn : bool, default=True

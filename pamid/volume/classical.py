@@ -89,7 +89,7 @@ class ClassicalVolume(ABC):
 
     @abstractmethod
     def jet(self, state: State) -> VolumeJet:
-        """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample; reads ``eps`` and, if it must, ``P``."""
+        """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample; reads ``eps`` and, if needed, ``P``."""
 
     @classmethod
     def parameter(cls, name: str) -> FitParameter:

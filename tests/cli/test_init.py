@@ -149,7 +149,7 @@ def test_a_unit_that_is_not_known_is_named():
     (guess,) = guess_columns(pd.DataFrame({"flow [l/min]": BAR}), kind="muscle")
     assert "at which conditions" in guess.question
     (guess,) = guess_columns(pd.DataFrame({"Druck [V]": BAR}), kind="cylinder")
-    assert (guess.signal, guess.why) == ("", "its unit V is one of voltage, not of P")
+    assert (guess.signal, guess.why) == ("", "its unit V is a unit of voltage, not of P")
 
 
 # --- writing ----------------------------------------------------------------------------------------------------
@@ -400,14 +400,14 @@ def test_nothing_is_overwritten_unless_forced(muscle, tmp_path, capsys):
     ("argv", "words"),
     [
         (["--kind", "sofa"], "no kind 'sofa'"),
-        (["--kind", "muscle", "--set", "bore=3"], "no number of a muscle"),
-        (["--kind", "muscle", "--set", "rest_length=200"], "200 mm are 0.2"),
+        (["--kind", "muscle", "--set", "bore=3"], "not a parameter of a muscle"),
+        (["--kind", "muscle", "--set", "rest_length=200"], "200 mm is 0.2"),
         (["--kind", "muscle", "--set", "rest_length"], "name=value"),
         (["--kind", "muscle", "--signal", "P"], "signal=column:unit"),
         (["--kind", "muscle", "--signal", "P=sofa"], "no column 'sofa'"),
         (["--kind", "muscle", "--signal", "P=pressure [bar]:mm"], "unit of length"),
         (["--kind", "muscle", "--signal", "P=pressure [bar]*x"], "factor 'x'"),
-        (["--kind", "bench", "--set", "sofa=1"], "no number of the bench"),
+        (["--kind", "bench", "--set", "sofa=1"], "not a parameter of the bench"),
         (["--kind", "bench"], "(joint angle)"),
     ],
 )
@@ -444,7 +444,7 @@ def test_questions_on_a_terminal(nameless, tmp_path, monkeypatch, capsys):
     err = capsys.readouterr().err
     assert "What was recorded?" in err
     assert "no column '99'" in err or "position from 0 to 3" in err
-    assert "25 mm are 0.025" in err
+    assert "25 mm is 0.025" in err
     log = read_log(nameless, tmp_path / "a" / "columns.toml")
     assert log["P"].max() == pytest.approx(501_325, abs=200)  # the force vanishes with the reading: gauge
     assert read_system(tmp_path / "a" / "sim.toml").values["bore"] == pytest.approx(0.025)

@@ -273,7 +273,7 @@ def broken_logs(log: pd.DataFrame) -> dict:
     holed.loc[5, "time"] = np.nan
     return {
         "no trajectory": (run.drop(columns="trajectory"), MissingTrajectoryError, "no column 'trajectory'"),
-        "interleaved": (shuffled, InterleavedTrajectoryError, "2 trajectories in 3"),
+        "interleaved": (shuffled, InterleavedTrajectoryError, "2 runs in 3"),
         "time goes back": (back, TimeOrderError, "goes from"),
         "infinite": (infinite, NonFiniteError, "'P1'"),
         "time is NaN": (holed, NonFiniteError, "holds NaN"),

@@ -78,7 +78,7 @@ def test_one_direction_weak_prior_and_bad_decay(flow):
     with pytest.warns(ExcitationWarning, match="one way only"):
         filling = few[few["dP"] > 0]
         QAdapter(flow, 4.0, base="frozen").fit(filling, filling["mdot"])
-    with pytest.warns(ExcitationWarning, match="hardly holds"):
+    with pytest.warns(ExcitationWarning, match="hardly ties"):
         QAdapter(flow, 4.0, weight_decay=0.0, max_iter=2).fit(few[:30], few["mdot"][:30])
     for wrong in (-1.0, "strong", np.nan):
         with pytest.raises(ParameterError, match="weight_decay"):

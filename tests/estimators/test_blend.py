@@ -33,7 +33,7 @@ def test_a_source_that_does_not_help_gives_way_to_a_fresh_fit(force, kind):
     whole = kind(force, blend=False, **options).fit(few, other_muscle(few))
     assert not whole.blend_.any()
     assert whole.source_kept_.tolist() == [1.0]
-    with pytest.warns(AdaptationWarning, match="does not help as it is"):
+    with pytest.warns(AdaptationWarning, match="does not help"):
         mixed = kind(force, **options).fit(few, other_muscle(few))
     truth = other_muscle(more, noise=0.0)
     assert rmse(mixed, more, truth) < 0.5 * rmse(whole, more, truth)

@@ -109,7 +109,7 @@ def test_logs_are_diagnosed_as_those_of_pandas(kind: Any, log: pd.DataFrame, tmp
 
 
 def test_a_lazy_frame_is_refused_in_a_sentence() -> None:
-    with pytest.raises(ColumnTypeError, match=r"without values yet\. Expected .* Call its collect\(\) first"):
+    with pytest.raises(ColumnTypeError, match=r"has no values yet\. Expected .* Call its collect\(\) first"):
         PolynomialForce().fit(LikeLazy(), [1.0])
     with pytest.raises(ColumnTypeError, match="collect"):
         pamid.diagnose(LikeLazy(), BENCH)  # type: ignore[arg-type]

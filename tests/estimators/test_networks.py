@@ -176,7 +176,7 @@ def test_early_stopping_needs_trajectories(static):
     model = clone(SMALL).set_params(early_stopping=True)
     with pytest.raises(MissingTrajectoryError, match="early_stopping=False"):
         model.fit(X, y)
-    with pytest.raises(TooFewTrajectoriesError, match="one trajectory"):
+    with pytest.raises(TooFewTrajectoriesError, match="only one run"):
         model.fit(X, y, groups=np.zeros(len(y)))
 
 

@@ -189,5 +189,5 @@ def test_what_is_no_formula_is_named(table, tmp_path: Path):
     with pytest.raises(ExportError, match="share one column"):
         export(shared, tmp_path)
     named = SINDyRegressor(("my eps",), degree=1).fit(table[["eps"]].rename(columns={"eps": "my eps"}), table["F"])
-    with pytest.raises(ExportError, match="no C identifier"):
+    with pytest.raises(ExportError, match="not a C identifier"):
         export(named, tmp_path)

@@ -60,7 +60,7 @@ def test_strange_pages_are_refused_at_once(read, content, tmp_path):
 @pytest.mark.parametrize("read", [*READERS, read_log])
 def test_a_pipe_is_refused_and_not_waited_for(read, tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(PamidError, match="no regular file"):
+    with pytest.raises(PamidError, match="not a regular file"):
         read(tmp_path / "pipe")
 
 

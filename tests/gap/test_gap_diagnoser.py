@@ -281,7 +281,7 @@ def test_one_trajectory_has_no_interval(rubbing):
     found = GapDiagnoser(effects=FEW, one_trajectory=True, **CYLINDER).fit(part[COLUMNS], part["F"])
     assert found.causes_[0].effects == ("coulomb_friction",)
     assert found.causes_[0].parameters["amplitude"].ci90 == (-np.inf, np.inf)
-    assert any("One trajectory only" in note for note in found.diagnosis_.notes)
+    assert any("Only one run" in note for note in found.diagnosis_.notes)
 
 
 def test_clipped_sensor(rubbing):

@@ -126,4 +126,4 @@ def test_an_input_that_is_not_known_is_named(tmp_path, capsys):
         out = capsys.readouterr().out
         assert main([*argv, "--json"]) == 0
         left_out = json.loads(capsys.readouterr().out)["equations"]["force"]["left_out"]
-        assert ("Not looked at" in out) == bool(left_out)
+        assert ("Not tested" in out) == bool(left_out)

@@ -149,8 +149,8 @@ def test_a_table_of_conditions_is_read_and_checked(tmp_path: Path) -> None:
         ("log,temperature\nmonday,25\n", "temperature is 25"),
         ("log,temperature\nmonday,1e300\n", "temperature is 1e"),
         ("log,temperature,temperature\nmonday,290,300\n", "'temperature' twice"),
-        ("log,temperature [K]\nmonday,290\n", "is no number"),
-        ('log,day\n"monday,1\n', "is no table"),
+        ("log,temperature [K]\nmonday,290\n", "not a simulator parameter"),
+        ('log,day\n"monday,1\n', "is not a table"),
         ("log;day\nmonday;1\n", "a column 'log'"),
         ("log,day\n" + "monday,1\n" * 200_000, "at most 1,000,000"),
     ],
@@ -196,18 +196,18 @@ def test_what_somebody_has_edited_is_no_posterior(tmp_path: Path, leaking: pd.Da
                 read_history(tmp_path, sim)
 
     for key in whole:
-        refused(json.dumps({**whole, key: None}), "was changed since|cannot be continued")
-        refused(json.dumps({k: v for k, v in whole.items() if k != key}), "was changed since|cannot be continued")
-    refused(text.replace('"leakage"', '"creep"'), "was changed since")
+        refused(json.dumps({**whole, key: None}), "has changed since|cannot be continued")
+        refused(json.dumps({k: v for k, v in whole.items() if k != key}), "has changed since|cannot be continued")
+    refused(text.replace('"leakage"', '"creep"'), "has changed since")
     for broken in ("", "[" * 200_000, '{"schema": ' + "9" * 6000 + "}", "[]", "null", text[:-200]):
-        refused(broken, "cannot be continued|was changed since")
+        refused(broken, "cannot be continued|has changed since")
     for change in ({"rivals": [{**whole["rivals"][0], "effects": {"nosuch": {}}}]}, {"logs": 3}, {"rounds": [{}]}):
         crafted = {k: v for k, v in {**whole, **change}.items() if k != "mark"}
         refused(json.dumps({**crafted, "mark": _mark(crafted, logs)}), "cannot be continued")
     state.write_text(text)
     table = pd.read_parquet(logs)
     table.assign(F1=0.0).to_parquet(logs, index=False)
-    with pytest.raises(LogFormatError, match="was changed since"):
+    with pytest.raises(LogFormatError, match="has changed since"):
         read_history(tmp_path)
     crafted = {k: v for k, v in whole.items() if k != "mark"}
     for change in ({"q": "x"}, {"P1": 0.0}, {"log": "another"}):

@@ -52,7 +52,7 @@ def test_what_the_model_lacks_is_no_change(play):
 def test_another_muscle_is_told(play, factor):
     table, F = stream(0, play=play)
     F[15_000:] *= factor  # 100 s into what is watched
-    with pytest.warns(StreamChangeWarning, match="has changed about"):
+    with pytest.warns(StreamChangeWarning, match="has changed at about"):
         monitor = watched(table, F)
     assert monitor.changed_at == pytest.approx(100.0, abs=5.0)
     assert monitor.update(table[-10:], F[-10:]), "an alarm stands until the monitor is restarted"
@@ -114,7 +114,7 @@ def test_a_monitor_of_changes_says_what_it_needs():
         ChangeMonitor(Line()).update(table, F)
     with pytest.raises(ParameterError, match="false_alarms=2"):
         ChangeMonitor(Line(), false_alarms=2)
-    with pytest.raises(ParameterError, match="20 s long, and what the model leaves remembers"):
+    with pytest.raises(ParameterError, match="20 s long, and the model's errors are correlated over"):
         ChangeMonitor(Line(), sampling_interval=EVERY).calibrate(table, np.sign(table["eps"] - 0.1))
     with pytest.raises(ParameterError, match="at least 120"):
         ChangeMonitor(Line(), sampling_interval=EVERY).calibrate(table[:50], F[:50])

@@ -51,7 +51,7 @@ def test_a_healthy_stream_is_left_alone() -> None:
 
 
 def test_a_watch_learns_before_it_watches() -> None:
-    with pytest.raises(ParameterError, match="not been learnt"):
+    with pytest.raises(ParameterError, match="not been trained"):
         SimulatorWatch(piston()).update(stream(0, 5e-4))
 
 

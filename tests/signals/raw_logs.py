@@ -254,7 +254,7 @@ RAW_LOGS = [
     # --- cylinders that are stopped -----------------------------------------------------------------------------
     _c("stop-unknown-unit", "spreadsheet", "Zeit [s]: time s\nHub [mm]: x mm\nDruck [bar]: P bar g\nKraft [Nx]: F N", stops="'Nx'"),
     _c("stop-two-pressures", "spreadsheet", "Zeit [s]: time s\nHub [mm]: x mm\nDruck A [bar]: P bar g\nDruck B [bar]: constant 1\nKraft [N]: F N", stops="'Druck A [bar]' and 'Druck B [bar]'"),
-    _c("stop-only-voltage", "LabVIEW", "Time [s]: time s\nStroke [mm]: x mm\nPressure [V]: P bar g\nForce [N]: F N", stops="its unit V is one of voltage"),
+    _c("stop-only-voltage", "LabVIEW", "Time [s]: time s\nStroke [mm]: x mm\nPressure [V]: P bar g\nForce [N]: F N", stops="its unit V is a unit of voltage"),
     _c("stop-unit-left-out", "spreadsheet", "Zeit [s]: time s\nHub [mm]: x mm\nDruck [bar]: P bar g\nKraft: F daN", stops="the unit of F is only assumed"),
     _c("stop-pressure-left-out", "spreadsheet", "Zeit [s]: time s\nHub [mm]: x mm\nDruck: P psi g\nKraft [N]: F N", stops="the unit of P is only assumed"),
     _c("stop-no-names", "MATLAB", "a: time ms\nb: x mm\nc: P bar g\nd: F N", write="nameless", stops="No column is known to be x"),

@@ -20,7 +20,7 @@ DAY = pd.to_datetime("2024-05-01 23:59:59.5")
 @pytest.mark.parametrize("remarks", [["ok"] * 99 + ["stopped, here"], [""] * 99 + ["end"], [""] * 50 + ["knock"] * 50])
 def test_remarks_are_left_out_with_a_note(remarks: list[str], tmp_path: Path) -> None:
     pd.DataFrame({"time": T, "q": X, "remark": remarks}).to_csv(tmp_path / "log.csv", index=False)
-    with pytest.warns(ReadingWarning, match=r"log\.csv: 'remark' left out \(words, no numbers\)"):
+    with pytest.warns(ReadingWarning, match=r"log\.csv: 'remark' left out \(text, not numbers\)"):
         assert list(read_log(tmp_path / "log.csv")) == ["trajectory", "time", "q"]
 
 
@@ -71,5 +71,5 @@ def test_a_sampling_rate_beside_a_table_is_its_clock(name: str, value: float, tm
     import scipy.io
 
     scipy.io.savemat(tmp_path / "log.mat", {name: value, "q": X, "F": 10 * X})
-    with pytest.warns(ReadingWarning, match=f"counted from {name} = {value:g}, 0.01 s a row"):
+    with pytest.warns(ReadingWarning, match=f"counted from {name} = {value:g}, 0.01 s per row"):
         assert np.allclose(read_log(tmp_path / "log.mat")["time"], T)

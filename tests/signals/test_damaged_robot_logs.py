@@ -105,7 +105,7 @@ def test_messages_that_the_index_does_not_know_are_missed(logs: dict[str, Path],
     with sqlite3.connect(tmp_path / "run" / "run.db3") as database:
         database.execute("DELETE FROM messages WHERE id > 40")
     database.close()
-    with pytest.raises(PamidError, match=r"it says that it holds 72 messages, and 40 can be read"):
+    with pytest.raises(PamidError, match=r"it declares 72 messages, of which 40 can be read"):
         read_log(tmp_path / "run" / "run.db3")
 
 
@@ -117,5 +117,5 @@ def test_stamps_that_go_back_and_numbers_that_are_lacking_are_told(tmp_path: Pat
     for k, at in enumerate((0, 1, 2, 2, 4, 3, 5)):
         found.add("/a", START + 10_000_000 * at, {"x": k} if k != 1 else {"y": 1})
     lost = "; ".join(joined(found.topics(), LogMapping(), tmp_path / "a.mcap", 2**20).lost)
-    for words in ("1 messages of /a bear the stamp", "go back 1 times", "up to 6 of /a.y"):
+    for words in ("1 messages of /a repeat the time stamp", "go backwards 1 times", "up to 6 of /a.y"):
         assert words in lost

@@ -150,7 +150,7 @@ def test_an_unknown_unit_is_told(healthy, bench, tmp_path, capsys):
     log = healthy.rename(columns={"F1": "F1 [furlong]"})
     found, err = evaluated(files(tmp_path, log, bench), capsys)
     assert "force" not in found
-    assert "'F1 [furlong]' is not read as F1, since 'furlong' is no known unit" in err
+    assert "'F1 [furlong]' is not read as F1, since 'furlong' is not a known unit" in err
 
 
 @pytest.mark.parametrize(
@@ -237,11 +237,11 @@ def test_what_a_valve_may_do_as_a_run_begins_or_ends_is_no_wrong_reading():
 def test_a_run_that_comes_twice_is_told(healthy, tmp_path, bench):
     again = healthy[healthy["trajectory"] == "sine-12-8"].assign(trajectory="copy")
     file = write_log(pd.concat([healthy, again]), tmp_path / "log.parquet")
-    with pytest.warns(ReadingWarning, match="the run 'copy' is 'sine-12-8' once more, sample by sample: used as it is"):
+    with pytest.warns(ReadingWarning, match="the run 'copy' repeats 'sine-12-8' sample by sample: used as it is"):
         read_log(file)
     write_log(healthy, tmp_path / "a.csv")
     write_log(healthy, tmp_path / "b.csv")
-    with pytest.warns(ReadingWarning, match="once more, sample by sample, and 2 more runs repeat others"):
+    with pytest.warns(ReadingWarning, match="sample by sample, and 2 more runs repeat others"):
         read_log([tmp_path / "a.csv", tmp_path / "b.csv"])
-    with pytest.raises(IncompatibleError, match="sine-8-10 of tuesday is sine-8-10 of monday once more"):
+    with pytest.raises(IncompatibleError, match="sine-8-10 of tuesday repeats sine-8-10 of monday"):
         diagnose_logs({"monday": healthy, "tuesday": healthy}, bench, ["leakage"])

@@ -120,7 +120,7 @@ CASES = {
     "MATLAB header only": (cut("log.mat", 0.0005), None, errors.TruncatedLogError, "cut off"),
     "truncated HDF5": (cut("log.h5"), None, errors.TruncatedLogError, "cut off"),
     "truncated CSV": (text(CSV + "0.004,0."), None, errors.TruncatedLogError, "2 of 3 fields"),
-    "truncated JSON": (text('{"entries": [{"time": 0', "log.json"), None, errors.TruncatedLogError, "whole JSON"),
+    "truncated JSON": (text('{"entries": [{"time": 0', "log.json"), None, errors.TruncatedLogError, "complete JSON"),
     "JSON without entries": (text('{"a": 1}', "log.json"), None, errors.LogFormatError, "lists of objects"),
     "JSON of numbers": (text("[1, 2, 3]", "log.json"), None, errors.LogFormatError, "not all objects"),
     "surplus field": (text(CSV + "0.004,1,2,3\n"), None, errors.LogFormatError, "line 6 has 4 fields"),
@@ -141,7 +141,7 @@ CASES = {
     "text in numbers": (text("time,q\n0,0\n0.1,oops\n0.2,0\n"), None, errors.ColumnTypeError, "'oops' in row 2"),
     "text in a mapped column": (text("time,q,n\n0,0,a\n0.1,0,b\n"), {"time": "time", "x": "n"}, errors.ColumnTypeError, "'a'"),
     "thousands points unsaid": (text("1.075.000;2\n1.175.000;3\n"), {"time": 0, "q": 1}, errors.ColumnTypeError, "thousands"),
-    "nameless trajectory": (table(trajectory=["a", None], time=[0.0, 0.1]), None, errors.ColumnTypeError, "no trajectory"),
+    "nameless trajectory": (table(trajectory=["a", None], time=[0.0, 0.1]), None, errors.ColumnTypeError, "no run in 1"),
     # values
     "NaN": (text("time,q\n0,0\n0.1,\n0.2,nan\n"), None, errors.NonFiniteError, "2 rows of q"),
     "infinite": (text("time,q\n0,0\n0.1,inf\n0.2,0\n"), None, errors.NonFiniteError, "infinite"),
@@ -155,7 +155,7 @@ CASES = {
     # time and trajectories
     "one row": (text("time,q\n0,0\n"), None, errors.ShortTrajectoryError, "has 1 row"),
     "time stands still": (table(time=T * 0, q=T), None, errors.TimeError, "in all 6 rows"),
-    "time goes back": (table(time=T[[0, 2, 1, 3, 4, 5]], q=T), None, errors.TimeOrderError, "goes back 1 times"),
+    "time goes back": (table(time=T[[0, 2, 1, 3, 4, 5]], q=T), None, errors.TimeOrderError, "goes backwards 1 times"),
     "coarse clock": (table(time=np.repeat([0.0, 0.1, 0.2], [3, 2, 1]), q=T), None, errors.TimeOrderError, "duplicates"),
     "interleaved": (table(trajectory=list("abab"), time=[0, 0, 0.1, 0.1]), None, errors.InterleavedTrajectoryError, "'a' comes back"),
     "mixed sampling refused": (

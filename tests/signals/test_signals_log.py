@@ -282,7 +282,7 @@ def test_doubled_time_stamps(tmp_path):
     times = [0.1 * k for k in range(40)]
     times.insert(20, times[19])
     (tmp_path / "d.csv").write_text("time,q\n" + "\n".join(f"{t},{k / 100}" for k, t in enumerate(times)))
-    with pytest.warns(SamplingWarning, match="1 rows with the time of the row before"):
+    with pytest.warns(SamplingWarning, match="1 rows with the same time as the row before"):
         dropped = read_log(tmp_path / "d.csv")
     assert len(dropped) == 40
     assert dropped["q"].iloc[19] == pytest.approx(0.19)

@@ -128,7 +128,7 @@ def test_bad_logs_are_named(log, tmp_path):
         read_log_pieces(tmp_path, rows=0)
     mixed = pd.concat([log[:100], log[400:], log[100:400]])
     file = write_log(mixed, tmp_path / "mixed.parquet")
-    with pytest.raises(InterleavedTrajectoryError, match="not together"):
+    with pytest.raises(InterleavedTrajectoryError, match="not contiguous"):
         list(read_log_pieces(file, rows=50, time_order="sort"))
     whole = write_log(log, tmp_path / "log.parquet")
     with pytest.raises(HostileLogError, match="cannot be cut"):

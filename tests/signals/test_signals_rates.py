@@ -262,7 +262,7 @@ def test_a_million_rows_are_smoothed_in_one_go(method):
         (([1.0, 2.0, 3.0], [0, 2, 1]), {}, errors.TimeOrderError, "row 3"),
         (([1.0, 2.0, 3.0], [0, 1, 1]), {}, errors.TimeOrderError, "does not increase"),
         (([1.0, 2.0, 3.0], [0, 1]), {}, errors.ShapeError, "2 entries for 3"),
-        (([1.0, 2.0],), {}, errors.ParameterError, "Neither times nor a sampling period"),
+        (([1.0, 2.0],), {}, errors.ParameterError, "Neither t nor sampling_period"),
         (([1.0, 2.0],), {"sampling_period": 0.0}, errors.ParameterError, "sampling_period is 0"),
         ((np.zeros((2, 2, 2)), [0, 1]), {}, errors.ShapeError, "3 dimensions"),
         (([1.0, 2.0], [0, 1]), {"method": "wavelet"}, errors.UnknownOptionError, "wavelet"),
@@ -333,7 +333,7 @@ def test_one_warning_for_all_trajectories(log):
         warnings.simplefilter("always")
         RateTransformer().fit_transform(log)
     assert len(caught) == 1
-    assert str(caught[0].message).startswith("4 of 4 trajectories are not sampled evenly.")
+    assert str(caught[0].message).startswith("4 of 4 runs are not sampled evenly.")
 
 
 def test_tuning_is_learnt_once_over_all_trajectories(log):

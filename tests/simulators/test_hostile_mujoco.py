@@ -53,7 +53,7 @@ def test_what_would_take_the_machine_is_refused(what: str, tmp_path, monkeypatch
     (tmp_path / "log.csv").write_text("time,hinge_q\n0,0\n0.1,0\n0.2,0\n")
     assert main(["evaluate", "log.csv", "--sim", "arm.xml", "--quiet"]) == 2
     said = capsys.readouterr().err
-    assert "arm.xml" in said and ("cannot compile" in said or "is no MJCF" in said)
+    assert "arm.xml" in said and ("cannot compile" in said or "is not valid MJCF" in said)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["arm.xml", "log.csv", "pipe.xml"]
 
 

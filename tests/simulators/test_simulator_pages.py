@@ -117,16 +117,16 @@ def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.Cap
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = 3', "a table"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = { kind = "input", colour = "red" }', "colour"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:nothing"', "nothing"),
-        ('kind = "ode"\n[ode]\nfunction = "gone.py:rates"', "not there"),
+        ('kind = "ode"\n[ode]\nfunction = "gone.py:rates"', "does not exist"),
         ('kind = "ode"\n[ode]\nfunction = "bad.py:f"', "SyntaxError"),
         ('kind = "ode"\n[ode]\nfunction = "exits.py:f"', "SystemExit"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[parameters]\nm = { tolerance = 1 }', "no value"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[[effects]]\neffect = "sofa"', "sofa"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[[effects]]\neffect = "viscous_friction"', "no port"),
         ('kind = "ode"\nextra = 1', "extra"),
-        ('kind = "mujoco"\n[mujoco]\nmodel = "gone.xml"', "not there"),
-        ('kind = "mujoco"\n[mujoco]\nmodel = "bad.py"', "no MJCF"),
-        ('kind = "fmu"\n[fmu]\nfmu = "bad.py"', "no FMU"),
+        ('kind = "mujoco"\n[mujoco]\nmodel = "gone.xml"', "does not exist"),
+        ('kind = "mujoco"\n[mujoco]\nmodel = "bad.py"', "not valid MJCF"),
+        ('kind = "fmu"\n[fmu]\nfmu = "bad.py"', "not an FMU"),
         ('kind = "control"\n[control]\nsystem = "cart.py:rates"', "rates"),
         ("kind = [", "TOML"),
     ],
@@ -263,7 +263,7 @@ def test_an_fmu_is_diagnosed_by_its_runs(muscle: Path, capsys: pytest.CaptureFix
 def test_what_is_no_fmu_is_an_error_of_the_file(tmp_path: Path) -> None:
     pytest.importorskip("fmpy")
     (tmp_path / "bad.fmu").write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(SimulatorSyntaxError, match="no FMU"):
+    with pytest.raises(SimulatorSyntaxError, match="not an FMU"):
         FmuSimulator(tmp_path / "bad.fmu")
 
 

@@ -84,7 +84,7 @@ def test_faults_of_sensors_are_told():
     coarse = run().assign(P=lambda d: 2e4 * np.round(d["P"] / 2e4))
     empty = run(F=np.nan)
     assert told(survey(burst), "F: 5.08 % of the readings are missing, the longest stretch 0.3")
-    assert told(survey(frozen), "F repeats one value")
+    assert told(survey(frozen), "F stays at one value")
     assert told(survey(clipped), "F piles up at the upper end")
     assert told(survey(coarse), "steps over its range")
     assert told(survey(empty), "F holds no reading")

@@ -25,7 +25,7 @@ SAYS = {
     "adapt": (("cylinder", "joint"), "fit CylinderForce|fit JointDrive"),
     "simulate": (("muscle", "cylinder", "joint"), "a simulator file of the bench"),
     "next": (("muscle", "cylinder", "joint"), "for the bench and for simulators with ports"),
-    "passport": (("muscle", "cylinder", "joint"), "no simulator with ports"),
+    "passport": (("muscle", "cylinder", "joint"), "not a simulator with ports"),
     "watch": (("cylinder", "joint"), "the simulator file of a muscle or a bench"),
 }
 """Commands for some kinds alone: those that they are not for, and the words in which they say so."""

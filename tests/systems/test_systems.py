@@ -70,7 +70,7 @@ def test_units_in_a_page():
     ("cls", "values", "error", "words"),
     [
         (Cylinder, {}, MissingParameterError, "lacks bore"),
-        (Cylinder, {"bore": 25}, ImplausibleParameterError, "25 mm are 0.025"),
+        (Cylinder, {"bore": 25}, ImplausibleParameterError, "25 mm is 0.025"),
         (Cylinder, {"bore": "25 kg"}, ImplausibleParameterError, "a mass"),
         (Cylinder, {"bore": 0.025, "stroke": 1}, UnknownParameterError, "'stroke'"),
         (Muscle, {"rest_length": 0.2, "rest_diameter": "fit"}, ValueError, "fit"),
@@ -180,7 +180,7 @@ def test_a_condition_leaves_rows_out(stroke, tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert [c["effects"] for c in found["causes"]] == [["coulomb_friction"]]
     assert found["closure"][0]["rmse_after"] < 1.0
-    assert any("Only the rows that meet the condition count: 6" in text for text in found["notes"])
+    assert any("Only rows that meet the condition are used: 6" in text for text in found["notes"])
     assert main(words) == 0
     assert json.loads(capsys.readouterr().out)["closure"][0]["rmse_after"] > 3.0
     assert main([*words, "--where", "x > 1"]) == 2

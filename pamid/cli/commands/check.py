@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _has_ports(args: argparse.Namespace) -> bool:
-    """Tell whether --sim names a simulator with ports, beside which a log is looked at by itself."""
+    """Return whether --sim names a simulator with ports, beside which a log is looked at by itself."""
     from ...simulators import simulator_kinds
     from ...simulators.page import MODELS
     from ...systems import kind_of_file

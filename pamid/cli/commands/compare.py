@@ -1,4 +1,4 @@
-"""``pamid compare``: every estimator of one equation on runs that it has not seen, as one table and its plots."""
+"""``pamid compare``: every estimator of one equation on unseen runs, as one table and its plots."""
 
 from __future__ import annotations
 

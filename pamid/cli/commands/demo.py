@@ -106,7 +106,7 @@ def _comparison(folder: Path) -> list[Step]:
     common += ["--folds", "2", "--rows", "3000", "--out", str(folder)]
     return [
         (
-            f"Compare estimators of the {equation} on runs that they have not seen",
+            f"Compare estimators of the {equation} on unseen runs",
             [*common, "--equation", equation, "--estimators", estimators],
         )
         for equation, estimators in _ESTIMATORS.items()

@@ -196,7 +196,7 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
             if name.partition("@")[0] not in known:
                 close = difflib.get_close_matches(name, known, n=3)
                 raise UnknownOptionError(
-                    f"{option} names {name!r}, which is no effect.",
+                    f"{option} names {name!r}, which is not an effect.",
                     f"one of {', '.join(sorted(known))}",
                     f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
                 )

@@ -1,4 +1,4 @@
-"""``pamid fit``: fit an estimator to a log, say how well it holds on runs that it has not seen, save it."""
+"""``pamid fit``: fit an estimator to a log, say how well it holds on unseen runs, save it."""
 
 from __future__ import annotations
 

@@ -47,7 +47,9 @@ def run(args: argparse.Namespace) -> int:
     simulator = port_simulator_of(args)
     if simulator is None:
         raise ParameterError(
-            f"{args.sim} is no simulator with ports.", "a MuJoCo model, an FMU or a page", "Name that of the passport."
+            f"{args.sim} is not a simulator with ports.",
+            "a MuJoCo model, an FMU or a page",
+            "Name that of the passport.",
         )
     log = load_log(args, simulator=simulator)
     with progress(args, "Checking") as step:

@@ -359,7 +359,7 @@ def _said(event: dict[str, Any]) -> str:
     if kind == "sees":
         return f"{_moment(event)}  sees again"
     if kind == "run":
-        return f"{event['time']:9.2f} s  the stream begins anew here; the calibration stays"
+        return f"{event['time']:9.2f} s  the stream restarts here; the calibration stays"
     if kind == "stuck":
         return f"{event['time']:9.2f} s  the sensor of {event['channel']} stands still; it is left out until it moves"
     if kind == "change":

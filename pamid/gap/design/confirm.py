@@ -22,7 +22,7 @@ LIKE = {
     "valve": ("valve_conductance", "supply_droop", "valve_dead_zone"),
     "joint": ("joint_damping", "gravity", "inertia"),
 }
-"""Effects of each equation that a change is most often mistaken for."""
+"""Effects of each equation that are most often confused."""
 MOST = 3
 
 
@@ -35,7 +35,7 @@ def confirming(
     designs: int = 16,
     seed: int = 0,
 ) -> DesignedRun | None:
-    """Return the run that best tells an effect from those that it is most often mistaken for."""
+    """Return the run that best distinguishes an effect from those most often confused with it."""
     library = all_effects()
     if effect not in library:
         return None
@@ -58,7 +58,7 @@ def confirming(
 
 
 def _values(name: str, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the parameters of an effect: given ones within their bounds, typical ones else."""
+    """Return the parameters of an effect: given ones within their bounds, typical ones otherwise."""
     found = {}
     for p in all_effects()[name].parameters:
         value = float((given or {}).get(p.name, p.nominal))

@@ -1,4 +1,4 @@
-r"""What a misfit costs in log-likelihood before its noise is known: the expectation of the likelihood of a diagnosis.
+r"""The expected cost of a misfit in log-likelihood, before its noise is known.
 
 With δ what a hypothesis leaves of the true signal in a window, in units of noise, and n the noise to come,
 
@@ -18,7 +18,7 @@ from ..inference.student_t import GAUSSIAN
 from ..settings import NU
 
 SIZES = np.concatenate([[0.0], np.geomspace(0.05, 3000.0, 70)])
-"""Misfits that are tabulated, in units of noise. This grid and the next cost 0.01 nats a window at the most
+"""Misfits that are tabulated, in units of noise. This grid and the next cost at most 0.01 nats per window
 (``benchmarks/settings.py --computed``)."""
 SCALES = 1.25 ** np.arange(24)
 """Scales that an equation is tried with, up to 170."""
@@ -35,7 +35,7 @@ def _table() -> np.ndarray:
 TABLE = _table()
 """Cost beyond that of noise alone at scale 1, shape (n_scales, n_sizes)."""
 CURVATURE = float(2.0 * TABLE[0, 1] / SIZES[1] ** 2)
-"""What a small misfit counts for, beside a Gaussian likelihood."""
+"""Weight of a small misfit relative to a Gaussian likelihood."""
 
 
 def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +45,7 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
     f = (size - SIZES[k]) / (SIZES[k + 1] - SIZES[k])
     # A scale above that of the largest misfit costs only more.
     some = min(int(np.searchsorted(SCALES, 1.0 + float(size.max(initial=0.0)))) + 1, len(SCALES))
-    # The table is interpolated straight between its sizes, so that windows need only be counted there.
+    # The table is linear between its sizes, so that windows need only be counted there.
     n, draws = len(SIZES), left.shape[1]
     at = (k + n * np.arange(draws)).ravel()
     counted = np.bincount(at, (1.0 - f).ravel(), n * draws) + np.bincount(at + 1, f.ravel(), n * draws)
@@ -55,6 +55,6 @@ def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndar
 
 
 def counts_for(left: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return what windows count for in the curvature of the cost, with a misfit at a scale."""
+    """Return the weights of windows in the curvature of the cost, with a misfit at a scale."""
     wide = NU * GAUSSIAN**2
     return np.asarray(CURVATURE * (wide + 1.0) / (wide * np.square(scale) + np.square(left) + 1.0))

@@ -1,4 +1,4 @@
-"""The continuous family of runs that a design chooses from, and the limits of the bench that they keep."""
+"""The continuous family of runs that a design chooses from, within the limits of the bench."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
-"""A sine, a triangle, steps to and fro, four sines, the joint held, a sine during which one muscle stays at constant
+"""A sine, a triangle, square steps, four sines, the joint held, a sine during which one muscle stays at constant
 pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
 TONES = np.array([1.0, 1.9, 3.1, 4.3])
 """Frequencies of a multisine, as multiples of the lowest."""
@@ -177,7 +177,7 @@ class DesignedRun:
             )
 
     def trajectory(self, name: str) -> Trajectory:
-        """Return what the controller is told, from rest at the angle 0 through a lead-in that is not recorded."""
+        """Return the references of the controller, from rest at angle 0 through a lead-in that is not recorded."""
         lead, n = round(LEAD / PERIOD), round(self.seconds / PERIOD)
         t = (np.arange(n + lead) - lead) * PERIOD
         ease = np.clip(1.0 + t / (0.7 * LEAD), 0.0, 1.0)
@@ -206,7 +206,7 @@ class DesignedRun:
         return np.zeros(len(t))
 
     def set_points(self, name: str) -> pd.DataFrame:
-        """Return what the controller is told, sample by sample, see `Plan.set_points`."""
+        """Return the references of the controller, sample by sample, see `Plan.set_points`."""
         import pandas as pd
 
         run = self.trajectory(name)
@@ -313,7 +313,7 @@ def within(run: DesignedRun, limits: Limits) -> DesignedRun:
         room = min(room, limits.rate / (w * (fastest if run.kind == "multisine" else 1.0)))
     a = float(np.clip(abs(run.amplitude), 0.0, room))
     if run.kind == "steps":
-        a = -a if offset > 0.0 else a  # away from where there is no room
+        a = -a if offset > 0.0 else a  # away from the limit
         a = float(np.clip(a, -limits.angle - offset, limits.angle - offset))
     pressure = float(np.clip(run.pressure, -limits.pressure, limits.pressure))
     return replace(run, frequency=w, offset=offset, amplitude=a, pressure=pressure)

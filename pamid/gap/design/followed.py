@@ -1,12 +1,13 @@
-r"""How the bench follows what it is told: the gains of its controller, as its logs show them.
+r"""How the bench follows its reference: the gains of its controller, estimated from its logs.
 
-A controller that is softer than the simulator's moves the joint less, and what a run tells goes with the square of the
-motion. The difference of the two pressures is what the controller asks for, less what the valves still have to do:
+A controller that is softer than the simulator's moves the joint less, and the information of a run grows with the
+square of the motion. The difference of the two pressures is the controller's demand less what the valves have yet to
+supply:
 
 .. math:: \tfrac{1}{2}(P_1 - P_2) = f \Delta_\mathrm{ff}(q_\mathrm{ref}) + k_p (q_\mathrm{ref} - q) - k_d \dot q
     - \tfrac{1}{2} \big(c(u_1) - c(u_2)\big), \qquad c(u) = c_+ \max(u, 0) + c_- \min(u, 0)
 
-which is linear in f, k_p, k_d and c; a prior about the simulator's own gains holds what slow runs leave open.
+which is linear in f, k_p, k_d and c; a prior about the simulator's own gains fixes what slow runs leave open.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ if TYPE_CHECKING:
 
 READ = ("q_ref", "q", "P1", "P2", "u1", "u2")
 SMOOTH = 15
-"""Samples over which the angle is smoothed before its rate is taken: the motion to come is the same with half and with
+"""Samples over which the angle is smoothed before its rate is taken: the planned motion is the same with half and with
 twice as many (``benchmarks/settings.py --computed``)."""
 PRIOR = 0.001
-"""Weight of the simulator's own gains, as a share of what the logs say of each: it decides what they leave open."""
+"""Weight of the simulator's own gains, as a share of the logs' information on each: it decides what they leave open."""
 SETTINGS = {"forward": (0.0, 1.5), "bandwidth": (4.0, 80.0), "damping": (0.1, 3.0), "pressure_time": (3e-3, 0.1)}
 """Settings that are fitted, and the range in which a bench can be controlled: a guard; ranges twice as wide give
 the same motion."""

@@ -1,4 +1,4 @@
-"""An explanation with what the earlier logs say of its parameters, and what could be true of them."""
+"""An explanation with its posterior from the earlier logs, and draws from it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ..residuals.bench import Evidence
 from ..settings import FORM_SMOOTH, TOLERANCE
 
 HALVINGS = 6
-"""How often a draw is moved halfway back to the fit where the logs speak against it."""
+"""How often a draw is moved halfway back to the fit where the logs contradict it."""
 LOST = 2.0
-"""Log-likelihood that a draw may lose beyond what its posterior says, in nats."""
+"""Log-likelihood that a draw may lose beyond its posterior's prediction, in nats."""
 
 
 class Draw(NamedTuple):
-    """What could be true of an explanation beside its best fit.
+    """A draw from an explanation's posterior, beside its best fit.
 
     Parameters
     ----------
     fit : Fit
         Its effects and deviations of the tolerances.
     lost : float
-        What it loses in the earlier logs, in nats.
+        Its loss in the earlier logs, in nats.
     """
 
     fit: Fit
@@ -39,7 +39,7 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class Known:
-    """An explanation with what the earlier logs say of its parameters.
+    """An explanation with the posterior of its parameters from the earlier logs.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Known:
         return np.concatenate([other.x - self.fit.x, np.array(there) - np.array(own)])
 
     def curvature(self, H: np.ndarray) -> np.ndarray:
-        """Return what is known of the effects' parameters where that of all coefficients is H."""
+        """Return the precision of the effects' parameters where that of all coefficients is H."""
         m = len(self.fit.x)
         keep = np.arange(m, len(self.precision))
         rest = np.setdiff1d(np.arange(len(H)), keep)
@@ -92,7 +92,7 @@ class Known:
         ]
 
     def price(self, H: np.ndarray, windows: float) -> float:
-        """Return what the parameters cost in evidence where the precision of all coefficients is H."""
+        """Return the price of the parameters in evidence where the precision of all coefficients is H."""
         if not self.fit.spec:
             return 0.0
         known = self.curvature(H)
@@ -105,7 +105,7 @@ class Known:
 
     @property
     def reach(self) -> np.ndarray:
-        """How far tolerances and parameters were thought possible to be from their values; tolerances have a prior."""
+        """Prior widths of tolerances and parameters about their values."""
         out = np.full(len(self.precision), np.inf)
         if self.fit.spec:
             m, known = len(self.fit.x), self.curvature(self.precision)
@@ -123,13 +123,13 @@ class Known:
 
 
 def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
-    """Return what an effect explains: that of its amplitudes, in which it is linear."""
+    """Return the gain of an effect, from its amplitudes, in which it is linear."""
     a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
     return 0.5 * float(a @ known @ a)
 
 
 def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
-    """Return an explanation with what logs say of its parameters."""
+    """Return an explanation with the posterior of its parameters from logs."""
     known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs))
     linear = np.array([True] * len(fit.x) + [p.linear for _, p in slots_of(fit.spec)], dtype=bool)
     now, found = _loglik(logs, fit), []
@@ -151,7 +151,7 @@ def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.G
 def _allowed(logs: Sequence[Evidence], fit: Fit, step: np.ndarray, now: float, price: float) -> Draw:
     """Return a fit moved by a step, or by a part of it: as far as bounds and the logs allow.
 
-    The posterior is Gaussian about the fit only, and a step along which the logs lose more is none of it.
+    The posterior is Gaussian only about the fit; a step along which the logs lose more does not belong to it.
     """
     slots, m = slots_of(fit.spec), len(fit.x)
     value = np.array([fit.spec[name][p.name] for name, p in slots])
@@ -183,16 +183,16 @@ class Unsure(Protocol):
 
     @property
     def nuisances(self) -> np.ndarray:
-        """What one tolerance of each does to the residuals, shape (n_windows, n)."""
+        """Change of the residuals by one tolerance of each, shape (n_windows, n)."""
         ...
 
     block: np.ndarray
 
 
 def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
-    r"""Return what takes the unknown clocks and offsets of a log out of its residuals.
+    r"""Return what removes the unknown clocks and offsets of a log from its residuals.
 
-    They are integrated out: with N what they do by one tolerance and :math:`\tau` the precision of their prior, rows
+    They are integrated out: with N their effect per tolerance and :math:`\tau` the precision of their prior, rows
     are whitened by the covariance :math:`I + N N^\top / \tau`.
     """
     N, parts = evidence.nuisances / np.sqrt(TOLERANCE), []
@@ -211,7 +211,7 @@ def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.
 
 
 def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals of an explanation on a log, and what tolerances and its parameters do to them."""
+    """Return the residuals of an explanation on a log, and their sensitivities to tolerances and its parameters."""
     slots = slots_of(fit.spec)
     z = evidence.tangent(fit.spec, fit.x)
     if not slots:
@@ -222,7 +222,7 @@ def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]
 
 
 def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
-    """Return the posterior precision of an explanation's parameters after logs, what its form may do left free."""
+    """Return the posterior precision of an explanation's parameters after logs, its inexact form left free."""
     m = logs[0].J.shape[1]
     total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(fit.spec)))]))
     for log in logs:

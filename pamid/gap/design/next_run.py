@@ -23,12 +23,12 @@ def next_run(diagnosis: Diagnosis, **options: Any) -> Plan:
     """Return the runs to record next, which best distinguish the explanations that a diagnosis left undecided.
 
     Where one explanation is left, the runs that best determine its parameters; where no effect is left, those that
-    would show the effects which could not have shown.
+    would show effects that the logs could not show.
 
     Parameters
     ----------
     diagnosis : Diagnosis
-        What `pamid.diagnose` said of a bench or of a simulator with ports.
+        A result of `pamid.diagnose` for a bench or a simulator with ports.
     **options : object
         Of a bench those of `pamid.gap.design.search.plan_next`: ``limits``, ``designs``, ``purpose``, ``seed``,
         ``progress``. Of a simulator with ports those of `pamid.gap.design.ports.plan_port_run`: ``limits`` (lowest and

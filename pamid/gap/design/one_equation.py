@@ -33,10 +33,10 @@ def next_for_equation(
     designs: int = 60,
     seed: int = 0,
 ) -> NextExperiment | None:
-    r"""Return the run that best tells the two likeliest explanations of one equation apart.
+    r"""Return the run that best distinguishes the two likeliest explanations of one equation.
 
-    Each signal that is driven is held, or moves as a sine, within what the log has visited. What the explanations add
-    differs by d; what the second one's own size could make of it is taken off:
+    Each signal that is driven is held, or moves as a sine, within what the log has visited. Their contributions differ
+    by d, less what a change of the second one's size could explain:
 
     .. math:: D = \tfrac{n}{2} \log\Big(1 + \frac{\min_a \|d - a\,g_2\|^2}{n \sigma^2}\Big)
     """
@@ -71,7 +71,7 @@ def next_for_equation(
         trajectory |= {role: middle}
         trajectory |= {f"{role}_amplitude": amplitude, f"{role}_frequency": frequency} if amplitude else {}
     reason = (
-        f"{names[0]} and {names[1]} would differ by a log-likelihood of about {told[best]:.0f} in {seconds:.3g} s of it"
+        f"{names[0]} and {names[1]} would differ in log-likelihood by about {told[best]:.0f} over {seconds:.3g} s of it"
     )
     return NextExperiment(trajectory, names, float(told[best]), reason)
 
@@ -79,7 +79,7 @@ def next_for_equation(
 def evidence_maker(
     scaling: Scaling, nominal: Callable[[Signals], np.ndarray], dt: float, equation: str, plant: object
 ) -> Callable[[Signals, np.ndarray], SignalEvidence]:
-    """Return what makes evidence without a gap of signals in the user's units."""
+    """Return a function that makes evidence without a gap from signals in the user's units."""
 
     def made(signals: Signals, codes: np.ndarray) -> SignalEvidence:
         modelled = nominal(signals)

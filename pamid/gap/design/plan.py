@@ -1,4 +1,4 @@
-"""The plan of the next runs: what to record, what it is expected to tell, and what each outcome would mean."""
+"""The plan of the next runs: what to record, what is expected from it, and what each outcome would mean."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TELLS = 3.0
 
 @dataclass(frozen=True)
 class Expected:
-    """What is expected of two explanations, the first one true.
+    """What is expected for two explanations, the first one true.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class Expected:
     nats : float
         Expected difference in log-likelihood, the rival refitted.
     low, high : float
-        80 % interval: the noise of one recording, and what is uncertain of the parameters.
+        80 % interval, from the noise of one recording and the uncertainty of the parameters.
     belief : float
         Expected belief in the first one after the run, of these two.
     equation : str
-        Where the rival is furthest off.
+        Where the rival's error is largest.
     size : float
         Root mean square of that, the rival refitted, in units of the noise.
 
@@ -85,20 +85,20 @@ class Plan:
     shrinks : dict of str to float
         For parameters, how much narrower their intervals become, as a factor.
     designs : int
-        Designs that were looked at.
+        Designs that were evaluated.
     usual : float
-        What a run drawn at random tells, in nats: the median over those of the whole family. Where it is close to
+        Information of a run drawn at random, in nats: the median over those of the whole family. Where it is close to
         `clarity`, no design is much better than any other run.
     right, right_usual : float
         Probability that the explanation that is true comes out first: after these runs, and after one drawn at random,
         in the median; NaN where nothing is to be discriminated.
     closest : list of DesignedRun or PortRun
-        Where no run would tell, those that come closest.
+        Where no run would distinguish them, those that come closest.
     rig : dict of str to float
         Numbers of the rig that are to be changed for the runs; empty where it stays as it is.
     changed : dict of str to float
-        What the best runs would tell after each change of the rig, in nats, by what is changed: of changes that are
-        allowed, or where no run tells of some that are proposed.
+        Information of the best runs after each change of the rig, in nats, by change: those that are allowed or, where
+        no run distinguishes, some that are proposed.
 
     Examples
     --------

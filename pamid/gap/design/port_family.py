@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "chirp", "hold")
-"""What an input does: a sine, a triangle, steps to and fro, four sines, a sine that becomes faster, or nothing."""
+"""What an input does: a sine, a triangle, steps back and forth, four sines, a sine that becomes faster, or nothing."""
 TONES = np.array([1.0, 1.9, 3.1, 4.3])
 """Frequencies of a multisine, as multiples of the lowest."""
 STEPS = 20.0

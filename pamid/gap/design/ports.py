@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TIMES = 0.5, 2.0
-"""Other values of a parameter that are tried where no run tells and no change is declared, as multiples."""
+"""Other values of a parameter, as multiples, that are tried where no run distinguishes and no change is declared."""
 MOST_PROPOSED, FEW = 6, 30
-"""Parameters of which they are tried, and designs that are looked at then."""
+"""Number of parameters for which they are tried, and of designs evaluated then."""
 ROOM = 1.0
-"""How far beyond the range of the logs, in such ranges, a run may take what is read: a rig may have stops there."""
+"""How far beyond the range of the logs, in such ranges, a run may take readings: a rig may have stops there."""
 
 
 @dataclass(frozen=True)
 class PortRig:
-    """A simulator with ports as a design sees it; a `pamid.gap.design.rig.Rig`.
+    """A simulator with ports, for a design; a `pamid.gap.design.rig.Rig`.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class PortRig:
     numbers : mapping of str to float
         Parameters that are changed for the runs.
     noise : mapping of str to float
-        How many times the noise of the readings each equation has, see `noise_of`.
+        Noise of each equation over that of the readings, see `noise_of`.
     """
 
     simulator: Simulator
@@ -99,7 +99,7 @@ class PortRig:
         return [n for n in self.logs[-1].log.channels if n not in self.simulator.inputs]
 
     def recorded(self, runs: Sequence[PortRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
-        """Return what an explanation makes of runs, with the places of those that stay within what is known."""
+        """Return runs simulated with an explanation, with the indices of those that stay within the known range."""
         import pandas as pd
 
         last, rng = self.logs[-1], np.random.default_rng(0)
@@ -138,7 +138,7 @@ class PortRig:
         return bool(np.all(np.isfinite(x)) and np.min(x) >= low and np.max(x) <= high)
 
     def evidence(self, table: pd.DataFrame) -> PortEvidence:
-        """Return a log held against the simulator, as the logs are."""
+        """Return the evidence of a log, made like that of the logs."""
         last = self.logs[-1]
         simulator = self.simulator.with_(dict(self.numbers)) if self.numbers else self.simulator
         found = evidence_of(table, simulator, simulated=isinstance(last, ShootingEvidence))
@@ -150,7 +150,7 @@ class PortRig:
 
 
 def noise_of(logs: Sequence[PortEvidence], rivals: Sequence[Rival]) -> dict[str, float]:
-    """Return how many times the noise of readings each equation has: what the likeliest explanation leaves of logs."""
+    """Return the noise of each equation over that of the readings, by the residuals of the likeliest explanation."""
     found: dict[str, list[float]] = {}
     for log in logs if rivals else ():
         x = np.array([float(rivals[0].deviations.get(name, 0.0)) for name in log.free])
@@ -266,7 +266,7 @@ def _given(
             "Give its range: --limit u=-1:1.",
         )
     fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
-    usual = {  # a wider range is gone through in the same time
+    usual = {  # a wider range is covered in the same time
         n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
         for n, (low, high) in ranges.items()
         if found.rates.get(n)

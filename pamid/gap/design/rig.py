@@ -1,4 +1,4 @@
-"""What a design needs to know of a rig: the runs that it can make, and what an explanation would make of them."""
+"""What a design needs to know about a rig: the runs that it can make, and how to simulate them with an explanation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class AnyRun(Protocol):
         ...
 
     def set_points(self, name: str) -> pd.DataFrame:
-        """Return what the rig is told, sample by sample."""
+        """Return the references of the rig, sample by sample."""
         ...
 
 
@@ -57,7 +57,7 @@ class AnyLimits(Protocol):
 
 
 class Rig(Protocol):
-    """A rig as a design sees it."""
+    """A rig, for a design."""
 
     @property
     def limits(self) -> Any:
@@ -66,7 +66,7 @@ class Rig(Protocol):
 
     @property
     def logs(self) -> Sequence[Any]:
-        """The logs of its present state, each held against its simulator."""
+        """The logs of its present state, each with its simulator as evidence."""
         ...
 
     @property
@@ -83,9 +83,9 @@ class Rig(Protocol):
         ...
 
     def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
-        """Return what an explanation makes of runs, with the places of those that could be simulated."""
+        """Return runs simulated with an explanation, with the indices of those that could be simulated."""
         ...
 
     def evidence(self, table: pd.DataFrame) -> Any:
-        """Return a log held against the simulator, as `logs` are."""
+        """Return the evidence of a log, as `logs` are."""
         ...

@@ -1,4 +1,4 @@
-"""The file of designed runs: one table of TOML a run, for ``pamid simulate --runs``."""
+"""The file of designed runs: one TOML table per run, for ``pamid simulate --runs``."""
 
 from __future__ import annotations
 

@@ -1,19 +1,19 @@
-r"""How clearly runs would distinguish explanations, before they are recorded.
+r"""How clearly runs would distinguish explanations, computed before they are recorded.
 
-A run is simulated with one explanation; another one, refitted to what it would then see, leaves d. What that costs it
-is computed as a diagnosis will: with the robust likelihood of each equation (`expected_cost`), the parameters and
-tolerances refitted beside what the earlier logs say of them, and with or without an inexact form of its effects,
+A run is simulated with one explanation; another one, refitted to it, leaves d. Its cost is computed as a diagnosis
+will: with the robust likelihood of each equation (`expected_cost`), the parameters and tolerances refitted under their
+posterior from the earlier logs, and with or without an inexact form of its effects,
 
 .. math:: L_j(d) = \min_x \sum_e \bar\rho_e(d + A_j x) + \tfrac{1}{2} x^\top \Lambda_j x, \qquad
     D_{ij}(\theta) = L_j(r_j - r_i(\theta)) - L_i(r_i - r_i(\theta))
 
-with r the residuals, A what parameters, tolerances and form can do, and Λ the posterior precision of the earlier logs.
-The difference is between refitted models, as T-optimality has it (Atkinson & Fedorov). The truth is not the best fit of
-the earlier logs: its parameters θ are drawn from their posterior. To the evidence also goes what parameters cost that
-the run determines (`Known.price`).
+with r the residuals, A their sensitivities to parameters, tolerances and form, and Λ the posterior precision of the
+earlier logs. The difference is between refitted models, as in T-optimality (Atkinson & Fedorov). The truth is not
+the best fit of the earlier logs: its parameters θ are drawn from their posterior. The evidence also includes the price
+of parameters that the run determines (`Known.price`).
 
-Runs are chosen by what they are expected to say of which explanation is true (Lindley; Box & Hill bound the same for
-two models at a time): the gain of information
+Runs are chosen by their expected information about which explanation is true (Lindley; Box & Hill bound the same for
+two models at a time):
 
 .. math:: I = \sum_i \pi_i \, \mathrm E_{\theta, \xi}\Big[\log \frac{p_i}{\pi_i}\Big], \qquad
     \frac{p_j}{p_i} = \frac{\pi_j}{\pi_i} \exp\Big(-\frac{D_{ij} + \sqrt{2 |D_{ij}|} \xi}{\tau}\Big)
@@ -46,9 +46,9 @@ from .expected_cost import counts_for, expected_cost
 from .known import Known, cleaned, form_of, sensitivities
 
 HELD = 0.05
-"""Least belief that an explanation counts with: those that are kept are not out of the question."""
+"""Least probability of an explanation: those that are kept are not ruled out."""
 ROUNDS = 3
-"""Rounds in which a rival is refitted, each window weighed by what it leaves there."""
+"""Rounds of refitting a rival, each window weighted by its residual there."""
 NOISE = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0), np.array([1.0, 4.0, 1.0]) / 6.0
 """Nodes of the noise of a recording, and their weights."""
 
@@ -59,7 +59,7 @@ class Discrimination:
     Parameters
     ----------
     trial : Evidence
-        The log, one trajectory a run.
+        The log, one run per designed run.
     known : sequence of Known
         The explanations.
     forms : bool, default=True
@@ -103,7 +103,7 @@ class Discrimination:
         if key not in self._rows:
             dearer = np.array([self._dearer(k, chosen) for k in range(self.m)])
             each = np.array([self._refitted(i, j, chosen)[0] for j in range(self.m)])
-            # What is true may go back to where it is: a tangent knows the way for small steps only.
+            # The truth may return to its own values: a tangent holds for small steps only.
             own = np.minimum(each[i], [0.0, *(lost for _, lost in self.known[i].draws)])
             found = each - own + (dearer - dearer[i])[:, None]
             found[i] = 0.0
@@ -141,12 +141,12 @@ class Discrimination:
         d: np.ndarray, A: np.ndarray, P: np.ndarray, width: np.ndarray, earlier: float, parts: Sequence[slice],
         exact: int | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Return the least cost over the coefficients of some columns, and what is left of the first draw."""
+        """Return the least cost over the coefficients of some columns, and the residual of the first draw."""
         d, A = d / width[:, None], A / width[:, None]
         share = earlier / max(len(d), 1)
         scale, left = np.ones(len(d)), np.zeros(len(d))
         for turn in range(ROUNDS):
-            # The first round trusts every window: what is far off there may be what the columns explain.
+            # The first round trusts every window: what is far off there may be explained by the columns.
             w = counts_for(left, scale)
             Aw = A * w[:, None]
             H = A.T @ Aw + P
@@ -163,12 +163,12 @@ class Discrimination:
         for part in parts:
             cost = cost + expected_cost(rest[part], share * (part.stop - part.start))[0]
         if exact is not None:
-            form = H[exact:, exact:] * FORM_SMOOTH**2  # its prior is in it
+            form = H[exact:, exact:] * FORM_SMOOTH**2  # includes its prior
             cost = cost + 0.5 * float(np.linalg.slogdet(form)[1])
         return cost + float(np.log(width).sum()), rest[:, 0]
 
     def largest(self, i: int, j: int, chosen: Sequence[int]) -> tuple[int, float]:
-        """Return the equation in which an explanation is furthest off where another is true, and how far, in noise."""
+        """Return the equation of an explanation's largest error where another is true, and its size over the noise."""
         size = np.hypot(1.0, self._refitted(i, j, chosen)[1])
         place = int(np.argmax(size))
         return place, float(size[place])
@@ -214,7 +214,7 @@ class Discrimination:
 
 
 def shown(outlook: np.ndarray) -> float:
-    """Return what runs are chosen by where the first explanation is that no effect is there."""
+    """Return the criterion of runs where the first explanation is no effect."""
     even = np.array([0.5, 0.5])
     pairs = [np.array([[np.zeros_like(d), d], [d, np.zeros_like(d)]]) for d in outlook[1:, 0]]
     return sum((gained(pair, even) for pair in pairs), 0.0)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 WIDE = 0.6
 """Share of the designs that are drawn from the whole family; the others are drawn near the best of these."""
 NEAR = 0.25, 0.1
-"""How near, by turns, as shares of the limits."""
+"""Step sizes in turn, as shares of the limits."""
 BEST = 5
 """Designs about which others are drawn."""
 FINAL = 3
@@ -42,19 +42,19 @@ RIVALS = 5
 DRAWS = 4
 """Draws of what could be true of an explanation, beside its best fit."""
 SIMULATED = 0.1
-"""Belief from which an explanation's own runs are simulated, to see them as it would make them."""
+"""Probability from which runs are also simulated with an explanation itself."""
 NARROWS = 0.1
 """Gain in information about parameters, in nats, from which a run is worth its time: intervals narrower by a tenth."""
 SAFER = 1e-3
-"""What a factor e between the weakest pairs of two runs is worth, in nats: it decides between equals alone."""
+"""Value of a factor e between the weakest pairs of two runs, in nats: a tie-breaker only."""
 CHANNELS = ("q", "P", "F", "mdot")
 SAMPLED = 5
-"""Runs at random that are compared as closely as the best."""
+"""Number of random runs that are evaluated like the best."""
 Z80 = 1.2816
 
 
 class Bench(NamedTuple):
-    """The bench as a design sees it; a `pamid.gap.design.rig.Rig`.
+    """The bench, for a design; a `pamid.gap.design.rig.Rig`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Bench(NamedTuple):
         return Evidence(table, self.params)
 
     def recorded(self, runs: Sequence[DesignedRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
-        """Return what an explanation makes of runs, with the places of those that could be simulated."""
+        """Return runs simulated with an explanation, with the indices of those that could be simulated."""
         log = self.logs[-1]
         actual = log.corrected(truth.spec, dict(zip(log.free, map(float, truth.x), strict=True)))
         told = [run.trajectory(str(k)) for k, run in enumerate(runs)]
@@ -174,7 +174,7 @@ def planned(
         chosen = [r for r in chosen if r.effects][:1]
     asked = "discriminate" if len(chosen) > 1 else "parameters"
     if not chosen and purpose != "parameters" and rivals:
-        # Nothing speaks for an effect. Those that would not have shown may be there all the same.
+        # There is no evidence for an effect. Those that would not have shown may still be present.
         chosen, asked = unseen(rig.logs, rivals[0], library, TELLS), "unseen"
         chosen = chosen if len(chosen) > 1 else []
     total = sum(r.belief for r in chosen) or 1.0
@@ -216,7 +216,7 @@ class _Search:
         return self.rig.evidence(table), there
 
     def seen_again(self, runs: Sequence[AnyRun]) -> Any:
-        """Return what the likeliest explanation makes of designs that were looked at."""
+        """Return the designs evaluated so far, simulated with the likeliest explanation."""
         import pandas as pd
 
         of = [next(table for seen, table in self.seen if seen is run) for run in runs]
@@ -238,13 +238,13 @@ class _Search:
         return self._worth(told.outlook(chosen))
 
     def _worth(self, outlook: np.ndarray) -> float:
-        """Return what runs are chosen by; of those that tell all, the one whose weakest pair is furthest apart."""
+        """Return the criterion of runs; among those that distinguish all, the separation of the weakest pair counts."""
         pairs = [float(np.median(outlook[i, j])) for i in range(len(outlook)) for j in range(len(outlook)) if i != j]
         return gained(outlook, self.beliefs) + SAFER * float(np.log1p(max(min(pairs), 0.0)))
 
     # --- the search -----------------------------------------------------------------------------------------
     def look(self, designs: int) -> None:
-        """Look at designs: some of the whole family, then some near the best."""
+        """Evaluate designs: some of the whole family, then some near the best."""
         kinds = self.rig.kinds
         n = max(len(kinds), round(WIDE * designs))
         self.say("try runs of all kinds")
@@ -264,7 +264,7 @@ class _Search:
         """Compare the best designs with every explanation being the true one, and put them together."""
         pool = self._pool()
         self.say("compare the best")
-        if self.limits.runs == 1:  # each as the log of its own that it will be
+        if self.limits.runs == 1:  # each as a separate log, as it will be
             told, runs = max(((self._told([run]), [run]) for run in pool), key=lambda f: self._together(f[0], [0]))
         else:
             runs = [pool[k] for k in self._greedy(self._told(pool), len(pool))]
@@ -301,25 +301,25 @@ class _Search:
         )  # fmt: skip
 
     def _told(self, runs: Sequence[AnyRun]) -> list[tuple[Discrimination, int]]:
-        """Return what runs tell, simulated with each explanation that may well be true."""
+        """Return the information of runs, simulated with each explanation that may well be true."""
         told = [(Discrimination(self.seen_again(runs), self.known), 0)]
         for i, truth in enumerate(self.known[1:], start=1):
             if self.purpose != "discriminate" or truth.belief < SIMULATED:
                 continue
-            with contextlib.suppress(ExcitationError):  # it would leave the limits: what is told to first order stands
+            with contextlib.suppress(ExcitationError):  # it would leave the limits: the first-order value is kept
                 trial, there = self.trial(runs, truth)
                 if len(there) == len(runs):
                     told.append((Discrimination(trial, self.known), i))
         return told
 
     def _at_random(self) -> tuple[float, float]:
-        """Return what runs that were drawn first tell, and how often the right explanation comes first after one."""
+        """Return the information of the runs drawn first, and how often the right explanation then comes first."""
         each = [Discrimination(self.seen_again([run]), self.known).outlook([0]) for run in self.random]
         told, rights = ([f(outlook, self.beliefs) for outlook in each] for f in (gained, right_first))
         return float(np.median(told)), float(np.median(rights))
 
     def _pool(self) -> list[AnyRun]:
-        """Return the designs that are looked at closely: the best, of several kinds where several runs are wanted."""
+        """Return the designs to evaluate exactly: the best, of several kinds where several runs are wanted."""
         wanted = max(FINAL, 3 * self.limits.runs) if self.limits.runs > 1 else FINAL
         pool: list[AnyRun] = []
         for kind in dict.fromkeys(run.kind for _, run in self.found):
@@ -330,7 +330,7 @@ class _Search:
         return [*pool, *(run for run in ranked if run not in pool)][: max(wanted, self.limits.runs)]
 
     def _greedy(self, told: Sequence[tuple[Discrimination, int]], n: int) -> list[int]:
-        """Return the runs that tell most together, one added after the other."""
+        """Return the runs that together tell most, added greedily."""
         chosen: list[int] = []
         while len(chosen) < min(self.limits.runs, n):
             free = [k for k in range(n) if k not in chosen]

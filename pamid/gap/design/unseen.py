@@ -1,4 +1,4 @@
-"""Effects that the logs so far could not have shown: what a run is about where nothing else is undecided."""
+"""Effects that the logs so far could not have shown: the purpose of a run where nothing else is undecided."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..settings import TOLERANCE
 from .expected_cost import expected_cost
 
 MOST = 6
-"""Effects that a run is designed to show at once."""
+"""Number of effects that one run is designed to show."""
 
 
 def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown: float) -> list[Rival]:
@@ -21,7 +21,7 @@ def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown:
     known, found = all_effects(), []
     for name in library:
         if not any(log.touched([name]) for log in logs):
-            continue  # no run shows what no equation reads
+            continue  # no run shows an effect on a channel that no equation reads
         typical = {p.name: float(p.nominal) for p in known[name].parameters}
         cost = sum(_cost(log, {name: typical}, base) for log in logs)
         if cost < shown:
@@ -32,7 +32,7 @@ def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown:
 
 
 def _cost(log: Evidence, spec: dict[str, dict[str, float]], base: Rival) -> float:
-    """Return what an effect costs the simulator without it in a log, its tolerances refitted."""
+    """Return the cost of omitting an effect from the simulator on a log, its tolerances refitted."""
     x = np.array([float(base.deviations.get(name, 0.0)) for name in log.free])
     d = log.change(spec, {}, x)
     H = log.J.T @ log.J + TOLERANCE * np.eye(len(x))

@@ -1,4 +1,4 @@
-"""A plan in words: what it is expected to tell, and what each outcome would mean."""
+"""A plan in words: what is expected from it, and what each outcome would mean."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from .plan import AS_IT_IS, TELLS, Plan
 
 EVEN = 0.1
-"""Share by which runs differ in what they tell before it is worth a word; it decides nothing."""
+"""Relative difference in information of runs that is worth mentioning; it decides nothing."""
 
 
 def summary(plan: Plan) -> str:
@@ -25,13 +25,14 @@ def summary(plan: Plan) -> str:
         return f"Only {said[0]} remains: the next run determines its parameters."
     undecided = f"Undecided: {', '.join(f'{s} ({b:.0%})' for s, b in zip(said, plan.beliefs, strict=True))}."
     if not plan.tells:
-        longer = "Nor does a longer one."
+        longer = "A longer one does not either."
         if math.isfinite(plan.needed):
             like = f" ({plan.closest[0].words.rpartition(', ')[0]})" if len(plan.closest) == 1 else ""
             longer = f"A run of about {plan.needed:.0f} s would{like}."
         return (
-            f"{undecided} No run of {plan.limits.seconds:g} s within the limits tells the likeliest one from the "
-            f"others. {longer} Widen a limit ({plan.limits.options}), log another signal, or treat them as one cause."
+            f"{undecided} No run of {plan.limits.seconds:g} s within the limits distinguishes the likeliest one from "
+            f"the others. {longer} Widen a limit ({plan.limits.options}), log another signal, or treat them as one "
+            "cause."
         )
     hardest = min(e.nats for e in plan.expected)
     clear = f"The pair that is hardest to distinguish is expected to differ by {hardest:.3g} nats"

@@ -1,8 +1,8 @@
 r"""How well parts of a log agree on the size of an effect: runs, parts of the state, slow and fast changes.
 
-An effect is taken as its contribution d times a factor that is 1 at the fit. The factor of every run, or of every part
-of the state, by itself says whether it is one cause: Cochran's Q, the share I² of it that is no chance, and the spread
-τ of the factors (DerSimonian and Laird),
+An effect is taken as its contribution d times a factor that is 1 at the fit. The factors of all runs, or of parts of
+the state, show whether it is one cause: Cochran's Q, the share I² of it that is not chance, and the spread τ of the
+factors (DerSimonian and Laird),
 
 .. math:: Q = \sum_t h_t (\theta_t - \bar\theta)^2, \qquad I^2 = \max(0, 1 - \tfrac{n-1}{Q}), \qquad
     \tau^2 = \max\Big(0, \frac{Q - (n - 1)}{\sum h_t - \sum h_t^2 / \sum h_t}\Big)
@@ -27,7 +27,8 @@ import numpy as np
 from ..residuals.protocol import ResidualSource, lanes
 
 STRETCHES = 8
-"""Stretches of equal information in which a factor is asked: enough for the jackknife, each longer than the memory."""
+"""Stretches of equal information in which a factor is estimated: enough for the jackknife, each longer than the
+memory."""
 OCTAVES = 5
 """Octaves of rates that are distinguished, a window being 20 ms."""
 
@@ -44,10 +45,9 @@ class Agreement(NamedTuple):
     spread : float
         Spread τ of the factors beyond chance.
     least : float
-        The same with Q held against what chance comes to in one case of twenty: parts that tell little disagree by
-        chance.
+        The same with Q compared with the 95 % quantile of chance: parts with little information disagree by chance.
     half : float
-        Half of the 90 % interval of the factor by the jackknife over the parts; 1 and more: it may as well be nothing.
+        Half of the 90 % interval of the factor by the jackknife over the parts; 1 and more: the effect may be zero.
     """
 
     q: float
@@ -84,9 +84,9 @@ def over_labels(label: np.ndarray, information: np.ndarray, score: np.ndarray) -
 
 
 def over_stretches(evidence: ResidualSource, information: np.ndarray, score: np.ndarray) -> Agreement:
-    """Return how well stretches of a log agree on a factor that each tell as much about it, runs one after the other.
+    """Return how well stretches of a log with equal information agree on a factor, runs concatenated.
 
-    What acts in a part of one run only is asked there, in pieces, and not of runs that say nothing about it.
+    An effect that acts in a part of one run only is tested there, in pieces, and not in runs without information.
     """
     order = np.lexsort((evidence.time, evidence.block))
     told = np.cumsum(information[order])

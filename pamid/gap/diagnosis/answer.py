@@ -1,4 +1,4 @@
-"""Write down what was decided: where the gap lies, its causes, how far it shrinks, what to record next."""
+"""Assemble the diagnosis: where the gap lies, its causes, how far it shrinks, what to record next."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 
 MOST = 12
-"""Sets of effects that a diagnosis tells of."""
+"""Number of sets of effects that a diagnosis reports."""
 MATERIAL = 0.1
-"""Share of a gap from which an equation has regions, bands and a word of its own; it decides on no name."""
+"""Share of a gap from which an equation gets regions, bands and a sentence; it does not affect names."""
 
 
 def answer(
@@ -51,7 +51,7 @@ def answer(
         fitter = Fitter(evidence)
         base = fitter.base()
         fit = _again(fitter, fit) if verdict.named else base
-    # The gap is what a refit within the tolerances leaves: what they take up is none.
+    # The gap is what a refit within the tolerances leaves; what they explain is not a gap.
     base = fitter.unwhitened(base)
     fit = fit if verdict.named else base
     before = after = held_out = evidence.raw(base.z)
@@ -106,7 +106,7 @@ def answer(
 
 
 def untested(evidence: ResidualSource, library: Sequence[str], notes: list[str]) -> Diagnosis:
-    """Write down that nothing of a log could be held against its model; no number speaks for or against a gap."""
+    """Assemble a diagnosis without evidence: nothing in the log could be compared with its model."""
     return Diagnosis(
         verdict="untested",
         p_value=float("nan"),
@@ -138,7 +138,7 @@ def _hypotheses(verdict: Verdict) -> list[HypothesisFinding]:
 
 
 def _balanced(evidence: ResidualSource, power: np.ndarray) -> np.ndarray:
-    """Return the power with each equation's weighed by how clearly it shows there, not by its unit."""
+    """Return the power, each equation weighted by its significance, not by its unit."""
     out = np.zeros(len(power))
     for part in evidence.parts:
         mean = float(np.mean(power[part])) if len(power[part]) else 0.0
@@ -155,14 +155,14 @@ def _equations(
     sizes = [scale(before[part], 0.0) for part in evidence.parts]
     over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
     if verdict.named:
-        # What causes close is the gap, and so is what they leave far beyond the noise: a second gap hides behind none.
+        # The gap is what causes close, plus what they leave far beyond the noise.
         left = [_beyond(after[p]) * (e.p_value < FALSE_ALARM) for p, e in zip(evidence.parts, over, strict=True)]
         gains = [
             len(before[p]) * np.log1p(np.mean(np.square(before[p] - after[p])) + more)
             for p, more in zip(evidence.parts, left, strict=True)
         ]
     else:
-        # A few windows far out are a gap that a robust scale does not hear of.
+        # A few windows far out are a gap that a robust scale ignores.
         ratios = [
             max(s, float(np.sqrt(np.mean(np.square(before[p]))))) for p, s in zip(evidence.parts, sizes, strict=True)
         ]
@@ -230,7 +230,7 @@ def _causes(
 
 
 def _beginnings(spec: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Return what must be known of causes whose past is not in the log."""
+    """Return notes on causes whose past is not in the log."""
     library = all_effects()
     found = [n for n, values in spec.items() if any(p.before and values[p.name] > 0.0 for p in library[n].parameters)]
     return [
@@ -241,7 +241,7 @@ def _beginnings(spec: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 
 def _in_place(fitter: Fitter, verdict: Verdict, name: str, other: str) -> dict[str, ParameterEstimate]:
-    """Return the parameters of an effect that stands in the place of a cause."""
+    """Return the parameters of an effect that replaces a cause."""
     rest = verdict.outcome.best.names - {name}
     fit = next(h.fit for h in verdict.outcome.alternatives[name] if h.names == rest | {other})
     if len(fit.z) != len(fitter.evidence.z0):
@@ -250,7 +250,7 @@ def _in_place(fitter: Fitter, verdict: Verdict, name: str, other: str) -> dict[s
 
 
 def _again(fitter: Fitter, fit: Fit) -> Fit:
-    """Return a fit to a part of a log as one to all of it, whose parameters may be more."""
+    """Return a fit to a part of a log as one to all of it, which may have more parameters."""
     return fitter.refine(fit.spec, near=fit.x if len(fit.x) == fitter.n else None)
 
 

@@ -1,4 +1,4 @@
-"""How belief is shared among the effects of the library, no gap, and a cause that the library does not hold."""
+"""How probability is shared among the effects of the library, no gap, and a cause outside the library."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NOISE = "explains no more than noise would"
 
 
 def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
-    """Return the whole library with what speaks for each name, confidences adding to one."""
+    """Return the whole library with the evidence for each name, confidences adding to one."""
     outcome = verdict.outcome
     named = list(outcome.best.fit.spec) if verdict.named and verdict.kind != "family" else []
     belief = _belief(verdict, named)

@@ -1,4 +1,4 @@
-"""How far a gap shrinks: held-out trajectories, the share of what is explainable, and intervals over trajectories."""
+"""How far a gap shrinks: held-out runs, the share of what is explainable, and intervals over runs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ DRAWS = 400
 NEW_RUNS = 2
 """Runs on which a correction is typically tried."""
 LEAST_LEFT, WIDEST = 1e-7, 2.0
-"""Least share of a gap that counts as left, and how far, in its logarithm, an end may be from the middle."""
+"""Least share of a gap that counts as left, and the largest half width of its interval, in its logarithm."""
 
 
 class Clusters:
-    """A fit with the trajectories as units: refits without each of them, and what they say of its parameters.
+    """A fit with the runs as units: refits without each of them, and intervals of its parameters.
 
-    The fit is taken to first order about its solution, so that leaving a trajectory out costs one small linear solve.
+    The fit is taken to first order about its solution, so that leaving a run out costs one small linear solve.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Clusters:
         z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
         self.A = np.column_stack([J, D])
-        # A parameter at the end of its tolerance, or at a bound, stays there, whichever trajectory is left out.
+        # A parameter at the end of its tolerance, or at a bound, stays there, whichever run is left out.
         within = np.array([p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)], dtype=bool)
         self.moving = np.concatenate([fit.inside, within])
         self.z = z + J @ fit.x
@@ -63,7 +63,7 @@ class Clusters:
         return step
 
     def held_out(self) -> np.ndarray:
-        """Return residuals of every trajectory under the fit of all others, in units of the noise."""
+        """Return residuals of every run under the fit of all others, in units of the noise."""
         n = len(self.H)
         if n < 2 or not self.A.shape[1]:
             return self.z
@@ -75,13 +75,13 @@ class Clusters:
         return out
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
-        """Return the effects' parameters with 90 % intervals, by the jackknife over trajectories."""
+        """Return the effects' parameters with 90 % intervals, by the jackknife over runs."""
         from scipy.special import stdtrit
 
         n, m = len(self.H), self.evidence.J.shape[1]
         total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
         if n > 2:
-            # How far one at a bound could be from it, too, is asked here.
+            # This includes how far one at a bound could be from it.
             moving = np.concatenate([self.moving[:m], np.ones(len(self.slots), dtype=bool)])
             pairs = zip(self.H, self.g, strict=True)
             without = np.array([self._solve(total_H - H, total_g - g, moving) for H, g in pairs])
@@ -107,10 +107,10 @@ def closures(
     fitted: np.ndarray,
     random_state: np.random.RandomState,
 ) -> list[Closure]:
-    """Return how far each equation's gap shrinks on held-out trajectories."""
+    """Return how far each equation's gap shrinks on held-out runs."""
     pieces, n = evidence.pieces()
-    # The interval is for a few new runs, as a correction is tried on, not for the mean of all runs. Pieces of a run are
-    # not alike, and what acts in some of them acts in the run: a new run is as many of them.
+    # The interval is for a few new runs, on which a correction is tried, not for the mean of all runs. Pieces of a run
+    # differ, and what acts in some of them acts in the run: a new run has as many of them.
     pieced = n > len(evidence.trajectories)
     drawn = n if pieced else NEW_RUNS
     few = np.zeros((DRAWS, n), dtype=int)
@@ -134,7 +134,7 @@ def closures(
         )
         b, a, least, floor, count = sums[:, draws].sum(axis=2)
         count = np.maximum(count, 1.0)
-        # The floor is known to a few per cent itself, which is what the share of a faint gap hangs on.
+        # The floor is itself known to a few per cent, which limits the share of a faint gap.
         floor = floor * np.exp(2.0 * NOISE_KNOWN * np.concatenate([[0.0], random_state.standard_normal(DRAWS)]))
         share = _closed(b / count, a / count, floor / count)
         most = _closed(b / count, np.minimum(least, a) / count, floor / count)
@@ -147,7 +147,7 @@ def closures(
 
 
 def _rescaled(ci: Interval, point: float, n: int) -> Interval:
-    """Return an interval of a share closed with the bootstrap's variance in small samples put right, n / (n − 1).
+    """Return an interval of a share closed with the bootstrap's small-sample variance corrected, n / (n − 1).
 
     It is done on the logarithm of the share left, which is what differs by factors from run to run.
 
@@ -166,7 +166,7 @@ def _rescaled(ci: Interval, point: float, n: int) -> Interval:
 
 def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """Return the closed share of the explainable gap; 0 where nothing is explainable."""
-    # Noise is known to a few per cent: what stands no higher above the floor is no gap to close.
+    # Noise is known to a few per cent: a smaller excess over the floor is not a gap to close.
     room = before - floor
     return np.where(room > 0.02 * floor, np.clip((before - after) / np.maximum(room, 1e-300), 0.0, 1.0), 0.0)
 

@@ -1,4 +1,4 @@
-"""From competing hypotheses to an answer: is there a gap, is an effect its cause, a class, several, or none known."""
+"""From competing hypotheses to an answer: no gap, one cause, a class, several causes, or an unknown one."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from .open_set import Trust, trust
 
 @dataclass
 class Verdict:
-    """What the competition of hypotheses means.
+    """The decision after the competition of hypotheses.
 
     Parameters
     ----------
     kind : str
         One of `pamid.gap.diagnosis.result.VERDICTS`, or ``"family"``: what closes the gap acts like effects of the
-        library, and is none of them for all that is known.
+        library, but none of them is established.
     p_value : float
         Probability of the evidence without a gap.
     outcome : Outcome
         The hypotheses.
     excess : list of Excess
-        The residual of each equation before, against its noise.
+        The excess of each equation's residual over its noise, before.
     trust : dict of str to Trust
-        What speaks for each name of the best set of all, whether it is said or not; empty where there is none.
+        Evidence for each name of the best set, whether reported or not; empty where there is none.
     classes : dict of str to tuple of str
         For each cause the names that cannot be distinguished from it, itself first.
     weights : dict of str to dict of str to float
         For each cause the share of belief of each alternative.
     part_of : dict of str to float
-        For each cause its share of what all explain together.
+        For each cause its share of the joint gain.
     """
 
     kind: str
@@ -61,7 +61,7 @@ class Verdict:
 
     @property
     def unknown(self) -> float:
-        """Probability that what explains most of a gap is a cause outside the library."""
+        """Probability that most of a gap has a cause outside the library."""
         if self.kind == "none":
             return 0.0
         leads = self.leads
@@ -69,7 +69,7 @@ class Verdict:
 
     @property
     def leads(self) -> dict[str, float]:
-        """Probability that each cause is the leading one, from its share of what all explain together."""
+        """Probability that each cause is the leading one, from its share of the joint gain."""
         weight = {n: max(self.part_of.get(n, 1.0), 0.02) ** 1.5 for n in self.outcome.best.fit.spec if n in self.trust}
         return {name: w / sum(weight.values()) for name, w in weight.items()}
 
@@ -86,7 +86,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     if gain > evidence.decisive:  # such evidence needs no draws where noise is independent
         chance = min(chance, float(np.exp(-gain - 1.0)))
     elif gain <= evidence.least_gain:
-        # Where no hypothesis holds up in an exact fit, draws of the linear ones are no evidence beyond that.
+        # Where no hypothesis survives an exact fit, draws of the linear ones add no evidence.
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
     if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
@@ -101,7 +101,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         alike = not named and all(found.closes for found in verdict.trust.values())
         verdict.kind = kind_of(verdict, named) if named else "family" if alike else "unknown" if shown else "none"
         if named and len(named) < len(best.fit.spec):
-            # What is not trusted is left to the remainder: it may mend the form of those beside which it acts.
+            # What is not trusted is left to the remainder: it may compensate the form of other causes.
             verdict.outcome = competition.only(outcome, {name: verdict.classes[name] for name in named})
             verdict.part_of = shapley(competition.fitter, base.fit, verdict.outcome.best.fit)
     elif beyond < FALSE_ALARM:
@@ -117,7 +117,7 @@ def kind_of(verdict: Verdict, names: Sequence[str]) -> str:
 
 
 def _weights(alternatives: Sequence[Hypothesis], best: Hypothesis, name: str, gain: float) -> dict[str, float]:
-    """Return what share of belief each alternative to a cause takes, its own form in doubt."""
+    """Return the probability of each alternative to a cause, allowing for its inexact form."""
     others = best.names - {name}
     scores = np.array([h.score for h in alternatives])
     width = CLASS + CLASS_SHARE * max(gain, 0.0)

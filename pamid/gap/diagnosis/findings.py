@@ -11,7 +11,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class EquationFinding:
-    """What of the gap lies in one equation.
+    """The share of the gap in one equation.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class EquationFinding:
     share : float
         Share of the explainable gap, 0 to 1; over all equations it adds to one.
     p_value : float
-        Probability of as much as this without a gap.
+        Probability of at least this excess without a gap.
     excess : float
         Root mean square of the residual beyond its noise, in units of the noise.
 
@@ -68,7 +68,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Band:
-    """What of an equation's gap lies in a band of frequencies.
+    """The share of an equation's gap in a band of frequencies.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Band:
 
 @dataclass(frozen=True)
 class TrajectoryShare:
-    """What of the gap lies in one trajectory.
+    """The share of the gap in one run.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ class ParameterEstimate:
     unit : str
         Its unit.
     ci90 : (float, float)
-        90 % interval over trajectories; infinite where the data do not bound it.
+        90 % interval over runs; infinite where the data do not bound it.
     at_bound : bool
-        Whether the fit ended at the end of what is physical for it, and not at its usual value.
+        Whether the fit ended at a physical bound that is not its usual value.
 
     Examples
     --------
@@ -143,7 +143,7 @@ class ParameterEstimate:
     at_bound: bool = False
 
     def scaled(self, factor: float, unit: str) -> ParameterEstimate:
-        """Return the estimate in another unit, of which one of this one's holds ``factor``."""
+        """Return the estimate in another unit; one of its unit is ``factor`` of the other."""
         low, high = sorted((self.ci90[0] * factor, self.ci90[1] * factor))
         return replace(self, value=self.value * factor, unit=unit, ci90=(low, high))
 
@@ -197,7 +197,7 @@ class Cause:
     share : float
         Share of the explainable gap that it closes (with several causes: its Shapley value).
     share_ci90 : (float, float)
-        90 % interval over trajectories.
+        90 % interval over runs.
     parameters : dict of str to ParameterEstimate
         Parameters of the first effect.
     distinguished_by : str or None
@@ -212,8 +212,8 @@ class Cause:
     signs : dict of str to float
         What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`.
     grade : str
-        ``"sure"``, ``"reserve"`` (see `with_reserve`), or ``"family"``: it closes most of the gap on runs that were not
-        fitted, and what is left says that the cause is another effect that acts alike.
+        ``"sure"``, ``"reserve"`` (see `with_reserve`), or ``"family"``: it closes most of the gap on held-out runs, and
+        the remainder shows that the cause is another, similar effect.
     family : str
         What kind of effect it is, such as ``"friction"``.
 
@@ -248,20 +248,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class Closure:
-    """How far the gap of an equation shrinks once the causes are added, predicted for runs not seen.
+    """How far the gap of an equation shrinks once the causes are added, predicted for unseen runs.
 
     Parameters
     ----------
     equation : str
         Its equation.
     rmse_before, rmse_after : float
-        Root mean square residual of trajectories that were held out of the fit, in the equation's unit.
+        Root mean square residual of runs that were held out of the fit, in the equation's unit.
     noise_floor : float
         What the channels' noise alone would leave, in the equation's unit.
     closed_share : float
         (MSE before − after) / (MSE before − noise floor), 0 to 1.
     ci90 : (float, float)
-        90 % interval over trajectories.
+        90 % interval over runs.
     unit : str
         The equation's unit.
 

@@ -1,4 +1,4 @@
-"""Where a gap lies: in which equations, regions of the state, bands of frequency and trajectories."""
+"""Where a gap lies: in which equations, regions of the state, bands of frequency and runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _JOINT_FEATURES = ("q", "dq", "P", "dP", "u")
 ENERGY = 0.8
 """Share of a gap's energy that its regions are to hold."""
 LEAVES = (4, 8, 16, 24)
-"""Leaves of the tree that tells a muscle's regions; what comes after steps is a few windows in a corner."""
+"""Leaves of the tree that separates a muscle's regions; what comes after steps is a few windows in a corner."""
 FINER = 0.02
 """By how much more leaves must agree better."""
 LEAF = 4, 300
@@ -31,7 +31,7 @@ PART = 4
 
 
 def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
-    """Return a log with the state beside it, for the queries of a diagnosis.
+    """Return a log with columns of the state added, for the queries of a diagnosis.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def shares(values: np.ndarray) -> np.ndarray:
 def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: int = 24) -> list[Region]:
     """Return the regions of the state that together hold most of an equation's gap in few of its samples.
 
-    The fewest windows that hold `ENERGY` of the gap are told from the others by a tree on the state; its leaves that
-    agree with them best, taken together, are the regions. They come with the largest share first.
+    The fewest windows that hold `ENERGY` of the gap are separated from the others by a tree on the state; the union of
+    leaves that agrees best with them forms the regions. They come with the largest share first.
     """
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation in ("joint", "joint_modelled") else _FEATURES
@@ -208,7 +208,7 @@ def bands(evidence: ResidualSource, equation: str, gap: np.ndarray) -> list[Band
 
 
 def trajectories(evidence: ResidualSource, power: np.ndarray) -> list[TrajectoryShare]:
-    """Return how a gap's power is spread over the trajectories, the largest share first."""
+    """Return how a gap's power is spread over the runs, the largest share first."""
     sums = np.bincount(evidence.block, power, minlength=len(evidence.trajectories))
     found = [TrajectoryShare(n, float(s)) for n, s in zip(evidence.trajectories, shares(sums), strict=True)]
     return sorted(found, key=lambda t: -t.share)

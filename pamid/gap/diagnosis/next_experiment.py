@@ -61,7 +61,7 @@ def next_experiment(
     amplitude = trial.z(specs[1]) - trial.z0 if specs[1] else np.zeros(len(difference))
     for t in range(len(expected)):
         rows = trial.block == t
-        # What tolerances and the rival's own size take up is no difference.
+        # What tolerances and the rival's own size explain is not a difference.
         A = np.column_stack([trial.J[rows], amplitude[rows]])
         d = difference[rows]
         A = A[:, np.any(A != 0, axis=0)]
@@ -73,8 +73,8 @@ def next_experiment(
         return None, names
     chosen = next(c for (c, make) in CHOICES if make().name == trial.trajectories[best])
     reason = (
-        f"{names[0]} and {names[1]}, each refitted, would differ by a log-likelihood of about {expected[best]:.0f} "
-        f"in {SAMPLES / 1000:g} s of it"
+        f"{names[0]} and {names[1]}, each refitted, would differ in log-likelihood by about {expected[best]:.0f} "
+        f"over {SAMPLES / 1000:g} s of it"
     )
     return NextExperiment(dict(chosen), names, float(expected[best]), reason), names
 
@@ -83,7 +83,7 @@ _COLUMNS = ("trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2", "F1", "F
 
 
 def _apart(spec: Spec, other: Spec) -> str:
-    """Return the effect that one explanation has and another has not; none where they have the same."""
+    """Return the effect that one explanation has and another lacks; none where they are the same."""
     return next((name for name in spec if name not in other), "")
 
 

@@ -1,19 +1,19 @@
-r"""Whether what was named is the cause, or only looks like it: what a name must show before it is said.
+r"""Whether a named effect is the cause, or only looks like it: the test that a name must pass.
 
-A cause that the library does not hold is mostly imitated by one or several effects of it, with a high likelihood, and
-an inexact form is mended by a further effect. Both are given away by what is left above the noise and the inexactness
-that forms are allowed, and by effects that undo or mend each other. These signs are weighed for each cause by logistic
-regression, one of causes that explain a gap alone and one of those that do so together,
+A cause outside the library is usually imitated by one or several of its effects, with a high likelihood, and an inexact
+form is compensated by a further effect. Both show in residuals above the noise and the allowed inexactness of forms,
+and in effects that cancel or compensate each other. These signs are weighted for each cause by logistic regression, one
+model for causes that explain a gap alone and one for those that do so together,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
-fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is said where it is
+fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is reported where it is
 more likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is
-above the bar at which at most one in twenty of the names said on such logs is wrong.
+above the bar at which at most one in twenty of the names reported on such logs is wrong.
 
-Those benches are right in all but their causes. Any other model may be wrong in several small ways at once, and then
-something is always left above the noise: a name is said there of what it closes. Which of both a model is nobody knows.
-Names are said where they close more than they leave, a share c, and with the probability
+The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
+once, so that something is always left above the noise. As the two cannot be told apart, names are also reported where
+they close more than they leave, a share c, with the probability
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr).
 
@@ -36,14 +36,14 @@ from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
 @dataclass(frozen=True)
 class Trust:
-    """What speaks for a name being right.
+    """Evidence that a name is right.
 
     Parameters
     ----------
     probability : float
         Probability that it is.
     signs : dict of str to float
-        What it rests on, see `signs_of`.
+        Its signs, see `signs_of`.
     """
 
     probability: float
@@ -51,12 +51,12 @@ class Trust:
 
     @property
     def named(self) -> bool:
-        """Whether that is enough to say it."""
+        """Whether that is enough to report it."""
         return self.supported and self.probability >= TRUSTED
 
     @property
     def grade(self) -> str:
-        """How it is said: without reserve, with it, or as one of a family that acts alike."""
+        """How it is reported: without reserve, with it, or as one of a family that acts alike."""
         return "sure" if self.sure else "reserve" if self.named else "family"
 
     @property
@@ -66,19 +66,19 @@ class Trust:
 
     @property
     def closes(self) -> bool:
-        """Whether the set that it belongs to closes more of the gap than it leaves, on runs that were not fitted."""
+        """Whether the set that it belongs to closes more of the gap than it leaves, on held-out runs."""
         return self.supported and self.signs["unclosed_of_gap"] <= 0.5
 
     @property
     def sure(self) -> bool:
-        """Whether it is enough to say it without reserve."""
+        """Whether it is enough to report it without reserve."""
         return self.probability >= SURE
 
 
 def trust(
     competition: Competition, outcome: Outcome, part_of: Mapping[str, float], classes: Mapping[str, Sequence[str]]
 ) -> dict[str, Trust]:
-    """Return what speaks for each name of the best hypothesis."""
+    """Return the evidence for each name of the best hypothesis."""
     from scipy.special import expit
 
     found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE

@@ -1,4 +1,4 @@
-"""What is left where no effect of the library is the cause: what it depends on, its rhythm, its closest formula."""
+"""The residual where no effect of the library is the cause: what it depends on, its rhythm, its closest formula."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from .localise import regions
 _TERMS = 3
 """Terms of the closest formula."""
 TOLD = 0.01
-"""Share of a gap from which what is left is described."""
+"""Share of a gap from which the remainder is described."""
 _LEAST = 200
-"""Windows below which nothing is said."""
+"""Number of windows below which nothing is reported."""
 FINER, PERIODS = 4, 4
-"""Frequencies at which a rhythm is looked for between two that the longest run tells apart, and its fewest periods."""
+"""Frequencies searched for a rhythm per frequency resolution of the longest run, and its fewest periods."""
 
 
 def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str, Any]:
     r"""Describe the residual of one equation.
 
-    A flexible learner on the state predicts it for trajectories that it has not seen; the share that it predicts is
+    A flexible learner on the state predicts it for unseen runs; the share that it predicts is
     the least that some law of the state could explain. The formula is the sparse sum of a few terms of the state that
     comes closest, found by orthogonal matching pursuit.
 

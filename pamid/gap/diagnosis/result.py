@@ -59,10 +59,10 @@ class Diagnosis:
     corrected : BenchParameters, Simulator or None
         The simulator with the causes added.
     windows : DataFrame
-        One row a window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state at
-        its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
+        One row per window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state
+        at its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
     families : list of Cause
-        Where the cause is unknown, but effects of the library close most of the gap on runs that were not fitted: what
+        Where the cause is unknown, but effects of the library close most of the gap on held-out runs: what
         acts like it, of the grade ``"family"``. The corrected simulator holds these.
     leftover : dict
         For an unknown cause: what the leftover depends on, and its closest symbolic form.
@@ -79,21 +79,21 @@ class Diagnosis:
     deviations : dict of str to float
         How far the parameters with a tolerance were refitted together with the causes, in tolerances.
     unexplained : list of str
-        Equations with a part of the gap of which the named causes close less than half.
+        Equations of whose gap the named causes close less than half.
     not_tested : dict of str to str
         Equations that were left out, and why.
     cannot_show : list of str
         Effects of the library that change no equation that was tested: nothing is said about them.
     rivals : list of Rival
-        The explanations that are not out of the question, refitted, the likeliest first: what a next run is about.
+        The explanations that are not ruled out, refitted, the likeliest first: what a next run should separate.
     logs : list of LogFinding
-        Of several logs each one with the causes' parameters in it; empty for a single log.
+        For several logs, each with its own parameters of the causes; empty for a single log.
     changes : list of Change
         Causes that changed between logs, the clearest first.
     rounds : list of Round
-        What was said after each further log, where this went on from an earlier diagnosis.
+        The answer after each further log, where this continues an earlier diagnosis.
     history : History or None
-        The logs and the simulator, from which `pamid.diagnose` goes on with further logs and `pamid.next_run` designs
+        The logs and the simulator, from which `pamid.diagnose` continues with further logs and `pamid.next_run` designs
         the next one; ``history.write(folder)`` keeps it.
 
     Examples
@@ -169,7 +169,7 @@ class Diagnosis:
                     "trajectories": self.trajectories,
                 },
                 "candidates": self.candidates,
-                # The old name of distinguished_by serves one version more.
+                # The old name of distinguished_by is kept for one more version.
                 "causes": [vars(c) | {"told_apart_by": c.distinguished_by} for c in self.causes],
                 "families": self.families,
                 "closure": self.closure,

@@ -1,4 +1,4 @@
-"""The explanations of a log that are not out of the question: what a further run would be about."""
+"""The explanations of a log that are not ruled out: what a further run should separate."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Rival:
     Parameters
     ----------
     effects : dict of str to dict of str to float
-        Its effects with their values; none for a simulator that needs none.
+        Its effects with their values; empty for a simulator that needs none.
     deviations : dict of str to float
         How far the parameters with a tolerance were refitted with it, in tolerances.
     score : float
@@ -69,7 +69,7 @@ class Rival:
 
 
 def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
-    """Return the explanations that are not out of the question, the likeliest first."""
+    """Return the explanations that are not ruled out, the likeliest first."""
     outcome, best = verdict.outcome, verdict.outcome.best
     standing = [h for h in [outcome.base, *outcome.refitted] if _stands(h, best)]
     scored = {h.names: (competition.comparable(h), h) for h in standing}
@@ -94,5 +94,5 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
 
 
 def _stands(h: Hypothesis, best: Hypothesis) -> bool:
-    """Tell whether a set is an explanation of its own: none that has turned into another, or adds in vain."""
+    """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing."""
     return not any(degenerate(h.fit, name) for name in h.names) and not (h.names > best.names and h.score < best.score)

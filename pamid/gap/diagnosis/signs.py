@@ -1,7 +1,7 @@
-"""What a name must show before it is said: that it is one cause, and that nothing is left which it does not explain.
+"""Signs against a name: that it is not one cause, or that it leaves something unexplained.
 
-Every cause has signs of its own: of what is left in its equation, of its size from part to part of the log, and of the
-others beside which it acts. So one that is doubtful takes nothing from one that is not.
+Every cause has its own signs: the residual of its equation, its size from part to part of the log, and the other causes
+in its equation. So a doubtful one does not affect the others.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .closure import Clusters, closures
 from .findings import Closure
 
 LAGS = 8
-"""Windows back to which what is left is held against its own past."""
+"""Number of lags, in windows, of the residual's autocorrelation."""
 
 
 def signs_of(
@@ -46,9 +46,9 @@ def worst(signs: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
 
 
 def beside(main: Mapping[str, int], part_of: Mapping[str, float]) -> dict[str, float]:
-    """Return each cause's share of what those explain that act most in the same equation.
+    """Return each cause's share among those that act mainly in the same equation.
 
-    What imitates or mends the form of another acts where that does; causes of other equations say nothing about it.
+    An effect that imitates or compensates another acts in the same equation; causes of other equations are irrelevant.
     """
     whole = dict.fromkeys(main.values(), 0.0)
     for name, part in part_of.items():
@@ -57,7 +57,7 @@ def beside(main: Mapping[str, int], part_of: Mapping[str, float]) -> dict[str, f
 
 
 class _Told:
-    """What a log tells of the causes of its best hypothesis: computed once for each equation."""
+    """Signs of the causes of the best hypothesis on a log, computed once for each equation."""
 
     def __init__(self, competition: Competition, outcome: Outcome) -> None:
         self.competition, self.outcome = competition, outcome
@@ -74,7 +74,7 @@ class _Told:
         self._equations: dict[int, dict[str, float]] = {}
 
     def signs(self, name: str, share: float, alike: Sequence[str]) -> dict[str, float]:
-        """Return the signs of a cause, given its share among those beside it, and what it cannot be told from."""
+        """Return the signs of a cause, given its share among its equation's causes and its alternatives."""
         return {
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
@@ -96,20 +96,20 @@ class _Told:
             room, still = _excess(self.before[part]), _excess(self.after[part])
             enough = still > 0.0 and part.stop - part.start > 60
             share = still / room if room > 0 else 0.0
-            # What a right cause of a form that is a little off leaves is above the noise where the gap is large.
+            # Where the gap is large, a right cause of a slightly wrong form leaves more than the noise.
             tells = min(1.0, share / OF_ITS_OWN**2)
             self._equations[k] = {
                 "left": 2.0 * left * tells,
                 "left_of_equation": share,
                 "predictable": self.flexible.remainder(name, self.best.fit.z).share * tells if enough else 0.0,
                 "coloured": _colour(self.evidence, self.best.z, part) * tells,
-                # Two runs tell nothing of what would be closed on others.
+                # Two runs do not show what would be closed on others.
                 "unclosed": 1.0 - self._closures[k].ci90[0] if len(self.evidence.trajectories) > 2 else 0.0,
             }
         return self._equations[k]
 
     def _least(self, k: int) -> float:
-        """Return from where on an equation's residual is above its noise: that of few windows is known no better."""
+        """Return the level above which an equation's residual exceeds its noise, given the number of windows."""
         part = self.evidence.parts[k]
         return 1.0 + EXCESS + float(np.sqrt(2.0 / max(part.stop - part.start, 1)))
 
@@ -120,7 +120,7 @@ class _Told:
 
     @cached_property
     def _held_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """What is left of the fit, and of the fits that had not seen the runs."""
+        """Residuals of the fit, and of fits on the other runs."""
         clusters = Clusters(self.competition.fitter, self.best.fit)
         return self.evidence.raw(clusters.z), self.evidence.raw(clusters.held_out())
 
@@ -152,9 +152,9 @@ class _Told:
     def _of_factor(self, name: str) -> dict[str, float]:
         """Return how far runs and parts of the state disagree on a cause, and how uncertain it is."""
         evidence, fit, whole = self.evidence, self.best.fit, self.whole[name]
-        # A parameter at the end of its tolerance takes up nothing: a cause may be what is beyond.
+        # A parameter at the end of its tolerance explains nothing more: a cause may be what is beyond.
         J = evidence.slopes(fit.spec, fit.x)[:, fit.inside]
-        # A cause beyond the tolerance of the same parameter is what goes beyond it, and is not taken up by it.
+        # A cause by the same parameter is its change beyond the tolerance, which the tolerance cannot explain.
         others = J[:, ~np.isclose(np.abs(_cosines(J, whole)), 1.0, atol=1e-2)]
         d = whole - others @ np.linalg.lstsq(others, whole, rcond=None)[0] if others.shape[1] else whole
         information, score = self.weight * d * d, -self.weight * d * fit.z
@@ -175,7 +175,7 @@ class _Told:
         }
 
     def _unsupported(self, name: str, d: np.ndarray, size: np.ndarray) -> float:
-        """Return half of the interval of a cause's factor, what tolerances take up taken off, beside other causes."""
+        """Return half of the interval of a cause's factor beside other causes, less what tolerances explain."""
         D, slots = self.competition.sensitivities(self.best.fit)
         others = D[:, [n != name for n, _ in slots]] * size[:, None]
         if others.shape[1]:
@@ -191,7 +191,7 @@ def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _colour(evidence: ResidualSource, z: np.ndarray, part: slice) -> float:
-    """Return the root mean square correlation of what is left in an equation with its own past, beyond chance."""
+    """Return the root mean square autocorrelation of an equation's residual, beyond chance."""
     order = np.lexsort((evidence.time[part], evidence.side[part], evidence.run[part]))
     x = z[part][order]
     size = float(np.median(np.abs(x))) / 0.6745 if len(x) else 0.0

@@ -1,4 +1,4 @@
-"""What names are trusted by: written by ``python benchmarks/withheld --develop --write``, not by hand."""
+"""Weights of the signs: written by ``python benchmarks/withheld --develop --write``, not by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ALONE = {
     "uneven": -0.99,
     "elsewhere": -1.77,
 }
-"""Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`, for one that explains alone."""
+"""Weights of the signs of a cause outside the library, see `pamid.gap.diagnosis.signs`, for one that explains alone."""
 BESIDE = {
     "constant": 2.64,
     "alike": -1.06,
@@ -41,6 +41,6 @@ BESIDE = {
 }
 """The same for causes that explain together."""
 TRUSTED = 0.5
-"""Probability from which a name is said: it is then more likely right than not."""
+"""Probability from which a name is reported: it is then more likely right than not."""
 SURE = 0.70
-"""Probability from which at most one name in twenty is wrong, where one gap in five has a cause beyond the library."""
+"""Probability from which at most one name in twenty is wrong, where one gap in five has a cause outside the library."""

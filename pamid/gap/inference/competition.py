@@ -20,9 +20,9 @@ from .so_far import INTERRUPTED, causes_so_far, stopped
 from .subsets import Subset, Subsets
 
 ROUNDS = 3
-"""Most times that the search begins anew from a set that it came upon at its end."""
+"""Most restarts of the search from a set found at its end."""
 LARGE = 4
-"""Effects from which sets that differ in one alone are not refitted one after the other: each is a dozen runs."""
+"""Set size from which sets that differ in one effect are not refitted one by one: each costs a dozen runs."""
 
 
 class Competition(FirstOrder):
@@ -54,23 +54,23 @@ class Competition(FirstOrder):
 
     # --- search -------------------------------------------------------------------------------------------------
     def run(self) -> Outcome:
-        """Let sets of effects compete, from the linearised library to exact refits about the best."""
+        """Rank sets of effects, from the linearised library to exact refits about the best."""
         return self.refit(self.screen())
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must know of the search."""
+        """Notes on the search."""
         return [INTERRUPTED] if self.interrupted else []
 
     def enough(self, h: Hypothesis) -> bool:
-        """Tell whether a hypothesis leaves no more than the noise, as well as that is known."""
+        """Return whether a hypothesis leaves no more than the noise, to the accuracy of the noise estimate."""
         wide = 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1))
         return bool(np.all(h.left <= wide))
 
     def refit(self, screen: Screen) -> Outcome:
-        """Refit sets of effects exactly, go on from the best of them, and set others in the place of its causes.
+        """Refit sets of effects exactly, improve the best of them, and try replacements of its causes.
 
-        Where that is interrupted, the best set so far stands, with what was tried in the place of its causes.
+        If interrupted, the best set so far is returned, with the replacements tried.
         """
         if screen.about is None:
             return Outcome(self.base, self.base, {})
@@ -102,7 +102,7 @@ class Competition(FirstOrder):
                 continue  # one effect more or less, or another in its place, is tried about the best set anyway
             if best is self.base and not self.evidence.bends and self._hopeless(about, subset, nothing):
                 continue
-            # What one effect explains exactly may need several to first order.
+            # What one effect explains exactly may need several effects to first order.
             first_order = subset.score - nothing - self.further * (len(subset.templates) - 1)
             gain = self._ranked(best)[1] - self.base.score
             alone = self.evidence.bends and len(subset.templates) == 1
@@ -118,7 +118,7 @@ class Competition(FirstOrder):
         return best
 
     def _settled(self, best: Hypothesis) -> tuple[Hypothesis, dict[str, list[Hypothesis]]]:
-        """Return the best set near one, with what may stand in the place of its causes."""
+        """Return the best set near one, with possible replacements of its causes."""
         for left in reversed(range(ROUNDS)):
             best = self._pruned(self._merged(self._improved(best)))
             if best.fit.spec:
@@ -138,14 +138,14 @@ class Competition(FirstOrder):
         return best, alternatives
 
     def _tell(self, best: Hypothesis) -> None:
-        """Say what the best set is so far, where that is news."""
+        """Report the best set so far where it has changed."""
         if best is not self._told and best.fit.spec:
             room = excess_of(self.evidence, self.base.fit.z)
             self.say(causes_so_far(list(best.fit.spec), closed_share(excess_of(self.evidence, best.fit.z), room)))
         self._told = best
 
     def only(self, outcome: Outcome, classes: Mapping[str, Collection[str]]) -> Outcome:
-        """Return what the competition would have come to with some effects of its best set alone."""
+        """Return the outcome for only some effects of the best set."""
 
         def kept(h: Hypothesis, also: str) -> Hypothesis:
             spec = {k: v for k, v in h.fit.spec.items() if k in classes or k == also}
@@ -166,7 +166,7 @@ class Competition(FirstOrder):
         return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
 
     def _exactly(self, singles: Mapping[str, Single]) -> dict[str, Single]:
-        """Return what effects that were refitted alone explain; to first order that of large ones is too little."""
+        """Return the gains of effects refitted alone; first order underestimates large ones."""
         room = excess_of(self.evidence, self.base.fit.z)
         alone = {next(iter(h.names)): h for h in self._done.values() if len(h.names) == 1}
         return {
@@ -181,7 +181,7 @@ class Competition(FirstOrder):
         """Return a set of effects refitted exactly, on top of those of a hypothesis that are kept."""
         start = self._start(about, subset, at, keep)
         if self.evidence.curved and len(start) > 1:
-            # Where tolerances bend, a part of the set that was refitted says where they go.
+            # Where tolerances act nonlinearly, a refitted part of the set shows where they go.
             near = max((h for key, h in self._done.items() if key < start.keys()), key=lambda h: h.plain)
             return self._refined({**start, **near.fit.spec}, near, behind)
         return self._refined(start, replace(at, fit=replace(at.fit, x=self._deviations(subset, at))), behind)
@@ -189,13 +189,13 @@ class Competition(FirstOrder):
     def _deviations(self, subset: Subset, at: Hypothesis) -> np.ndarray:
         """Return the deviations at which an exact refit of a set begins.
 
-        Where residuals bend, those of the hypothesis that it goes on from may lie at ends of their tolerances, to which
-        what the set explains had driven them, and from which no small step leads back.
+        Where residuals are nonlinear, those of the previous hypothesis may lie at ends of their tolerances, driven
+        there by what the set explains, and no small step leads back.
         """
         return subset.x[: self.evidence.J.shape[1]] if self.evidence.bends else at.fit.x
 
     def _promising(self, about: Subsets, contenders: Sequence[Subset]) -> list[Subset]:
-        """Return what may be the cause in the order of what it promises where it would begin, where each fit is runs.
+        """Sort candidates by predicted gain at their start, where each fit costs runs.
 
         The first is then most likely the best, and the others need not be followed to their ends.
         """
@@ -225,7 +225,7 @@ class Competition(FirstOrder):
         return starts[0]
 
     def _improved(self, best: Hypothesis, rounds: int = 3) -> Hypothesis:
-        """Add an effect, or put another in the place of one, as long as that has more evidence."""
+        """Add an effect, or replace one, as long as the evidence grows."""
         for _ in range(rounds):
             before = best
             if len(best.fit.spec) < MOST_CAUSES:
@@ -238,7 +238,7 @@ class Competition(FirstOrder):
         return best
 
     def _step(self, at: Hypothesis, out: str | None) -> Hypothesis:
-        """Return the best of a hypothesis and those with one effect more, or with another in the place of one."""
+        """Return the best of a hypothesis and those with one effect added or replaced."""
         without = frozenset() if out is None else frozenset({out})
         return max([at, *self._neighbours(at, without, 2, 0.4)], key=self._ranked)
 
@@ -246,7 +246,7 @@ class Competition(FirstOrder):
         """Refit the most promising sets with one effect more, some effects taken away first."""
         found = self._tried(at, out, most, margin, self._about(at, out))
         if any(has_form(name) for name in at.fit.spec if name not in out):
-            # What an inexact form may call for may as well be a law of its own: then it has fewer parameters.
+            # What an inexact form needs may also be another law: then it has fewer parameters.
             known = frozenset(name for h in found for name in h.names)
             found += self._tried(at, out, 1, margin, self._about(at, out, inexact=False), known)
         return found
@@ -260,7 +260,7 @@ class Competition(FirstOrder):
         about: Subsets,
         known: frozenset[str] = frozenset(),
     ) -> list[Hypothesis]:
-        """Refit the sets of `_neighbours` that are most promising in the light of some subsets."""
+        """Refit the most promising sets of `_neighbours`, given some subsets."""
         keep, gain = [name for name in at.fit.spec if name not in out], at.score - self.base.score
         nothing = about.fit(())
         gains = about.gains(nothing)
@@ -268,7 +268,7 @@ class Competition(FirstOrder):
         for t in np.argsort(-gains, kind="stable"):
             place.setdefault(self.templates[t].effect, int(t))
         closest = [*list(place)[: 4 * KEPT], *(name for name in out if name in place)]
-        # What gains promise at the scales of the gap itself, fits keep as these come down; either may be close enough.
+        # Gains predicted at the scales of the gap mostly hold as these come down; either may be close enough.
         promised = {name: float(gains[place[name]]) - about.cost[name] for name in closest}
         kept = {name: about.fit((place[name],)).score - nothing.score for name in closest}
         near: set[str] = set()
@@ -282,21 +282,21 @@ class Competition(FirstOrder):
                 found.append(self._done[frozenset({*keep, name})])
                 continue
             self.say(f"refit with {name}")
-            # What promises far less than what is there, once it is laid where it would begin, is not followed.
+            # Sets that promise far less once linearised at their start are dropped.
             behind = at.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0) if self.evidence.bends else -np.inf
             found.append(self._refitted(about, about.fit((place[name],)), at, keep, behind))
         return found
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects that are none of their own: limits of others, or one with them.
+        """Return a hypothesis without redundant effects: limits of others, or equivalent to them.
 
-        Which of them goes is no matter of size: what another can say may be the effect that there is, and the other one
-        that can say anything. So one is tried, too, without which all others are of their own.
+        Size does not decide which of them is removed: the one explained by another may be the real effect, and the
+        other one merely flexible. So removing one that makes all others distinct is tried, too.
         """
         if len(h.fit.spec) < 2:
             return h
         for name in h.fit.spec:
-            if degenerate(h.fit, name):  # what it has turned into stands in its place
+            if degenerate(h.fit, name):  # replaced by what it has turned into
                 rest = self._refined({k: v for k, v in h.fit.spec.items() if k != name}, h)
                 others = [o for o in self._neighbours(h, frozenset({name}), 2) if name not in o.names]
                 settled = [o for o in (rest, *others) if not any(degenerate(o.fit, n) for n in o.fit.spec)]
@@ -305,11 +305,11 @@ class Competition(FirstOrder):
             return h
         least = {list(h.fit.spec)[int(np.argmin(shares))], self._least_missed(h)}
         rests = ({k: v for k, v in h.fit.spec.items() if k != name} for name in sorted(least))
-        # Compared at their ends: a poor set may come to effects of their own before a good one does.
+        # Compared when finished: a poor set may reach distinct effects before a good one does.
         return max((self._purged(self._refined(rest, h)) for rest in rests), key=self._ranked)
 
     def _least_missed(self, h: Hypothesis) -> str:
-        """Return the effect without which the others are of their own and explain most, to first order."""
+        """Return the effect without which the others are distinct and explain most, to first order."""
         D, slots = self.sensitivities(h.fit)
         found = {}
         for out in h.fit.spec:
@@ -331,7 +331,7 @@ class Competition(FirstOrder):
         return self._done[found.names]
 
     def _merged(self, best: Hypothesis) -> Hypothesis:
-        """Look for one effect in the place of two that act in the same equation."""
+        """Try to replace two effects of the same equation by one."""
         for pair in itertools.combinations(best.fit.spec, 2):
             if len({self.discrepancy.main_part(best.fit, name) for name in pair}) == 1:
                 trial = max([best, *self._neighbours(best, frozenset(pair), 2)], key=self._ranked)
@@ -340,7 +340,7 @@ class Competition(FirstOrder):
         return best
 
     def _pruned(self, best: Hypothesis, odds: float = 0.0) -> Hypothesis:
-        """Take away effects whose evidence beside the others falls short of some odds, a logarithm."""
+        """Remove effects whose evidence beside the others is below some log odds."""
         while len(best.fit.spec) > 1:
             rests = [{k: v for k, v in best.fit.spec.items() if k != name} for name in best.fit.spec]
             chosen = max((self._refined(rest, best) for rest in rests), key=self._ranked)
@@ -351,11 +351,11 @@ class Competition(FirstOrder):
         return best
 
     def _alternatives(self, best: Hypothesis, name: str) -> list[Hypothesis]:
-        """Return the best set with other effects in the place of one, the highest score first."""
+        """Return the best set with one effect replaced by others, the highest score first."""
         self._neighbours(best, frozenset({name}), KEPT)
         others = best.names - {name}
         if (twin := self.evidence.twins.get(name)) in self.usable and twin not in best.names:
-            # What commutes says the same of the log, whatever it says of the beginnings of runs: nobody can tell.
+            # Effects that commute are equivalent on the log but for initial memory, which cannot decide.
             spec = best.fit.spec
             start = {p.name: spec[name].get(p.name, p.nominal) for p in all_effects()[twin].parameters}
             key = others | {twin}
@@ -364,7 +364,7 @@ class Competition(FirstOrder):
         return self._in_place(best, name)
 
     def _in_place(self, best: Hypothesis, name: str) -> list[Hypothesis]:
-        """Return the sets that were refitted with other effects in the place of one of the best set's, and that one."""
+        """Return the refitted sets with one effect of the best set replaced, and that set."""
         others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
@@ -372,7 +372,7 @@ class Competition(FirstOrder):
 
 
 def _unsettled(spec: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]] | None:
-    """Return effects with beginnings of runs that are half unknown; None where none has any, or all have already."""
+    """Return effects with half-unknown initial memory; None where none has any, or all have already."""
     library, out = all_effects(), {name: dict(values) for name, values in spec.items()}
     settled = [(n, p) for n in spec for p in library[n].parameters if p.before and spec[n][p.name] == 0.0]
     for name, p in settled:

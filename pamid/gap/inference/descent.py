@@ -1,8 +1,8 @@
-"""The likeliest numbers where residuals bend: Levenberg–Marquardt steps under Student's t, within bounds.
+"""Maximum likelihood for nonlinear residuals: Levenberg–Marquardt steps under Student's t, within bounds.
 
-Each step is solved about where the last one ended, and taken only if the residuals there, not those of a linear model,
-are likelier. That is what a fit needs whose numbers are hardly known: what they do differs from one end of their
-tolerance to the other, and with an effect from what it is without.
+Each step is solved about the last iterate, and taken only if the actual residuals there are likelier. Parameters with
+wide tolerances need this: their sensitivities differ from one end of the tolerance to the other, and with and without
+an effect.
 
 References
 ----------
@@ -21,13 +21,13 @@ from ...fitting.marquardt import Damping
 from .student_t import RobustFit, bounded, loglik, window_weights
 
 DAMPED = 1e-2
-"""Damping of the first step; what a fit comes to does not hang on it (``benchmarks/settings.py --computed``)."""
+"""Damping of the first step; the result of a fit does not depend on it (``benchmarks/settings.py --computed``)."""
 BROYDEN = 3.0
-"""How many times what ends a fit a step must gain for the next to do without slopes anew: time alone hangs on it."""
+"""Reuse the Jacobian after steps that gain more than this times the tolerance: affects run time only."""
 
 
 class Prior(NamedTuple):
-    """What is expected of numbers before anything was measured: Gaussian, without a precision anything.
+    """Gaussian prior of numbers; flat at zero precision.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Prior(NamedTuple):
 
     @classmethod
     def none(cls, n: int) -> Prior:
-        """Return that nothing is expected."""
+        """Return a flat prior."""
         return cls(np.zeros(n), np.zeros(n))
 
     def cost(self, x: np.ndarray) -> float:
@@ -82,7 +82,7 @@ def descend(
     enough: float = 0.3,
     behind: float = -np.inf,
 ) -> RobustFit:
-    """Maximise the likelihood of residuals over numbers that they bend with."""
+    """Maximise the likelihood of residuals over numbers in which they are nonlinear."""
 
     def there(x: np.ndarray) -> RobustFit:
         z = at(x)
@@ -121,7 +121,7 @@ def descend(
         gain = best.loglik - here.loglik
         if gain < enough:
             break
-        # A step that got far says itself how slopes change (Broyden); the next but one is laid anew.
+        # A step that gained much updates the slopes itself (Broyden); the next but one is relinearised.
         anew = not anew or gain < BROYDEN * enough
         if not anew:
             A = _turned(A, best.x - here.x, best.z - here.z, diagonal)
@@ -129,7 +129,7 @@ def descend(
 
 
 def _turned(A: np.ndarray, moved: np.ndarray, changed: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return slopes that agree with the last step, the least change of them that does."""
+    """Return slopes that agree with the last step by the least change (Broyden)."""
     along = size * moved
     power = float(along @ moved)
     return A + np.outer(changed - A @ moved, along) / power if power > 0.0 else A

@@ -1,4 +1,4 @@
-r"""How inexact the forms of effects are: what a right cause of a slightly wrong form leaves is expected, and no cause.
+r"""Model discrepancy of effects: the residual of a right cause with a slightly wrong form is not another cause.
 
 Where an effect acts it may be wrong by a small share of what it adds there, differently in each window, and by a larger
 share that goes smoothly with the state:
@@ -7,7 +7,7 @@ share that goes smoothly with the state:
     \beta_{kj} \sim N(0, \varphi^2), \quad \operatorname{var} \eta = 1 + \sum_k (\delta_k d_k)^2 + c_k^2
 
 with d the contribution of effect k, u signals of the state between −1 and 1, and c what it may add where the library's
-form has nothing. Both are part of the likelihood of every hypothesis that holds the effect.
+form is zero. Both are part of the likelihood of every hypothesis that holds the effect.
 
 References
 ----------
@@ -35,7 +35,7 @@ _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
 
 
 def has_form(name: str) -> bool:
-    """Tell whether an effect has a form that may be inexact; a sensor's offset or gain or a wrong length has none."""
+    """Return whether an effect has a form that may be inexact; a sensor's offset or gain or a wrong length has none."""
     effect = all_effects()[name]
     return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
 
@@ -91,7 +91,7 @@ class Discrepancy:
             if not has_form(name):
                 variance += np.square(FORM_EXACT * d)
                 continue
-            # What changes a muscle's shape shows in force and volume alike; friction stays where it is.
+            # A change of a muscle's shape shows in force and volume alike; friction does not.
             elsewhere = 0.0 if all_effects()[name].family in _CONFINED else FORM_ELSEWHERE * self.magnitude(d)
             variance += np.square(FORM_LOCAL * d) + elsewhere**2
         return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
@@ -99,8 +99,8 @@ class Discrepancy:
     def own_share(self, fit: Fit, name: str, D: np.ndarray, gap: np.ndarray) -> float:
         """Return how large an effect is beside what the others leave open, in the equation where that is most.
 
-        What tolerances and the parameters of the other effects could say of its contribution is taken off; the rest is
-        a share of what those of inexact form among them add to the same equation, or of the gap where they undo each
+        What tolerances and the parameters of the other effects could explain of its contribution is removed; the rest
+        is a share of what those of inexact form among them add to the same equation, or of the gap where they undo each
         other, infinite where they add nothing.
         """
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
@@ -110,7 +110,7 @@ class Discrepancy:
         A = np.column_stack([self.evidence.slopes(fit.spec, fit.x), D])
         size = np.maximum(np.sqrt(np.sum(np.square(A), axis=0)), 1e-300)
         A = A / size
-        # Tolerances take up no more than they have room for.
+        # Tolerances explain no more than their bounds allow.
         free = np.full(D.shape[1], np.inf)
         lower = np.concatenate([-SLACK - fit.x, -free]) * size
         upper = np.concatenate([SLACK - fit.x, free]) * size
@@ -124,7 +124,7 @@ class Discrepancy:
             # A model that was fitted to the log holds what its causes undo.
             bare = [float(np.sqrt(np.mean(np.square(self.evidence.raw(gap)[p])))) for p in self.evidence.parts]
             sizes = [[mine, min(theirs, g), size] for (mine, theirs, size), g in zip(sizes, bare, strict=True)]
-        # Where an effect does not act, tolerances hardly move what it seems to add.
+        # Where an effect does not act, tolerances hardly change its apparent contribution.
         acts = 0.3 * max(whole_size for *_, whole_size in sizes)
         return max(mine / max(theirs, 1e-3 * mine, 1e-300) for mine, theirs, size in sizes if size >= acts)
 
@@ -143,7 +143,7 @@ class Discrepancy:
             mine = [raw * signal for signal in self._signals]
             if all_effects()[name].n_states:
                 mine += pasts(raw, self.evidence)
-            # A form is inexact by its share once, however many signals that may go with.
+            # A form is inexact by its share once, however many signals it may vary with.
             found += [column / np.sqrt(len(mine)) for column in mine]
         return self.evidence.white(np.column_stack(found)) if found else np.zeros((len(self.evidence.z0), 0))
 

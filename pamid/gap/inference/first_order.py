@@ -1,4 +1,4 @@
-"""The library to first order on one log: what each effect and each set of them would explain, before any refit."""
+"""The library linearised on one log: what each effect and each set of them would explain, before any refit."""
 
 from __future__ import annotations
 
@@ -69,9 +69,9 @@ class FirstOrder(Worth):
         return self._singles(self._about(self.base)) if self.templates else {}
 
     def _close_singles(self, about: Subsets) -> list[Subset]:
-        """Return the effects that may each be the cause, as far as a model of first order can say.
+        """Return the effects that may each be the cause, to first order.
 
-        Where residuals are simulated, that errs for large effects. By how much is seen at the best of them.
+        Where residuals are simulated, that errs for large effects; the best of them shows by how much.
         """
         gains = about.gains(about.fit(()))
         best: dict[str, int] = {}
@@ -96,7 +96,7 @@ class FirstOrder(Worth):
         return min(1.0, apart / max(size, 1e-300))
 
     def _hopeless(self, about: Subsets, subset: Subset, nothing: float) -> bool:
-        """Tell whether a set explains too little to be a gap, between the points of its grid, too."""
+        """Return whether a set explains too little to be a gap, between the points of its grid, too."""
         price = sum(about.cost[self.templates[t].effect] for t in subset.templates)
         return (subset.score - nothing + price) / GRID - price <= self.evidence.least_gain
 
@@ -138,7 +138,7 @@ class FirstOrder(Worth):
         }
         weights = h.weights.copy()
         for i, part in enumerate(evidence.parts):
-            # The scale of each equation is fitted anew for every set; what is left is each window's own weight.
+            # The scale of each equation is refitted for every set; only each window's own weight remains.
             weights[part] *= h.fit.scales[i] ** 2 / max(float(self.fitter.weights[i]), 1e-12)
         return Subsets(
             z,
@@ -160,6 +160,6 @@ def closed_share(left: float, room: float) -> float:
 
 
 def excess_of(evidence: ResidualSource, z: np.ndarray) -> float:
-    """Return by how much residuals exceed their noise, over all equations."""
+    """Return the excess of residuals over their noise, over all equations."""
     raw = np.square(evidence.raw(z))
     return sum(max(float(np.sum(raw[part])) - (part.stop - part.start), 0.0) for part in evidence.parts)

@@ -1,7 +1,7 @@
-r"""A function of the state and its recent past of no particular form: what no effect of the library explains.
+r"""A nonparametric function of the state and its recent past: what no effect of the library explains.
 
 It is a sum of random cosines of the state, its exponentially weighted past, the path since the last reversal and the
-time, with Gaussian weights; how much of a residual it predicts for trajectories that it has not seen competes with
+time, with Gaussian weights; how much of a residual it predicts for unseen runs competes with
 what effects explain:
 
 .. math:: f(s) = \sum_j a_j \cos(\omega_j^\top s + b_j), \qquad a_j \sim N(0, \tau^2)
@@ -28,18 +28,18 @@ _RIDGES = (0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 
 @dataclass(frozen=True)
 class Remainder:
-    """What a flexible function predicts of one equation's residual on trajectories that it has not seen.
+    """What a flexible function predicts of one equation's residual on unseen runs.
 
     Parameters
     ----------
     equation : str
         The equation.
     predicted : array, shape (n_windows_of_equation,)
-        Its prediction of each window, from the other trajectories, in the units of the residual.
+        Its prediction of each window, from the other runs, in the units of the residual.
     share : float
         Share of the residual's mean square that it predicts, at least 0.
     gain : float
-        Gain in log-likelihood on the trajectories held out.
+        Gain in log-likelihood on the runs held out.
     """
 
     equation: str
@@ -84,7 +84,7 @@ class Flexible:
         return self._bases[equation]
 
     def remainder(self, equation: str, z: np.ndarray) -> Remainder:
-        """Return what a flexible function predicts of residuals, from trajectory to trajectory."""
+        """Return what a flexible function predicts of residuals, from run to run."""
         part = self.evidence.parts[self.evidence.equations.index(equation)]
         B, r = self.basis(equation), z[part]
         size = max(float(np.median(np.abs(r))) / 0.6745, 1e-12)
@@ -95,7 +95,7 @@ class Flexible:
 
 
 def _folds(evidence: ResidualSource, part: slice) -> np.ndarray:
-    """Return the fold of each window: whole trajectories, or stretches of time where there are too few."""
+    """Return the fold of each window: whole runs, or stretches of time where there are too few."""
     block = evidence.block[part]
     names = np.unique(block)
     if len(names) >= 3:

@@ -1,4 +1,4 @@
-"""How large the noise of a target is, what could be predicted of a residual, which way effects act: before any name."""
+"""The noise of a target, the predictable share of a residual, the sign of effects: known before any name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ALIKE = 0.05
 
 
 class Learned(NamedTuple):
-    """What is left of a residual on held-out trajectories by the best of several learners.
+    """What is left of a residual on held-out runs by the best of several learners.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class Learned(NamedTuple):
 def measured_noise(evidence: SignalEvidence) -> float:
     """Return the standard deviation of a window's noise, in the target's unit, as the log itself shows it.
 
-    It is the larger one of two: what neighbouring samples of the residual say, the noise of the inputs included, since
-    that comes through the model; and what runs that repeat each other say, which no model of these signals predicts.
+    It is the larger of two estimates: from neighbouring samples of the residual, which include the noise of the inputs
+    through the model; and from repeated runs, whose differences no model of these signals predicts.
     """
     pairs = [difference for a, b in repeats(evidence) if (difference := _between(evidence, a, b)) is not None]
     if not pairs:
@@ -58,7 +58,7 @@ def measured_noise(evidence: SignalEvidence) -> float:
 
 
 def repeats(evidence: SignalEvidence) -> list[tuple[int, int]]:
-    """Return the pairs of runs in which every signal that drives goes the same way over the same time."""
+    """Return the pairs of runs in which every input takes the same course over the same time."""
     driving = {k: x for k, x in evidence.table.items() if k in ("position", "pressure", "command", "flow")}
     moving = {k: x for k, x in driving.items() if np.std(x) > 0.0}
     ends = [*evidence.borders[1:].tolist(), len(evidence.y)]
@@ -98,10 +98,10 @@ LEAST_VALUES = 200
 def explainable(
     evidence: SignalEvidence, found: Iterable[Template], noise: float, seed: int = 0, enough: float = 0.0
 ) -> Learned:
-    """Return what a flexible learner leaves of a residual on held-out trajectories: how much could be explained at all.
+    """Return what a flexible learner leaves of a residual on held-out runs: how much could be explained at all.
 
     The learner is a boosted forest on the same signals, their past and the path since the last reversal; or the best
-    single effect of the library; or the forest on what that effect leaves. Trajectories are held out, or stretches of
+    single effect of the library; or the forest on what that effect leaves. Runs are held out, or stretches of
     time where there are less than three.
     """
     value = evidence.value
@@ -113,7 +113,7 @@ def explainable(
     least = min(float(np.mean(np.square(r))) for r in choices)
     if len(value) >= LEAST_VALUES and least > (enough * noise) ** 2:
         X, rests = _features(evidence), [single]
-        # Beside an effect that explains most there is little that a forest alone would say better.
+        # Beside an effect that explains most, a forest alone adds little.
         if float(np.mean(np.square(single))) > MOST * float(np.mean(np.square(choices[0]))):
             rests.append(value)
         choices += [r - _forest(X, r, folds, seed) for r in rests]
@@ -124,10 +124,10 @@ def explainable(
 
 
 def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:
-    """Return 1 where effects take away from the target, as friction does from what an actuator delivers, else −1.
+    """Return 1 where effects subtract from the target, as friction does from what an actuator delivers, else −1.
 
-    It is −1 where the target is what moves the thing: friction then adds to it. Amplitudes have signs, so only one of
-    both fits. What a faulty sensor reads has no sense: a late position looks like friction in either.
+    It is −1 where the target is the driving force: friction then adds to it. Amplitudes have signs, so only one of the
+    two fits. Sensor faults have no sense: a late position looks like friction in either.
     """
     library = all_effects()
     found = [t for t in found if not {"measure", "adjust"} & set(library[t.effect].hooks())]
@@ -182,7 +182,7 @@ def _held_out(evidence: SignalEvidence, some: Sequence[Template], rows: Sequence
     along = [np.swapaxes(A[:, r], 1, 2) @ evidence.value[r] for r in rows]
     out = np.zeros(A.shape[:2])
     for k, r in enumerate(rows):
-        # What acts in one fold alone is exactly nothing in the others: nothing is taken off a sum of all.
+        # An effect in one fold only is exactly zero in the others: nothing is subtracted from a sum over all.
         G, b = (np.sum([v for j, v in enumerate(each) if j != k], axis=0) for each in (inner, along))
         if len(rows) == 1:
             G, b = np.zeros_like(inner[0]), np.zeros_like(along[0])

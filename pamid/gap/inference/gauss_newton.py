@@ -24,9 +24,9 @@ NEAR = 0.03
 MIX = 0.4
 """How far a share of another form may go in one step."""
 FAR_ENOUGH = 10.0
-"""How many times what ends a fit a step must gain for the next to do without differences anew."""
+"""Reuse the Jacobian after steps that gain more than this times the tolerance."""
 LAID, FINAL = 24, 0.1
-"""Most steps of a fit that is laid anew as it goes, and the gain that ends it."""
+"""Most steps of a fit that is relinearised as it goes, and the gain that ends it."""
 PROMISED = 0.1
 """Share of what ends a fit that a step must promise to first order to be a run."""
 LOST = 300.0
@@ -78,7 +78,7 @@ class Fitter:
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
-        about = getattr(evidence, "about", 0.0)  # where wide tolerances already are
+        about = getattr(evidence, "about", 0.0)  # current values of wide tolerances
         self.low, self.high = np.full(self.n, -SLACK) - about, np.full(self.n, SLACK) - about
 
     def linear(
@@ -128,8 +128,7 @@ class Fitter:
     def unwhitened(self, fit: Fit) -> Fit:
         """Refit the tolerances to unwhitened windows, which is how far off a simulator is taken to be.
 
-        In what makes the noise independent, slow errors weigh more: a fit there may leave more in one equation to have
-        less in another.
+        Whitening gives slow errors more weight: a fit there may leave more in one equation to have less in another.
         """
         evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
         if evidence.curved:
@@ -160,7 +159,7 @@ class Fitter:
         return self.linear(z, D, lower, upper, iterations=6, start=x, J=self.evidence.slopes(spec, x)).loglik
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
-        """Fit the tolerances, the linear model of them laid where the fit ends."""
+        """Fit the tolerances, linearised where the fit ends."""
         if self.evidence.curved:
             return self._descended(spec, x, LAID, FINAL, -np.inf, held=True)
         return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
@@ -186,7 +185,7 @@ class Fitter:
     def _refined(
         self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float, behind: float
     ) -> tuple[Fit, np.ndarray]:
-        """Fit everything with a linear model of the tolerances, laid at deviations x; also where it was laid last."""
+        """Fit everything with the tolerances linearised at deviations x; also return where it was linearised last."""
         slots = slots_of(spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         if self.evidence.curved:
@@ -211,7 +210,7 @@ class Fitter:
                 trial = np.array(
                     [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
                 )
-                if self.evidence.bends:  # each is a run: it is made where the tolerances will be, too
+                if self.evidence.bends:  # each is a run: it is also made where the tolerances will be
                     at = best.x + damping * (solved.x[: self.n] - best.x)
                 z_trial = self.evidence.tangent(_spec(slots, trial), at)
                 found = self._fit(_spec(slots, trial), z_trial, best.x)
@@ -225,7 +224,7 @@ class Fitter:
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
-            # Where each residual is a run of a simulator, a step that got far says how sensitivities change.
+            # Where each residual is a simulator run, a step that gained much updates the sensitivities.
             anew = not self.evidence.bends or added < FAR_ENOUGH * gain
         return best, x
 
@@ -233,7 +232,7 @@ class Fitter:
         self, spec: dict[str, dict[str, float]], x: np.ndarray, rounds: int, gain: float, behind: float,
         held: bool = False, turned: Callable[[np.ndarray], np.ndarray] = lambda z: z,
     ) -> Fit:  # fmt: skip
-        """Fit everything, or tolerances beside effects that are held, each step laid where the last one ended."""
+        """Fit everything, or tolerances beside fixed effects, each step linearised where the last one ended."""
         evidence, n, slots = self.evidence, self.n, [] if held else slots_of(spec)
         phi = np.array([spec[name][p.name] for name, p in slots])
         ends = np.array([(p.lower, p.upper) for _, p in slots]).reshape(-1, 2)
@@ -286,7 +285,7 @@ class Fitter:
                 continue
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
             if len(spec) > 1 and not self.evidence.bends and all(adds(n) for n in spec):
-                # What is added to an equation changes by itself as it does beside other effects.
+                # Contributions to an equation are additive, with or without other effects.
                 D[:, k] = self.evidence.change({name: moved}, {name: spec[name]}, x) / h
             else:
                 D[:, k] = self.evidence.change({**spec, name: moved}, spec, x) / h
@@ -294,7 +293,7 @@ class Fitter:
 
 
 def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
-    """Return a solution whose linear model of the tolerances is laid where it ends, beginning at deviations x."""
+    """Return a solution linearised in the tolerances where it ends, starting at deviations x."""
     for _ in range(ROUNDS):
         found = solved(x)
         moved, x = float(np.max(np.abs(found.x - x), initial=0.0)), found.x
@@ -306,7 +305,7 @@ def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solv
 def _turned(
     D: np.ndarray, moved: np.ndarray, changed: np.ndarray, slots: Sequence[tuple[str, Parameter]]
 ) -> np.ndarray:
-    """Return sensitivities that agree with the last step, the least change of them that does (Broyden)."""
+    """Return sensitivities that agree with the last step by the least change (Broyden)."""
     along = moved / np.square([abs(p.nominal) or p.upper - p.lower for _, p in slots])
     power = float(along @ moved)
     return D + np.outer(changed - D @ moved, along) / power if power > 0.0 else D
@@ -342,7 +341,7 @@ def _reach(slots: Sequence[tuple[str, Parameter]], phi: np.ndarray) -> tuple[np.
 
 
 def _mixes(p: Parameter) -> bool:
-    """Tell whether a parameter says how much of another form an effect has, from none on: it has no order of size."""
+    """Return whether a parameter is the share of another form in an effect, from zero on: it has no typical size."""
     return not p.linear and (p.share or (p.unit == "-" and p.nominal == p.lower == 0.0))
 
 

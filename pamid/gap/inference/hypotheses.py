@@ -1,4 +1,4 @@
-"""What competes: sets of effects with their evidence, from the screen of the library to the outcome."""
+"""Hypotheses: sets of effects with their evidence, from the screening of the library to the outcome."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Hypothesis:
     z : array, shape (n_windows,)
         What is left, in the same units.
     weights : array, shape (n_windows,)
-        What each window counts for at the fit.
+        Weight of each window at the fit.
     own : list of float or None
-        How large each of several effects is beside what the others leave open; None before it is asked for.
+        How large each of several effects is beside what the others leave open; None until computed.
     """
 
     fit: Fit
@@ -68,7 +68,7 @@ class Single(NamedTuple):
 
 @dataclass
 class Outcome:
-    """What the competition came to.
+    """The outcome of the competition.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Screen(NamedTuple):
 def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
     """Return the sets to refit, small ones first: those close to the best, and the best two of one effect.
 
-    A set that a smaller one in it is as good as is none of them.
+    A set that is no better than a smaller one in it is not among them.
     """
     some = [s for s in found if s.templates]
     if not some:
@@ -149,7 +149,7 @@ def degenerate(fit: Fit, name: str) -> str | None:
             others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
             if abs(value) < ALMOST * others:
                 return p.name
-        # A lower bound far below what is typical stands for zero, the ideal form of the same effect.
+        # A lower bound far below typical values means zero, the ideal form of the same effect.
         elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
             return p.name
     return None

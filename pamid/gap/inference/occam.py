@@ -1,14 +1,13 @@
-r"""What an effect costs for the freedom it has: Laplace's approximation of its evidence.
+r"""The price of an effect's freedom: Laplace's approximation of its evidence.
 
-Schwarz charges every parameter alike. But a presliding distance that the log hardly tells, or the split of a fault
-over two muscles that are alike, bends nothing and should cost nothing, while an amplitude costs the full price. The
-volume of parameters that fit as well, against the volume that was thought possible, says how much each one bends:
+Schwarz charges every parameter alike. But a presliding distance that the log hardly determines, or the split of a fault
+over two similar muscles, changes nothing and should cost nothing, while an amplitude costs the full price. The
+posterior volume of the parameters over the prior volume says how much each one matters:
 
 .. math:: c = \tfrac{1}{2} \log n + \tfrac{1}{2} \log\det(I + S H S) - \tfrac{1}{2} \log(1 + 2 G)
 
-with H the curvature of the likelihood, tolerances projected out, S the widths of what was thought possible and G the
-gain. An amplitude is thought possible up to about its own size, so that an effect of one amplitude costs Schwarz's
-price.
+with H the curvature of the likelihood, tolerances projected out, S the prior widths and G the gain. The prior width of
+an amplitude is about its own size, so that an effect of one amplitude costs Schwarz's price.
 
 References
 ----------
@@ -68,7 +67,7 @@ def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: S
 
 
 def possible(H: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> np.ndarray:
-    """Return how far each parameter was thought possible to be from its value; an amplitude about the effect's size."""
+    """Return the prior width of each parameter; an amplitude's is about the effect's size."""
     curvature = np.maximum(np.diag(H), 0.0)
     with np.errstate(divide="ignore"):
         amplitude = np.where(curvature > 0.0, np.sqrt(2.0 * max(gain, 1.0) / np.maximum(curvature, 1e-300)), 0.0)

@@ -1,4 +1,4 @@
-"""Which periods of an effect of the position a log speaks for."""
+"""Which periods of an effect of the position a log supports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every effect of the library would do to the residuals: columns to fit with, on a grid of what is nonlinear."""
+"""Sensitivities of the residuals to every effect of the library, on a grid of the nonlinear parameters."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Template:
     family: str = ""
 
     def starts(self, x: np.ndarray) -> list[dict[str, float]]:
-        """Return all parameters of the effect at fitted coefficients, in one or two readings of what they say."""
+        """Return all parameters of the effect at fitted coefficients, in one or two interpretations."""
         if self.linear:
             return [{**self.fixed, **{name: float(v) for name, v in zip(self.linear, x, strict=False)}}]
         found = [dict(self.fixed)]
@@ -71,7 +71,7 @@ def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
 
 
 def laid(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
-    """Return the same without asking first whether it changes anything."""
+    """Return the same without first checking whether it changes anything."""
     linear = [p for p in effect.parameters if p.linear]
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
@@ -96,7 +96,7 @@ def _columns(
     linear: Sequence[Parameter],
     beside: Spec | None = None,
 ) -> np.ndarray:
-    """Return what a unit of each linear parameter of an effect changes, or the effect as it stands, beside others."""
+    """Return the change by a unit of each linear parameter of an effect, or by the effect as a whole, beside others."""
     spec, x, columns = dict(beside or {}), np.zeros(len(evidence.free)), []
     for p in linear:
         alone = {q.name: _unit(p) if q is p else 0.0 for q in linear}
@@ -120,13 +120,13 @@ def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec
 
 
 def adds(name: str) -> bool:
-    """Tell whether an effect adds to equations and changes nothing that others read."""
+    """Return whether an effect adds to equations and changes nothing that others read."""
     return set(all_effects()[name].hooks()) <= {"force", "flow", "torque", "valve"}
 
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
-    if p.before or p.skew:  # an exact fit finds them from there
+    if p.before or p.skew:  # an exact fit starts from there
         return [p.nominal]
     if p.spacing:
         return np.arange(p.lower, p.upper, p.spacing).tolist()

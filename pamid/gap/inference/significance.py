@@ -1,4 +1,4 @@
-"""Is there a gap at all: the best score over the whole library against what noise alone would make of it."""
+"""Whether there is a gap at all: the best score over the whole library against its distribution under noise alone."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Significance(NamedTuple):
 def library_test(
     evidence: ResidualSource, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
 ) -> Significance:
-    r"""Test whether any effect of the library explains more than noise would let it.
+    r"""Test whether any effect of the library explains more than it would by chance.
 
     The residuals of the refitted simulator keep their size and their tails while the signs of stretches of time are
-    drawn anew; the largest score over the whole library is then compared with its distribution under such draws. The
-    tail beyond the draws is that of a Gumbel distribution, the limit of a maximum.
+    redrawn; the largest score over the whole library is then compared with its distribution under such draws. The tail
+    beyond the draws is that of a Gumbel distribution, the limit of a maximum.
 
     References
     ----------
@@ -59,7 +59,7 @@ def library_test(
     for part, s in zip(evidence.parts, fit.scales, strict=True):
         root[part] = np.sqrt((NU + 1.0) / (NU + np.square(fit.z[part] / s))) / s
     zw = fit.z * root
-    # A parameter at the end of its tolerance cannot go further that way: an effect may stand for what is beyond.
+    # A parameter at the end of its tolerance cannot go further that way: an effect may replace what is beyond.
     J = (evidence.J * root[:, None])[:, fit.inside]
     Q = np.linalg.qr(J)[0] if J.shape[1] else J
     signs = _signs(evidence, random_state)
@@ -103,7 +103,7 @@ def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> I
 
 
 def least_penalty(k: int, evidence: ResidualSource) -> float:
-    """Return what k parameters of one effect cost at first sight: Schwarz's price, once; others may bend little."""
+    """Return the provisional price of k parameters of one effect: Schwarz's price, once; others may matter little."""
     return 0.5 * float(np.log(max(len(evidence.z0), 2))) + 1.5 * (k - 1)
 
 
@@ -148,7 +148,7 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
 
 
 def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
-    """Return the probability of as many windows far beyond their noise, which a robust scale does not hear of.
+    """Return the probability of as many windows far beyond their noise, which a robust scale ignores.
 
     Only equations without derivatives count: others may err where a command jumps between two samples.
     """

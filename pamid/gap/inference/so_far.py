@@ -1,4 +1,4 @@
-"""What is known so far: the first words of an answer while the search goes on, and what it is where it is cut short."""
+"""What is known so far: a preliminary answer during the search, and the answer where it is cut short."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SoFar(str):
 
 
 def stopped(stop: KeyboardInterrupt) -> None:
-    """Raise again where it is the system that ends the process: only who waits for an answer wants one so far."""
+    """Re-raise where the system ends the process: only a waiting user wants an answer so far."""
     if type(stop) is not KeyboardInterrupt:
         raise stop
 

@@ -1,8 +1,8 @@
 r"""The likelihood that candidates compete by, and the robust fit that maximises it.
 
 Residuals in units of their noise follow Student's t with a scale of its own in each equation, never less than the
-noise itself. The scale is maximised out, so that an equation weighs the more the better it is explained, and the few
-windows in which a command jumps do not decide:
+noise itself. The scale is maximised out, so that an equation weighs more the better it is explained, and the few
+windows in which a command jumps do not dominate:
 
 .. math:: \ell = -\sum_e \Big[n_e \log s_e + \tfrac{\nu + 1}{2} \sum_{w \in e} \log\big(1 + z_w^2 / (\nu s_e^2)\big)
     \Big], \qquad s_e \ge 1
@@ -98,8 +98,8 @@ def solve(
     best = RobustFit(value - 0.5 * float(prior @ (start * start)), start, z, scales)
     if not k:
         return best
-    # An equation that is far off at the start would be given up, one that fits would be clung to: the first round
-    # therefore trusts all equations alike, and where there is time another one begins from their scales as they are.
+    # An equation that is far off at the start would be ignored, one that fits would dominate: the first round therefore
+    # trusts all equations alike, and a second one starts from the actual scales.
     for first in (np.ones(len(parts)), scales) if iterations > 5 else (np.ones(len(parts)),):
         found = _reweighted(z0, A, lower, upper, parts, weights, prior, iterations, first)
         if found.loglik > best.loglik:
@@ -124,7 +124,7 @@ def _reweighted(
     for n in range(iterations):
         for i, part in enumerate(parts):
             share = (1.0 if weights is None else float(weights[i])) / scales[i] ** 2
-            # The first round trusts every window: what looks like an outlier there may be what the columns explain.
+            # The first round trusts every window: an apparent outlier may be explained by the columns.
             w[part] = share * (NU + 1.0) / (NU + np.square(z[part] / (GAUSSIAN * scales[i]))) if n else share
         Aw = A * w[:, None]
         x = bounded(A.T @ Aw + np.diag(prior), -(z0 @ Aw), lower, upper)
@@ -141,7 +141,7 @@ def _reweighted(
 
 
 def window_weights(solution: RobustFit, parts: Sequence[slice], weights: np.ndarray | None = None) -> np.ndarray:
-    """Return what each window counts for in the curvature of the likelihood at a fit."""
+    """Return the weight of each window in the curvature of the likelihood at a fit."""
     w = np.empty(len(solution.z))
     for i, part in enumerate(parts):
         share = (1.0 if weights is None else float(weights[i])) / solution.scales[i] ** 2
@@ -152,7 +152,7 @@ def window_weights(solution: RobustFit, parts: Sequence[slice], weights: np.ndar
 def form_cost(
     A: np.ndarray, solution: RobustFit, parts: Sequence[slice], prior: np.ndarray, weights: np.ndarray | None = None
 ) -> float:
-    """Return what columns with a Gaussian prior cost, whatever they explain: half the log-determinant of H / prior.
+    """Return the price of columns with a Gaussian prior, whatever they explain: half the log-determinant of H / prior.
 
     It is Laplace's approximation of the integral over their coefficients.
     """

@@ -1,4 +1,4 @@
-r"""Which sets of effects could explain residuals: every subset scored from products of sensitivities.
+r"""Which sets of effects could explain residuals: subsets scored from products of sensitivities.
 
 The library is linearised once. A set of effects is then a few columns, and what it explains follows from their inner
 products with each other, with the residual and with what has a tolerance, equation by equation:
@@ -7,7 +7,7 @@ products with each other, with the residual and with what has a tolerance, equat
     - \tfrac{1}{2} x^\top \Lambda x, \qquad s_e \ge 1
 
 with the scale s of each equation profiled out, so that a faint effect counts as soon as a strong one is explained.
-Sets are grown breadth first: one more effect of all, the best few kept, their grid points chosen anew.
+Sets are grown breadth first: one more effect of all, the best few kept, their grid points chosen again.
 
 References
 ----------
@@ -77,7 +77,7 @@ class Subsets:
     z : array, shape (n_windows,)
         Residuals at the fit, in units of the noise.
     fixed : array, shape (n_windows, n_fixed)
-        Columns that every set has: tolerances, and effects that stand already.
+        Columns that every set has: tolerances, and effects already included.
     lower, upper, precision : array, shape (n_fixed,)
         Bounds and prior precision of their coefficients.
     library : sequence of Template
@@ -87,9 +87,9 @@ class Subsets:
     parts : sequence of slice
         The windows of each equation.
     weights : array, shape (n_windows,)
-        What each window counts for.
+        Weight of each window.
     share : array, shape (n_equations,)
-        What a window of each equation counts for in the likelihood.
+        Weight of a window of each equation in the likelihood.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Subsets:
         self._across = np.array([self.fixed[p].T @ self.columns[p] for p in parts])
         self._inner = np.array([self.fixed[p].T @ self.fixed[p] for p in parts])
         self._bare = self._scales(np.array([float(self.z[p] @ self.z[p]) for p in parts]))
-        # Scales that begin where tolerances have not been fitted yet come down slowly.
+        # Scales from before the fit of tolerances decrease slowly.
         self._bare = self.fit((), rounds=10 * ROUNDS).scales
 
     def _kind(self, places: np.ndarray, size: int) -> _Alike:
@@ -141,7 +141,7 @@ class Subsets:
 
     # --- one set ----------------------------------------------------------------------------------------------
     def fit(self, templates: tuple[int, ...], near: Subset | None = None, rounds: int = ROUNDS) -> Subset:
-        """Fit a set of templates, the scales of the equations with them, beginning at those of a set near it."""
+        """Fit a set of templates and the scales of the equations, starting from those of a nearby set."""
         A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in templates)])
         lower, upper = self._bounds(templates)
         precision = np.concatenate([self.precision, np.zeros(A.shape[1] - len(self.precision))])
@@ -210,7 +210,7 @@ class Subsets:
             own = np.tensordot(c, kind.blocks[:, np.searchsorted(kind.places, k)], 1)
             S = own - weighted[:, columns].transpose(1, 2, 0) @ projected[:, columns].transpose(1, 0, 2)
             outside += self._gained(out, k, S, own, slope[columns])
-        # What bounds take away matters only for those that would be chosen without them.
+        # The loss by bounds matters only for those that would be chosen without them.
         for at, S, g, low, high in sorted(outside, key=lambda v: (-out[v[0]], v[0]))[: 8 * KEPT]:
             y = bounded(S, -g, low, high)
             out[at] = max(0.0, -float(g @ y + 0.5 * y @ S @ y))
@@ -249,7 +249,7 @@ class Subsets:
         return lower, upper
 
     def _inside(self, subset: Subset) -> np.ndarray:
-        """Tell which coefficients of a set are within their bounds."""
+        """Return which coefficients of a set are within their bounds."""
         lower, upper = self._bounds(subset.templates)
         return np.asarray((subset.x > lower) & (subset.x < upper))
 
@@ -275,7 +275,7 @@ class Subsets:
                 names = self._names(child.templates)
                 if names not in children or child.score > children[names].score:
                     children[names] = child
-            # Every effect is followed to its pairs; of larger sets the best one of each combination of families.
+            # All pairs are tried; of larger sets the best one of each combination of families.
             ranked = sorted(children.values(), key=lambda s: -s.score)
             ranked = ranked if len(beam[0].templates) == 0 else self._distinct(ranked)[:KEPT]
             # The grid matters for what is refitted, and only the first few are.
@@ -289,7 +289,7 @@ class Subsets:
         return sorted(found.values(), key=lambda s: -s.score)
 
     def _of_its_own(self, child: Subset, parent: Subset, first: Subset) -> bool:
-        """Tell whether what a set adds to another is more than an inexact form of the other's effects could be."""
+        """Return whether a set adds more to another than an inexact form of the other's effects could."""
         if not any(has_form(name) for name in self._names(parent.templates)):
             return True
         added, there = parent.left - child.left, first.left - parent.left
@@ -299,7 +299,7 @@ class Subsets:
         return frozenset(self.library[t].effect for t in templates)
 
     def _promising(self, beam: Sequence[Subset], barred: frozenset[str]) -> list[tuple[Subset, int]]:
-        """Return the sets with one effect more that promise most, each effect at the grid point that adds most."""
+        """Return the most promising sets with one effect more, each effect at the grid point that adds most."""
         best: dict[frozenset[str], tuple[float, Subset, int]] = {}
         for parent in beam:
             gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
@@ -323,7 +323,7 @@ class Subsets:
         return list(best.values())
 
     def _regridded(self, subset: Subset) -> Subset:
-        """Return a set with each effect's grid point chosen anew beside the others."""
+        """Return a set with each effect's grid point reselected beside the others."""
         for k, t in enumerate(subset.templates):
             rest = self.fit((*subset.templates[:k], *subset.templates[k + 1 :]), subset, rounds=2)
             same = [i for i, other in enumerate(self.library) if other.effect == self.library[t].effect]

@@ -1,4 +1,4 @@
-"""What a set of effects is worth: its evidence with inexact forms, and what sets of different size are compared by."""
+"""The evidence of a set of effects with inexact forms, and how sets of different size are compared."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Worth:
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
     def _below_noise(self, left: np.ndarray) -> float:
-        """Return what residuals gain in nats by becoming smaller than their noise: a fault undone filters that, too."""
+        """Return the gain in nats of residuals below their noise: undoing a fault filters the noise, too."""
         quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
         return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
 
@@ -96,7 +96,7 @@ class Worth:
         return found
 
     def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
-        """Return what sets of different size are compared by: whether each effect is one of its own, then the score."""
+        """Return the sort key of sets of different size: whether each effect is distinct, then the score."""
         own = not any(degenerate(h.fit, name) for name in h.fit.spec)
         own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
         return own, self.comparable(h) - self._crowded(h)
@@ -110,7 +110,7 @@ class Worth:
         return [name for name in spec if self.evidence.prior(name) <= 0.0]
 
     def _crowded(self, h: Hypothesis) -> float:
-        """Return what effects beyond the first in an equation must explain better, in nats, than the inexact first one.
+        """Return the gain in nats that effects beyond the first in an equation need over the inexact first one.
 
         That is a share of what they explain there together; but any model other than a bench's may be wrong in several
         ways at once.
@@ -160,7 +160,7 @@ class Worth:
 
 
 def _filters(spec: Spec) -> bool:
-    """Tell whether to undo a fault of a sensor filters its noise: one with a memory does, an offset does not."""
+    """Return whether undoing a sensor fault filters its noise: one with memory does, an offset does not."""
     library = all_effects()
     return any(library[name].n_states and "measure" in library[name].hooks() for name in spec)
 

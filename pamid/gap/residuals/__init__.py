@@ -1,1 +1,1 @@
-"""Residual sources: a log held against a simulator, as one vector of windows."""
+"""Residual sources: a log compared with a simulator, as one vector of windows."""

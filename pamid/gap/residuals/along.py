@@ -17,7 +17,7 @@ def wide(p: np.ndarray, n: int) -> np.ndarray:
 
 def changed(p: np.ndarray, k: int, made: Any, log: PortLog) -> np.ndarray:
     """Return parameters with the k-th as an effect changes it."""
-    if p.ndim == 1 and isinstance(made, FIXED):  # the same all along: no row has rates of its own
+    if p.ndim == 1 and isinstance(made, FIXED):  # constant: no row has rates of its own
         out = p.copy()
         out[k] = made.adjust({"value": p[k]})["value"]
         return out

@@ -1,4 +1,4 @@
-"""One equation of a simulator: a derivative of a channel against what is said of it."""
+"""One equation of a simulator: a derivative of a channel against its modelled value."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Balance(NamedTuple):
     Parameters
     ----------
     name : str
-        The port at which it looks.
+        The port that it tests.
     channel : str
         What was measured.
     order : int
@@ -38,7 +38,7 @@ class Balance(NamedTuple):
         return np.asarray(np.diff(x, self.order) / dt**self.order)
 
     def mean(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return what rates at both ends of each step, straight between them, are in the same means."""
+        """Return the same means of rates given at both ends of each step, linear between them."""
         if self.order == 1:
             return 0.5 * (start[:-1] + end[:-1])
         return (start[:-2] + 2.0 * end[:-2]) / 6.0 + (2.0 * start[1:-1] + end[1:-1]) / 6.0

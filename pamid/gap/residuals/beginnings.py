@@ -1,12 +1,12 @@
-r"""What an effect remembers when a run begins is not known: what it may add there, taken off the residuals.
+r"""The unknown memory of effects at the start of a run: what it may add there is removed from the residuals.
 
-A spring that creeps, or gas that cools, begins a logged run with a past that the log does not hold. What that adds
-decays with a time constant τ of the effect, by an unknown amount a in each run and muscle,
+A spring that creeps, or gas that cools, begins a logged run with a past that is not in the log. Its contribution decays
+with a time constant τ of the effect, by an unknown amount a in each run and muscle,
 
 .. math:: z = z_0 + \sum_i a_i\, e^{-t/\tau_i}, \qquad a_i \sim N(0, \sigma_i^2)
 
-with σ from what the effect could remember at most. The amounts are integrated out: the residual keeps what no amount
-explains, and half the logarithm of det(I + σ²BᵀB) is what that freedom costs.
+with σ from the largest possible memory. The amounts are integrated out: the residual keeps what no amount explains, and
+half the logarithm of det(I + σ²BᵀB) is the price of that freedom.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Beginning(NamedTuple):
 
 
 def without_beginnings(z: np.ndarray, columns: Sequence[np.ndarray], block: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return residuals without what unknown beginnings explain, and what that freedom costs."""
+    """Return residuals without what unknown initial memory explains, and the price of that freedom."""
     k, n = len(columns), int(block.max(initial=-1)) + 1
     B = np.column_stack(columns)
     H = np.empty((n, k, k))

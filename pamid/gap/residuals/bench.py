@@ -1,4 +1,4 @@
-"""A log held against a simulator, as one vector of windows: what every part of a diagnosis computes with."""
+"""A log compared with a simulator, as one vector of windows: the data of every part of a diagnosis."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RECENT = 24
 class Evidence(Straight):
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
-    Residuals are turned such that their noise is independent from window to window; `raw` turns them back.
+    Residuals are whitened, so that their noise is independent from window to window; `raw` reverses this.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Evidence(Straight):
     parts : list of slice
         The windows of each.
     block : array of int, shape (n_windows,)
-        The trajectory of each window.
+        The run of each window.
     run, side : array of int, shape (n_windows,)
         The stretch of the log and the muscle (or joint) of each window.
     time : array, shape (n_windows,)
@@ -63,13 +63,13 @@ class Evidence(Straight):
     free : list of str
         Parameters that have a tolerance.
     J : array, shape (n_windows, n_free)
-        What a deviation of one tolerance does to the residuals.
+        Change of the residuals by a deviation of one tolerance.
     columns : list of str
         Columns of the log that equations may read, beside the angle.
     skipped : dict of str to str
         Equations that the log does not allow, and why.
     weights : array, shape (n_equations,)
-        What a window of each equation counts for.
+        Weight of a window of each equation.
     sharp : list of slice
         The windows of equations without derivatives, in which no single window may be far out.
     """
@@ -144,7 +144,7 @@ class Evidence(Straight):
         self.free = [name for name, t in params.tolerance.items() if t > 0 and params.get(name) != 0]
         self.J = self._tolerances()
         self.weights = np.ones(len(self.parts))
-        # A derivative does not see where between two samples a command jumps: few windows may be far out there.
+        # A derivative does not resolve a jump of a command between samples: few windows may be far out there.
         self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if allowed[e].order == 1]
         self._state: dict[str, np.ndarray] | None = None
         self._tangents: dict[bytes, np.ndarray] = {}
@@ -218,12 +218,12 @@ class Evidence(Straight):
         return [e for e in self.equations if any(self._equations[e].changed_by(library[name]) for name in names)]
 
     def reads(self, channel: str) -> bool:
-        """Tell whether an equation that is tested reads a channel."""
+        """Return whether an equation that is tested reads a channel."""
         return any(channel in self._equations[e].channels for e in self.equations)
 
     @property
     def nuisances(self) -> np.ndarray:
-        """What is unknown of this log alone: nothing that its windows show."""
+        """Unknowns of this log alone: none that its windows show."""
         return np.zeros((len(self.z0), 0))
 
     def z(
@@ -250,7 +250,7 @@ class Evidence(Straight):
                 yield slice(slots[0].start, slots[-1].stop), residual
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus ``J x`` are the exact residuals at deviations x, a tangent of the model there."""
+        """Return z0 such that z0 + ``J x`` equals the exact residuals at deviations x, a tangent of the model there."""
         deviations = dict(zip(self.free, map(float, x), strict=True))
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self._tangents:
@@ -258,7 +258,7 @@ class Evidence(Straight):
             self._tangents = {**dict(list(self._tangents.items())[-5:]), key: exact - self.J @ x}
         if not spec:
             return self._tangents[key]
-        # Derivatives with respect to each parameter begin at the same effects, which are asked for again and again.
+        # Derivatives with respect to each parameter start from the same effects, which recur.
         asked = repr(spec), key
         if asked not in self._recent:
             out, changed, linear = self._tangents[key].copy(), self.z(spec, deviations), self.J @ x
@@ -266,7 +266,7 @@ class Evidence(Straight):
                 part = self.parts[self.equations.index(name)]
                 out[part] = changed[part] - linear[part]
                 if columns := self._beginnings(spec, name):
-                    # What tolerances change is taken along: its tangent is not.
+                    # The change by tolerances is kept, its tangent is not.
                     kept = without_beginnings(changed[part], columns, self._lanes[part])[0]
                     out[part] = kept - linear[part]
             out.flags.writeable = False
@@ -274,11 +274,11 @@ class Evidence(Straight):
         return self._recent[asked]
 
     def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)
 
     def freedom(self, spec: Spec) -> float:
-        """Return what it costs that the beginnings of runs are unknown, a logarithm of likelihood."""
+        """Return the price of unknown initial memory of runs, a logarithm of likelihood."""
         total = 0.0
         for name, part, weight in zip(self.equations, self.parts, self.weights, strict=True):
             if columns := self._beginnings(spec, name):
@@ -287,11 +287,11 @@ class Evidence(Straight):
         return total
 
     def _beginnings(self, spec: Spec, equation: str) -> list[np.ndarray]:
-        """Return what each unknown beginning adds to an equation by one standard deviation, white."""
+        """Return the whitened contribution of each unknown initial memory to an equation, per standard deviation."""
         part, found = self.parts[self.equations.index(equation)], []
         library = all_effects()
         for name, values in spec.items():
-            if library[name].beginnings is Effect.beginnings:  # most effects remember nothing, and this is asked often
+            if library[name].beginnings is Effect.beginnings:  # most effects have no memory, and this is called often
                 continue
             effect = make_effect(name, **values)
             for where, tau, size in effect.beginnings(self._spans, self._plant):
@@ -320,11 +320,11 @@ class Evidence(Straight):
         return Model(self.params).plant
 
     def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect hold beside any."""
+        """Return None: sensitivities about no effect also hold beside others."""
         return None
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a limit of the valves' command within what the command reaches: beyond, it does nothing."""
+        """Return a limit of the valves' command within the range of the command: beyond, it does nothing."""
         if not (p.idle and p.unit == "-" and self.reads("u")):
             return p
         top = max(float(np.nanmax(np.abs(run.u), initial=0.0)) for run in self.runs)
@@ -344,8 +344,8 @@ class Evidence(Straight):
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return how wide the noise of each window is under a changed simulator, as a share of the nominal one's.
 
-        A gain undone, or a smaller volume to differentiate, makes residuals smaller and their noise with them: of
-        thousands of windows, that alone would count as evidence. What lags widen is left to `widening`.
+        An undone gain, or a smaller volume to differentiate, makes residuals and their noise smaller: over thousands of
+        windows, that alone would count as evidence. Lags are left to `widening`.
         """
         instant = {name: values for name, values in spec.items() if not _lags(name)}
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
@@ -381,17 +381,17 @@ class Evidence(Straight):
 
 
 def _lags(name: str) -> bool:
-    """Tell whether an effect is a lag of a sensor, which is undone in its readings."""
+    """Return whether an effect is a lag of a sensor, which is undone in its readings."""
     effect = all_effects()[name]
     return effect.n_states > 0 and "measure" in effect.hooks()
 
 
 def _smallest(value: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-    """Return the least noise that each window may claim: a channel without noise would decide everything alone."""
+    """Return the least noise of each window: a channel without noise would decide everything alone."""
     least = np.zeros(len(value))
     for part in parts:
         known = noise[part][noise[part] > 0]
         size = float(np.sqrt(np.mean(np.square(value[part])))) if len(value[part]) else 0.0
         typical = float(np.median(known)) if len(known) else 0.0
-        least[part] = max(0.2 * typical, 1e-6 * size, 1e-150)  # whose square is still a number
+        least[part] = max(0.2 * typical, 1e-6 * size, 1e-150)  # whose square does not overflow
     return least

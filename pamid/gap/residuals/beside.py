@@ -1,4 +1,4 @@
-"""One log of a simulator beside others: the same beginnings, the same units, the same names."""
+"""One log of a simulator among others: the same starting values, units and names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Beside(ABC):
-    """What a log held against a simulator with ports needs to stand beside others of that simulator."""
+    """What the evidence of a log at ports needs in order to be stacked with other logs of the simulator."""
 
     simulator: Simulator
     given: Simulator
@@ -42,11 +42,11 @@ class Beside(ABC):
 
     @abstractmethod
     def _begun(self, straight: np.ndarray) -> None:
-        """Take residuals and slopes from where the parameters now begin."""
+        """Compute residuals and slopes at the present starting values."""
 
     @abstractmethod
     def _begin_from(self, x: np.ndarray) -> None:
-        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
+        """Change the simulator's parameters by multiples of their tolerances, from here on."""
 
     @abstractmethod
     def _made_own(self) -> Active:
@@ -58,11 +58,11 @@ class Beside(ABC):
 
     @property
     def lasting(self) -> Collection[str]:
-        """The simulator's own parameters: a change of one between two days is a cause."""
+        """The simulator's own parameters: a change of one between days is a cause."""
         return self.given.parameters.keys()
 
     def has(self, name: str) -> bool:
-        """Tell whether the log holds what an effect acts at."""
+        """Return whether the log holds what an effect acts on."""
         return name in self._there
 
     def begin_as(self, other: Beside) -> None:
@@ -77,7 +77,7 @@ class Beside(ABC):
             self._begun(straight)
 
     def measure_as(self, sizes: SignalSizes) -> None:
-        """Let what counts as one in each effect follow from the signals of several logs."""
+        """Scale each effect by the signals of several logs."""
         self.sizes = sizes
         self.placements = placements(self.simulator, sizes)
         self._there &= self.placements.keys()
@@ -91,11 +91,11 @@ class Beside(ABC):
 
     @property
     def nuisances(self) -> np.ndarray:
-        """What clocks and offsets of this log alone do to its residuals by one tolerance, where they are not free."""
+        """Change of the residuals by one tolerance of this log's clocks and offsets, where they are not free."""
         return np.zeros((len(self.z0), 0)) if self._nuisances is None else self._nuisances
 
     def without_nuisances(self) -> None:
-        """Let clocks and offsets be no free parameters: two logs then have the same ones."""
+        """Fix clocks and offsets: two logs then have the same free parameters."""
         kept = np.array([name in self.lasting for name in self.free], dtype=bool)
         self._nuisances = self.J[:, ~kept]
         self.free = [name for name in self.free if name in self.lasting]
@@ -104,7 +104,7 @@ class Beside(ABC):
         self._laid.clear()
 
     def also_under(self, names: Mapping[str, tuple[str, type[Effect]]]) -> None:
-        """Know effects by other names, too: for each its own name, and the class of that one."""
+        """Register effects under other names, too: for each its own name, and the class of that one."""
         for name, (known, effect) in names.items():
             if known in self.placements:
                 self.placements = {**self.placements, name: replace(self.placements[known], key=name, effect=effect)}

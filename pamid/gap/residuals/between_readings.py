@@ -1,4 +1,4 @@
-"""A log whose readings of one motion are compared with each other, a simulator's forces left aside."""
+"""A log whose readings of one motion are compared with each other, without the simulator's forces."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What inputs do between the rows of a log: a controller holds them, while measured ones go on to the next.
+"""Inputs between the rows of a log: a controller holds them, measured ones are interpolated.
 
-Over a step the two differ by half of what the input changes by. Where rows are far apart beside the motion that is more
-than many causes do, and a file does not say which it is.
+Over a step the two differ by half of the input's change. Where sampling is slow for the motion, that is more than many
+causes contribute, and a file does not say which it is.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NOTE = "Inputs are interpolated between rows: held over each step, like a contro
 
 
 def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
-    r"""Return inputs whose means over pieces of straight lines between rows act as smooth inputs through the rows do.
+    r"""Return inputs whose piecewise means between rows act like smooth inputs through the rows.
 
     Lines let a sine of the angular frequency :math:`\omega` keep the share
     :math:`\mathrm{sinc}^2 \approx 1 - (\omega h)^2 / 12`, means over m pieces of a step of them
@@ -34,16 +34,16 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
     out = u.copy()
     bend = u[:, 2:] - 2.0 * u[:, 1:-1] + u[:, :-2]
     for a in starts:
-        bend[:, max(a - 2, 0) : a] = 0.0  # no row knows of another run
+        bend[:, max(a - 2, 0) : a] = 0.0  # rows do not cross runs
     out[:, 1:-1] -= (1.0 / 12.0 + 1.0 / (24.0 * substeps**2)) * bend
     return out
 
 
 def go_in_lines(held: np.ndarray, lines: np.ndarray, counts: Sequence[int], others: np.ndarray) -> bool:
-    """Tell whether residuals say that inputs go on from row to row.
+    """Return whether residuals show that inputs are interpolated from row to row.
 
-    What lines would change is looked for in the differences from window to window, where inputs that jump stand out and
-    motion does not: it is there as a whole, or it is not.
+    What lines would change is searched for in the differences from window to window, where inputs that jump stand out
+    and motion does not: it is there as a whole, or it is not.
     """
     found, wanted, beside = [], [], []
     ends = np.cumsum([0, *counts])
@@ -69,7 +69,7 @@ def go_in_lines(held: np.ndarray, lines: np.ndarray, counts: Sequence[int], othe
 
 
 def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bool) -> np.ndarray:
-    """Return an input as an effect passes it on: at the rows, or where it is held its mean over each step.
+    """Return an input after an effect: at the rows, or if held its mean over each step.
 
     What a lag makes of a held input goes on within the step: held at its first value it would come half a step late,
     and would not commute with a lag of what is read.
@@ -77,15 +77,15 @@ def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bo
     if not held or not made.n_states or made.sampled:
         return place.drive(made, u, log.dt, log.starts)
     y = place.drive(made, np.repeat(u, PIECES), log.dt / PIECES, PIECES * log.starts).reshape(-1, PIECES)
-    end = 2.0 * y[:, -1] - y[:, -2]  # what it comes to before the input jumps
+    end = 2.0 * y[:, -1] - y[:, -2]  # its value before the input jumps
     return np.asarray((y.sum(axis=1) + 0.5 * (end - y[:, 0])) / PIECES)
 
 
 def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the inputs with one of them half a sample early: within that a log does not say when it acts.
+    """Yield the inputs with one of them half a sample early: the timing of a log is not known better.
 
-    Whether an input acts from the row on that holds it, goes on to the next one, or was read while the last one acted
-    is no cause of a gap.
+    Whether an input acts from its row on, is interpolated, or was read while the last one acted is not a cause of a
+    gap.
     """
     change = 0.25 * (after(u, log) - before(u, log))
     for k, name in enumerate(inputs):

@@ -1,4 +1,4 @@
-"""What a reader of a diagnosis must know, and what a log must have to be diagnosed."""
+"""Notes for the reader of a diagnosis, and requirements on a log."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 
 def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> list[str]:
-    """Return notes on a log; raise where nothing could be ranked."""
+    """Return notes on a log; raise where no effect could be ranked."""
     from ...equations.evaluate import allowed_equations
     from ...errors import MissingColumnError
 
@@ -53,12 +53,12 @@ def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> lis
             f"{100 * lost:.1f} % of the rows have a missing value: windows average the readings that exist, and are "
             "left out if too few exist."
         )
-    notes += [f"Not looked at: {why}." for why in skipped.values()]
+    notes += [f"Not tested: {why}." for why in skipped.values()]
     return notes
 
 
 def moves(log: BenchLog) -> bool:
-    """Tell whether the angle or a pressure moves in any run of a log."""
+    """Return whether the angle or a pressure moves in any run of a log."""
     swing, rise = _motion(log)
     return swing >= 2e-3 or rise >= 2e3
 
@@ -102,7 +102,7 @@ def _stuck(x: np.ndarray, q: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def notes_on(evidence: Evidence) -> list[str]:
-    """Return notes on what the windows of a log say."""
+    """Return notes on the windows of a log."""
     notes = ["The noise floor is estimated from the differences between neighbouring samples, not from repeated runs."]
     intervals = sorted({f"{1e3 * run.dt:.3g} ms" for run in evidence.runs})
     if len(intervals) > 1:
@@ -121,6 +121,6 @@ def notes_on(evidence: Evidence) -> list[str]:
     if moving:
         notes.append(
             f"{moving} of {len(speeds)} runs begin in motion. Creep, hysteresis and heat depend on what came before, "
-            "which is not in this log: such causes may be answered with unknown. Record runs that begin at rest."
+            "which is not in this log: such causes may be reported as unknown. Record runs that begin at rest."
         )
     return notes

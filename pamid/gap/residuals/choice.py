@@ -1,4 +1,4 @@
-"""Whether equations can be held against a log directly, or what they say has to be predicted over stretches."""
+"""Whether equations can be tested on a log directly, or have to be predicted over stretches."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ AHEAD = 16
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:
-    """Tell whether noise, steps or the time between rows hide the motion of positions from row to row.
+    """Return whether noise, steps or the time between rows hide the motion of positions from row to row.
 
-    The paths that motions add up to still show it then.
+    Their integrated paths still show it then.
     """
     return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
 
 
 def buried(found: DirectEvidence) -> bool:
-    """Tell whether the noise of an acceleration exceeds all that the simulator says of it."""
+    """Return whether the noise of an acceleration exceeds its modelled value."""
     return any(noise > rms(start) for noise, start, _ in _accelerations(found))
 
 
 def coarse(found: DirectEvidence) -> bool:
-    """Tell whether a velocity is derived from a position that moves by less than its resolution from row to row.
+    """Return whether a velocity is derived from a position that moves by less than its resolution from row to row.
 
-    Such a reading stands still and jumps: what follows the velocity, as the sign of a friction does, is not seen.
+    Such a reading is constant and jumps: effects of the velocity, such as the sign of friction, are not seen.
     """
     for position, velocity in found.derived.items():
         way = np.abs(found.signals()[velocity]) * found.log.dt
@@ -41,10 +41,10 @@ def coarse(found: DirectEvidence) -> bool:
 
 
 def fast(found: DirectEvidence) -> bool:
-    """Tell whether an acceleration bends so much from row to row that straight lines between rows miss its means.
+    """Return whether an acceleration curves so much between rows that linear interpolation misses its means.
 
-    A line between two values of a(t) misses its mean over a step by a'' h²/12. What inputs do, which are held over a
-    step, bends nothing.
+    A line between two values of a(t) misses its mean over a step by a'' h²/12. Inputs that are held over a step add no
+    curvature.
     """
     begins = found.log.starts
     for noise, start, end in _accelerations(found):
@@ -56,7 +56,7 @@ def fast(found: DirectEvidence) -> bool:
 
 
 def _accelerations(found: DirectEvidence) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """Return the noise of accelerations, and what the simulator says of them at both ends of each step."""
+    """Return the noise of accelerations, and their modelled values at both ends of each step."""
     if found.says_forces:
         return []
     n = found.log.n
@@ -68,9 +68,9 @@ def _accelerations(found: DirectEvidence) -> list[tuple[float, np.ndarray, np.nd
 
 
 def sign_may_be_lost(found: DirectEvidence) -> bool:
-    """Tell whether a reading of a state is never negative while the simulator goes below zero within a few rows.
+    """Return whether a reading of a state is never negative while the simulator goes below zero within a few rows.
 
-    Rates do not show what a sensor makes of a sign: where a magnitude turns back, so does the motion that was read.
+    Rates do not show a lost sign: where a magnitude reverses, so does the motion that was read.
     """
     log = found.log
     for name, rate in zip(found.simulator.states, found.modelled, strict=True):

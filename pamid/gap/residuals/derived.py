@@ -1,11 +1,11 @@
 r"""Speeds that follow from positions are smoothed, and smoothing rounds them where a motion turns.
 
-Where a force is straight in such a speed, as that of a servo's damping is, it needs no smoothing in the weak form: over
-a step the speed's mean is the difference of the positions,
+Where a force is linear in such a speed, as a servo's damping is, the weak form needs no smoothing: over a step the mean
+of the speed is the difference of the positions,
 
 .. math:: \frac1h\int_{t_k}^{t_{k+1}} \dot x\,\mathrm{d}t = \frac{x_{k+1} - x_k}{h}
 
-so that what smoothing takes away there is put back with the typical slope of the rates in the speed.
+so what smoothing removes is put back with the typical slope of the rates over the speed.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def lacking(q: np.ndarray, v: np.ndarray, log: PortLog) -> np.ndarray:
 def with_what_lacks(
     force: Callable[[np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray, log: PortLog
 ) -> np.ndarray:
-    """Return a force over a derived speed, and over what the speed lacks where the force is straight in it."""
+    """Return a force at a derived speed, with what the speed lacks put back where the force is linear in it."""
     step = 0.1 * float(np.std(v)) or 1.0
     slope = float(np.nan_to_num(np.median((force(v + step) - force(v - step)) / (2.0 * step))))
     lack = lacking(q[None], v[None], log)

@@ -64,7 +64,7 @@ class DirectEvidence(UndoneEvidence):
     derived : mapping of str to str
         Velocities by positions, see `measured_states`.
     refit : bool, default=False
-        Whether to begin from parameters that fit, see `PortEvidence`.
+        Whether to start from fitted parameters, see `PortEvidence`.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class DirectEvidence(UndoneEvidence):
         self._settle()
 
     def _again(self) -> None:
-        """Forget what was kept of the simulator with other parameters."""
+        """Clear caches of the simulator with other parameters."""
         self._asked.clear()
         if self.simulator.form == "ode":
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
@@ -127,12 +127,12 @@ class DirectEvidence(UndoneEvidence):
 
     @property
     def modelled(self) -> np.ndarray:
-        """What the simulator says of the rates at both ends of each step, inputs held, shape (n_states, 2 n_rows)."""
+        """Modelled rates at both ends of each step, inputs held, shape (n_states, 2 n_rows)."""
         return self._base_rates if self.held else self._rates(self._x, self._u, self._u, self.simulator.numbers)
 
     @property
     def says_forces(self) -> bool:
-        """Whether residuals are turned into forces."""
+        """Whether residuals are converted to forces."""
         return self._turned is not None and self._turned.forces
 
     # --- the equations --------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ class DirectEvidence(UndoneEvidence):
         return u if self.held else after(u, self.log)
 
     def _hold(self) -> None:
-        """See whether inputs are held over each step, or go straight to the next row."""
+        """Decide whether inputs are held over each step or interpolated to the next row."""
         if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
             return
         known, found = self.simulator.numbers, []
@@ -208,10 +208,10 @@ class DirectEvidence(UndoneEvidence):
         self._asked.clear()
 
     def _skew(self) -> None:
-        """Let what is no cause by itself vary within tolerances.
+        """Add nuisance parameters with tolerances.
 
-        Clocks of positions and velocities are half a step apart, velocities bend, inputs act up to half a sample early
-        or late, and what drives a joint has an offset too small to be told from the inexact forms of causes.
+        Clocks of positions and velocities differ by half a step, velocities curve, inputs act up to half a sample early
+        or late, and a joint's drive has an offset too small to be distinguished from inexact forms of causes.
         """
         ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
         driven, plain = {j.name for j in self.joints}, self._residual([], self.simulator.numbers)
@@ -251,7 +251,7 @@ class DirectEvidence(UndoneEvidence):
         return Rate(modelled, b.order, self.channel_noise(b.channel))
 
     def _amplified(self, active: Active) -> list[float]:
-        """Return by how much effects that are undone in readings let what was measured in each equation grow."""
+        """Return by how much effects that are undone in readings amplify the measured side of each equation."""
         log, found = self.log, []
         for b, firsts in zip(self.balances, self._first, strict=True):
             x = log.channels[b.channel]
@@ -294,7 +294,7 @@ class DirectEvidence(UndoneEvidence):
         return out
 
     def _path(self, name: str, table: Mapping[str, np.ndarray], link: Link | None) -> np.ndarray:
-        """Return the path of a joint, or across two, without turns that are noise; of speeds alone their integral."""
+        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral."""
         key, sources = f"{name}.steady", (name,) if link is None else link.sources[name]
         of = [self.speeds.get(n, n) for n in sources]
         if (as_read := all(np.array_equal(table[n], self._table[n]) for n in of)) and key in self._table:
@@ -374,7 +374,7 @@ class DirectEvidence(UndoneEvidence):
     def _total_rates(
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
     ) -> np.ndarray:
-        """Return the rates; where only inputs differ and the rates are straight in them, from what they do."""
+        """Return the rates; where only inputs differ and the rates are linear in them, by superposition."""
         lacking = np.tile(self._rounding @ rounded_off(self.simulator, self.derived, x, self.log), 2)
         return lacking + self._rates_at(x, u, pushed, p, restored)
 
@@ -393,7 +393,7 @@ class DirectEvidence(UndoneEvidence):
         return out
 
     def _base(self, p: np.ndarray) -> np.ndarray:
-        """Return the rates of the motion as it was read, at both ends of each step; kept for the latest parameters."""
+        """Return the rates of the measured motion at both ends of each step; cached for the latest parameters."""
         if np.array_equal(p, self.simulator.numbers):
             return self._base_rates
         return self._kept_rates(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._ends(self._u), p))
@@ -406,7 +406,7 @@ class DirectEvidence(UndoneEvidence):
         return self._asked[key]
 
     def _slope(self, k: int, p: np.ndarray) -> np.ndarray | None:
-        """Return what an input does to the rates at both ends of each step; None where they are not straight in it."""
+        """Return the slope of the rates over an input at both ends of each step; None where they are nonlinear."""
         if k not in self._straight:
             self._straight[k] = self._is_straight(k)
         if not self._straight[k]:
@@ -421,7 +421,7 @@ class DirectEvidence(UndoneEvidence):
         return (self._rates(self._x, up, ends, p) - self._base(p)) / step
 
     def _is_straight(self, k: int) -> bool:
-        """Tell whether the rates are straight in an input, at some instants."""
+        """Return whether the rates are linear in an input, at some instants."""
         (t, x, u), step = self._some(), float(np.ptp(self._u[k])) or 1.0
         p = spread_numbers(self.simulator, len(t))
 
@@ -462,7 +462,7 @@ class DirectEvidence(UndoneEvidence):
         return np.concatenate([r[moves] for r, moves in zip(parts, self._moving, strict=True)])
 
     def _turn(self) -> Turned | None:
-        """Return what turns residuals of rates into those of forces, or frees equations from what others' drives lack.
+        """Return the map from residuals of rates to those of forces, or one that decouples the joints' drives.
 
         It takes equations of the same order, so that their windows are the same.
         """
@@ -494,5 +494,5 @@ class DirectEvidence(UndoneEvidence):
         return {**{k: v for k, v in self._table.items() if "." not in k}, **inputs}
 
     def roles(self, equation: str) -> dict[str, str]:
-        """Return for an equation the signal behind each name of the state, as far as there is one."""
+        """Return for an equation the signal of each name of the state, where there is one."""
         return roles_of(self.simulator, self.joints, equation)

@@ -1,13 +1,13 @@
-r"""Two sensors of one motion held against each other: a position, and the velocity that is its rate.
+r"""Two sensors of one motion compared with each other: a position and its rate, the velocity.
 
-No force enters, so that a fault of either sensor is not read as one. Over a step of h seconds
+No force enters, so that a sensor fault is not mistaken for one. Over a step of h seconds
 
 .. math:: \frac{x_{k+1} - x_k}{h} = \frac{v_k + v_{k+1}}{2} - \frac{\kappa}{12} \delta^2 v, \qquad 0 \le \kappa \le 3
 
 with the second difference of the velocities about the step. Where commands are held over it, the velocity bends at
-samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5; and a
-velocity that is a central difference of the positions lacks so much by itself that κ is 3. How two channels are sampled
-is known to half a step: a velocity may be a difference of positions, or both come from a simulation by Euler's method,
+samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5; and for a
+velocity that is a central difference of the positions κ is 3. The relative timing of two channels is known to half a
+step: a velocity may be a difference of positions, or both come from a simulation by Euler's method,
 
 .. math:: v = \dot x(t \mp \tfrac{h}{2}) \approx \dot x \mp \tfrac{h}{2} \ddot x
 
@@ -34,7 +34,7 @@ def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
 
 
 def bent(v: np.ndarray) -> np.ndarray:
-    """Return what steps lack that bend as much as is likely, κ being 1.5; as much again is the most."""
+    """Return the curvature terms of steps at the likely κ of 1.5; twice that is the most."""
     if len(v) < 4:
         return np.zeros(max(len(v) - 1, 0))
     inner = (v[3:] - v[2:-1] - v[1:-2] + v[:-3]) / 16.0
@@ -42,7 +42,7 @@ def bent(v: np.ndarray) -> np.ndarray:
 
 
 def nuisances(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """Return what half a step between two clocks, and the bend of a velocity in a step, do to the windows."""
+    """Return the change of the windows by half a step between clocks, and by a velocity's curvature in a step."""
     runs = [(v[a:e], first) for (a, e), first in zip(log.spans, firsts, strict=True)]
     return {
         "skew": np.concatenate([average(0.5 * np.diff(x), n, 2, first) for x, first in runs]),

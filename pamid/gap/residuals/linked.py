@@ -1,4 +1,4 @@
-"""Paths of joints and of what is across two of them, and the pairs of ports of a simulator on a log."""
+"""Paths of joints and across pairs of them, and the pairs of ports of a simulator on a log."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .states import integral
 
 
 class Paths(ABC):
-    """What effects at joints, and between two, follow along a log.
+    """The paths along a log that effects at joints, and between two, depend on.
 
     Attributes
     ----------
@@ -52,10 +52,10 @@ class Paths(ABC):
         return survey._replace(spans={**survey.spans, **spans}, links=self.links)
 
     def _turns(self, path: str) -> bool:
-        """Tell whether a path turns back at least once a run."""
+        """Return whether a path reverses at least once per run."""
         if path not in self._turning:
             x = self._path_of(path)
-            slack = 0.01 * float(np.ptp(x))  # what a sensor's noise turns is no turn
+            slack = 0.01 * float(np.ptp(x))  # reversals by sensor noise do not count
             turns = [len(reversals(play(x[a:b], slack))) - 2 for a, b in self.log.spans if b - a > 1]
             self._turning[path] = sum(turns) >= len(self.log.spans)
         return self._turning[path]

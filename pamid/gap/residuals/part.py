@@ -1,4 +1,4 @@
-"""The part of a log in which causes are searched, where a simulator answers one instant at a time and is slow."""
+"""The part of a log in which causes are searched, for slow simulators that evaluate one instant at a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STRETCHES = 6
 
 
 def part_of(log: PortLog, rows: int, stretches: int = STRETCHES) -> PortLog:
-    """Return stretches of a log, evenly spread over it, as runs of their own."""
+    """Return stretches of a log, evenly spread over it, as separate runs."""
     if log.n <= rows:
         return log
     length = max(rows // stretches, 1)
@@ -43,14 +43,14 @@ def to_search(evidence: DirectEvidence) -> DirectEvidence:
         return evidence
     found = DirectEvidence(part, evidence.given, evidence.derived)
     if found.equations != evidence.equations or found.joints != evidence.joints:
-        return evidence  # what moves elsewhere rests in the part
+        return evidence  # joints that move elsewhere rest in the part
     found.begin_as(evidence)
     found.measure_as(evidence.sizes)
     return found
 
 
 def remember_as(evidence: DirectEvidence, part: DirectEvidence) -> None:
-    """Let the noise of a whole log remember for as long as that of its part does."""
+    """Give the noise of a whole log the correlation time of its part."""
     for k, (own, its) in enumerate(zip(evidence.parts, part.parts, strict=True)):
         step, other = _step(evidence, own), _step(part, its)
         if step > 0.0 and other > 0.0:

@@ -13,7 +13,7 @@ class PortWindows(NamedTuple):
     Parameters
     ----------
     equation : str
-        Its name: the port at which it looks.
+        Its name: the port that it tests.
     unit : str
         Unit of its residual.
     first : array of int

@@ -1,4 +1,4 @@
-"""A log held against a simulator with ports: what direct and simulated residuals share."""
+"""A log compared with a simulator with ports: what direct and simulated residuals share."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ FEWEST = 12
 class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
-    A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals come about.
+    A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     simulator : Simulator
         The simulator; its own effects are part of it.
     refit : bool, default=False
-        Whether to begin from parameters that fit, where tolerances are so wide that nothing is straight within them.
+        Whether to start from fitted parameters, where tolerances are so wide that nothing is linear within them.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self._own: Active = []
 
     def _settle(self) -> None:
-        """Make everything that the protocol asks for, once the windows are known."""
+        """Compute everything that the protocol requires, once the windows are known."""
         log = self.log
         self.equations = [w.equation for w in self.windows]
         self.units = {w.equation: w.unit for w in self.windows}
@@ -139,7 +139,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             self._begun(straight)
 
     def _begun(self, straight: np.ndarray) -> None:
-        """Take residuals and slopes from where the parameters now begin."""
+        """Compute residuals and slopes at the present starting values."""
         self._again()
         self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
         self._kept.clear()
@@ -188,7 +188,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return twins_of(self.placements, commuting_paths(self.simulator, log.t[some], x, u, driven, set(log.channels)))
 
     def _refuse_nowhere(self, name: str, where: str) -> None:
-        """Raise if an effect of the simulator's own is at no port of it."""
+        """Raise if one of the simulator's own effects is at an unknown port."""
         known = {*(p.name for p in self.simulator.ports), *self.simulator.parameters, *(j.name for j in self.joints)}
         between = port_effects()[name][0] == "link" and ends_of(where) is None
         if between or where not in known:
@@ -223,17 +223,17 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     # --- noise ----------------------------------------------------------------------------------------------
     def _accuracy(self, equation: int) -> float:
-        """Return the share of what was measured in an equation that is its noise at least."""
+        """Return the least noise of an equation, as a share of its measured side."""
         return 0.0
 
     def channel_noise(self, name: str, width: int = 10) -> float:
-        """Return the standard deviation of a channel's noise a sample."""
+        """Return the standard deviation of a channel's noise per sample."""
         x = self.log.channels[name]
         found = [channel_noise(x[a:b], width).white for a, b in self.log.spans]
         return float(np.sqrt(np.average(np.square(found), weights=[b - a for a, b in self.log.spans])))
 
     def _noisy(self) -> list[str]:
-        """Return the channels that are readings, noise and all; commands are what they are."""
+        """Return the channels that are noisy readings; commands are exact."""
         commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
         return [name for name in self.log.channels if name not in commands]
 
@@ -261,10 +261,10 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self._whiten()
 
     def _repeat(self) -> None:
-        """Let runs that repeat each other say how large the noise is: no model of these signals predicts what differs.
+        """Estimate the noise from repeated runs: no model of these signals predicts their difference.
 
-        What neighbouring samples differ by is not all of it where readings were smoothed, or drift; then it also
-        remembers, and that many windows count as one.
+        Neighbouring samples underestimate it where readings were smoothed, or drift; then it is also correlated, and
+        that many windows count as one.
         """
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
         for pair in repeats(self.log, self.simulator.inputs):
@@ -296,13 +296,13 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return part.start + mine[0][one], part.start + mine[1][two]
 
     def _whiten(self) -> None:
-        """See how the noise of neighbouring windows is related."""
+        """Estimate the correlation of the noise of neighbouring windows."""
         self._whitening = Whitening()
         for part in self.parts:
             self._whitening.learn(part, self._drawn[:, part] / self.noise[part], self.run[part])
 
     def remember(self, left: Sequence[np.ndarray]) -> None:
-        """Take what a flexible learner leaves in each equation for how long its noise remembers."""
+        """Estimate each equation's noise correlation time from a flexible learner's residuals."""
         for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
             if len(rest) > 8:
                 memory = max(
@@ -315,7 +315,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
                 self.stretch = max(self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3, span / 24.0))))
 
     def widen(self, times: Mapping[str, float]) -> None:
-        """Take the noise of equations for so many times as large."""
+        """Scale the noise of equations."""
         for equation, part in zip(self.equations, self.parts, strict=True):
             self.noise[part] *= times.get(equation, 1.0)
             self._drawn[:, part] *= times.get(equation, 1.0)
@@ -325,10 +325,10 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     # --- the protocol ---------------------------------------------------------------------------------------
     def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the trajectory, or piece of one, with which each window is left out by turns, and how many there are.
+        """Return the run, or piece of one, with which each window is left out in turn, and how many there are.
 
-        Where a log holds one or two trajectories they are cut into pieces of equal length, each several times as long
-        as what is left there remembers.
+        Where a log holds one or two runs they are cut into pieces of equal length, each several times as long as the
+        residual is correlated.
         """
         return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
 
@@ -348,7 +348,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return out
 
     def _skewed(self, deviations: Mapping[str, float]) -> np.ndarray | float:
-        """Return what clocks that are apart add to the residuals; it is straight in how far."""
+        """Return the contribution of clock offsets to the residuals; it is linear in them."""
         about = dict(zip(self.free, self.about, strict=True))
         return sum((column * (about[k] + deviations.get(k, 0.0)) for k, column in self.skews.items()), 0.0)
 
@@ -367,7 +367,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return self._whitening.white(self._finite(found + self._skewed(deviations or {})) / self.noise)
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
-        """Return the deviations under which residuals have to be asked for anew: what clocks do is straight."""
+        """Return the deviations that need new residuals: clocks act linearly."""
         return {k: v for k, v in deviations.items() if v and k not in self.skews}
 
     def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
@@ -382,7 +382,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return self._finite(self._bare(active, deviations) + self._skewed(deviations))
 
     def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the same without what clocks do; not finite where the simulator is not."""
+        """Return the same without clock offsets; not finite where the simulator is not."""
         with np.errstate(all="ignore"):
             return self._residual(active, self.numbers(deviations))
 
@@ -403,7 +403,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return [e for e in self.equations if e in found]
 
     def touches(self, name: str, columns: Sequence[np.ndarray]) -> None:
-        """Take what changes of an effect do to the residuals for which equations it changes: nothing is run for it."""
+        """Note which equations an effect changes, from changes of the residuals at hand: nothing is run for it."""
         size = np.zeros(len(self.noise))
         for found in columns:
             size = np.maximum(size, np.max(np.abs(self.raw(found)), axis=1, initial=0.0))
@@ -416,14 +416,14 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         values = {p.name: p.nominal or (0.1 * p.upper if p.linear else p.nominal) for p in known}
         try:
             change = np.abs(self.raw(self.change({name: values}, {}, np.zeros(len(self.free)))))
-        except (TypeError, AttributeError, KeyError):  # it reads a signal that is not there
+        except (TypeError, AttributeError, KeyError):  # it reads a missing signal
             return []
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 
-        What follows a path that was never seen to turn back could be any function of time.
+        An effect of a path that never reverses could be any function of time.
         """
         place, prior = self.placements.get(name), float(all_effects()[name].prior)
         if (
@@ -446,5 +446,5 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         return out
 
     def column(self, name: str, side: int = 0) -> str:
-        """Return the name under which a reader knows a signal of the state."""
+        """Return the user's name of a signal of the state."""
         return self.roles(self.equations[side]).get(name, name) if side < len(self.equations) else name

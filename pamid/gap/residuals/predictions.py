@@ -1,4 +1,4 @@
-"""What a simulator predicts over stretches of a log, and what small changes do to it; runs are kept and reused."""
+"""Predictions of a simulator over stretches of a log, and their sensitivities; runs are cached."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_STATES = 12
 
 
 class PredictedEvidence(StretchEvidence):
-    """Predictions over stretches, simulated where they must be, else to first order about those that were.
+    """Predictions over stretches, simulated where needed, else to first order about simulated ones.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class PredictedEvidence(StretchEvidence):
     Attributes
     ----------
     simulated : float
-        Runs of the simulator so far, each over the length of the log; rates asked for along a run count by their
+        Runs of the simulator so far, each over the length of the log; rates evaluated along a run count by their
         number.
     """
 
@@ -62,13 +62,13 @@ class PredictedEvidence(StretchEvidence):
         self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
-        """Return all deviations: initial states are fitted to each anew."""
+        """Return all deviations: initial states are fitted to each again."""
         return dict(deviations)
 
     def _predict(
         self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
     ) -> list[np.ndarray]:
-        """Return the predicted channels, shape (n_shown, length) a stretch."""
+        """Return the predicted channels, shape (n_shown, length) per stretch."""
         shown = self.shown if shown is None else shown
         drive = self._drive(active, numbers)
         if self.simulator.form == "run":
@@ -79,7 +79,7 @@ class PredictedEvidence(StretchEvidence):
         return self._read(active, self._shown(states, outputs, shown), shown)
 
     def _drive(self, active: Active, numbers: np.ndarray) -> Drive:
-        """Return the inputs and parameters as effects change them, with those that act like forces."""
+        """Return the inputs and parameters under effects, with effects that act like forces."""
         log, simulator = self.log, self.simulator
         u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
@@ -89,7 +89,7 @@ class PredictedEvidence(StretchEvidence):
             elif place.enters == "input" and not place.acts:
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] = driven(place, made, u[k], log, not self.lines)
-            elif place.acts and simulator.form == "run":  # what the log read is what a force there follows
+            elif place.acts and simulator.form == "run":  # a force there depends on what the log reads
                 u = u.copy()
                 none = np.zeros((0, log.n))
                 place.push(made, self._force(place, made), simulator, (log.t, none, u, p), u, none)
@@ -105,7 +105,7 @@ class PredictedEvidence(StretchEvidence):
         return rows
 
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
+        """Return the predicted channels for several initial states and numbers, (n_shown, length) per stretch."""
         if self.simulator.form != "ode":
             return [self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)]
         many = len(starts)
@@ -115,7 +115,7 @@ class PredictedEvidence(StretchEvidence):
         return [rows[k * len(self.stretches) : (k + 1) * len(self.stretches)] for k in range(many)]
 
     def _shown(self, states: list[np.ndarray], outputs: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
-        """Return the channels that are wanted, of what was simulated."""
+        """Return the requested channels of a simulation."""
         names, found = (*self.simulator.outputs, *self.simulator.states), []
         for x, y in zip(states, outputs, strict=True):
             signals = dict(zip(names, (*y, *x), strict=False))
@@ -137,7 +137,7 @@ class PredictedEvidence(StretchEvidence):
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
 
     def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
-        """Return the outputs of the simulator over each stretch; runs that were asked for before are kept."""
+        """Return the outputs of the simulator over each stretch; earlier runs are cached."""
         key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
         if key not in self._kept_runs:
             if len(self._kept_runs) >= MOST_RUNS:
@@ -145,7 +145,7 @@ class PredictedEvidence(StretchEvidence):
             t = self.log.t
             lengths = np.array([s.stop - s.first for s in self.stretches])
             found: dict[int, np.ndarray] = {}
-            for length in np.unique(lengths):  # runs of one length are asked for together
+            for length in np.unique(lengths):  # runs of one length are simulated together
                 mine = np.flatnonzero(lengths == length)
                 spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
                 drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
@@ -159,7 +159,7 @@ class PredictedEvidence(StretchEvidence):
     def _asked_for(
         self, times: np.ndarray, drive: np.ndarray, numbers: np.ndarray, starts: np.ndarray
     ) -> Sequence[np.ndarray]:
-        """Return the outputs of runs; where a trial of other numbers ends in an error, what no log can be like."""
+        """Return the outputs of runs; where trial parameters end in an error, values unlike any log."""
         try:
             found = list(self.simulator.runs(times, drive, numbers, starts))
         except SimulatorRunError:
@@ -200,7 +200,7 @@ class PredictedEvidence(StretchEvidence):
         return states, outputs
 
     def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return the channels under a drive, and to first order under one near it."""
+        """Return the channels under a drive, or to first order under one near it."""
         if self.simulator.form == "run":
             known = self._ran(x0, base.u, base.p)
             near = self._combined(x0, base, drive)
@@ -229,13 +229,13 @@ class PredictedEvidence(StretchEvidence):
         return near, shows
 
     def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> list[np.ndarray]:
-        """Return the outputs under a drive near another: responses add up, and only to what is new a run is made.
+        """Return the outputs under a drive near another: responses are superposed, only new ones simulated.
 
-        What an input or a parameter does is straight to first order, so that a change that is a sum of others, such as
-        one lag between two of which the responses are known, needs no run of its own.
+        Responses are linear to first order, so that a change that is a sum of others, such as a lag between two whose
+        responses are known, needs no run.
         """
         known = self._ran(x0, base.u, base.p)
-        # Where tolerances are wide, what was seen about other numbers is not what happens about these.
+        # Where tolerances are wide, responses at other values do not hold at these.
         done = self._done.setdefault(base.p[:, 0].tobytes() if self.curved else b"", [])
         spread = np.array([np.ptp(u) or 1.0 for u in self._u])[:, None]
         size = np.array([abs(v) or 1.0 for v in self.simulator.numbers])
@@ -266,7 +266,7 @@ class PredictedEvidence(StretchEvidence):
         return rows
 
     def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
+        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, length)."""
         if self.simulator.form != "ode" or not len(x0):
             return super()._slopes(x0, numbers)
         base = self._drive([], self.simulator.numbers if numbers is None else numbers)
@@ -280,7 +280,7 @@ class PredictedEvidence(StretchEvidence):
         return self._in_noise(found)
 
     def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-        """Return what each tolerance does to the predictions, in noise, shape (n_free, n_shown, length)."""
+        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, length)."""
         if self.simulator.form != "ode":
             return super()._slopes_of_numbers(x0, d)
         base, found = self._drive([], self._numbers_at(d)), []
@@ -290,12 +290,12 @@ class PredictedEvidence(StretchEvidence):
         return self._in_noise(found)
 
     def _in_noise(self, found: list[list[np.ndarray]]) -> list[np.ndarray]:
-        """Return changes of the channels of every stretch, one after the other, in units of the noise."""
+        """Return changes of the channels of every stretch, concatenated, in units of the noise."""
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         return [np.stack([f[j] for f in found]) / sigma for j in range(len(self.stretches))]
 
     def _response(self, x0: np.ndarray, drive: Drive, states: list[np.ndarray]) -> Response:
-        """Return how runs respond to small changes; kept for the latest ones."""
+        """Return the response of runs to small changes; cached for the latest ones."""
         key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p), drive.lines))
         if key not in self._responses:
             while len(self._responses) >= MOST_RESPONSES:
@@ -309,5 +309,5 @@ class PredictedEvidence(StretchEvidence):
 
 
 def named(active: Active, numbers: np.ndarray) -> str:
-    """Return what effects and numbers are known by."""
+    """Return the cache key of effects and numbers."""
     return repr(([(place.key, made.values) for place, made in active], numbers.tobytes()))

@@ -1,4 +1,4 @@
-"""What the inference reads of a log: windowed residuals in units of their noise, whatever simulator they come from."""
+"""What the inference reads from a log: windowed residuals in units of their noise, for any simulator."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
 
 
 class ResidualSource(Protocol):
-    """A log held against a simulator, as one vector of windows.
+    """A log compared with a simulator, as one vector of windows.
 
-    A bench, a single equation and any other simulator are sources; nothing behind this protocol knows which.
+    A bench, a single equation and any other simulator are sources; users of this protocol do not know which.
 
     Attributes
     ----------
@@ -43,21 +43,21 @@ class ResidualSource(Protocol):
     free : list of str
         Parameters that have a tolerance.
     weights : array, shape (n_equations,)
-        What a window of each equation counts for, less than one where neighbours repeat each other.
+        Weight of a window of each equation, less than one where neighbours repeat each other.
     run, side, block : array of int, shape (n_windows,)
-        Stretch of the log, muscle (or joint) and trajectory of each window.
+        Stretch of the log, muscle (or joint) and run of each window.
     time : array, shape (n_windows,)
         Centres of the windows, s.
     trajectories : list of str
-        Names of the trajectories.
+        Names of the runs.
     stretch : float
-        Length of time beyond which residuals forget, s.
+        Correlation time of the residuals, s.
     sharp : sequence of slice
         Windows in which none may be far out by chance.
     twins : mapping of str to str
-        Effects that act alike, each by the other's name: no log of this simulator tells them apart.
+        Effects that act alike, each by the other's name: no log of this simulator distinguishes them.
     curved : bool
-        Whether tolerances are so wide that what parameters do differs within them: `slopes` are then other than `J`.
+        Whether tolerances are so wide that sensitivities vary within them: `slopes` then differ from `J`.
     one_sided : bool
         Whether `side` is the place of a window's equation, not a muscle.
     """
@@ -94,11 +94,11 @@ class ResidualSource(Protocol):
 
     @property
     def about(self) -> np.ndarray:
-        """Where the deviations of the free parameters begin, in tolerances."""
+        """Starting deviations of the free parameters, in tolerances."""
         ...
 
     def has(self, name: str) -> bool:
-        """Tell whether there is something here that an effect can act at."""
+        """Return whether an effect has something to act on here."""
         ...
 
     @property
@@ -113,7 +113,7 @@ class ResidualSource(Protocol):
         ...
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus the slopes there times x are the exact residuals at deviations x, in tolerances."""
+        """Return z0 such that z0 + slopes @ x equals the exact residuals at deviations x, in tolerances."""
         ...
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
@@ -123,7 +123,7 @@ class ResidualSource(Protocol):
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others nearby, at deviations x.
 
-        To first order will do, where a simulator would have to run for more.
+        First order suffices where more would need simulations.
         """
         ...
 
@@ -140,7 +140,7 @@ class ResidualSource(Protocol):
         ...
 
     def freedom(self, spec: Spec) -> float:
-        """Return what it costs that what effects remember when runs begin is unknown, a logarithm of likelihood."""
+        """Return the price of the unknown memory of effects when runs begin, a logarithm of likelihood."""
         ...
 
     def widening(self, spec: Spec) -> np.ndarray | None:
@@ -152,18 +152,19 @@ class ResidualSource(Protocol):
         ...
 
     def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return what share of a small addition to the model reaches each window past effects that bend the reading.
+        """Return the share of a small addition to the model that reaches each window past effects that distort the
+        reading.
 
-        None where sensitivities about no effect hold beside any.
+        None where sensitivities about no effect also hold beside others.
         """
         ...
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within the bounds between which it changes anything on this log."""
+        """Return a parameter with the bounds between which it changes anything on this log."""
         ...
 
     def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the trajectory, or piece of one, with which each window is left out by turns, and their number."""
+        """Return the run, or piece of one, with which each window is left out in turn, and their number."""
         ...
 
     def prior(self, name: str) -> float:
@@ -171,11 +172,11 @@ class ResidualSource(Protocol):
         ...
 
     def column(self, name: str, side: int = 0) -> str:
-        """Return the name under which a reader knows a signal of the state."""
+        """Return the user's name of a signal of the state."""
         ...
 
 
 def lanes(evidence: ResidualSource) -> np.ndarray:
-    """Return a number for each window that those of one equation, run and side share, in their order."""
+    """Number the windows by equation, run and side, in their order."""
     equation = np.repeat(np.arange(len(evidence.parts)), [part.stop - part.start for part in evidence.parts])
     return (equation * (int(evidence.run.max(initial=0)) + 1) + evidence.run) * 16 + evidence.side

@@ -1,4 +1,4 @@
-"""Rates of the signals of one equation, where the log does not have them."""
+"""Rates of the signals of one equation, where the log lacks them."""
 
 from __future__ import annotations
 
@@ -26,6 +26,6 @@ def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
     out = np.zeros(len(x))
     borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     for a, b in pairwise(borders):
-        # Never so long that it would smear a run of few samples.
+        # Never so long that it would blur a short run.
         out[a:b] = rate_over(x[a:b], dt, max(2, min(round(0.5 * RATE_WINDOW / dt), (b - a) // 200)))
     return out

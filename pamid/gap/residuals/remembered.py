@@ -1,4 +1,4 @@
-"""Arrays that are asked for again and again while one parameter of many moves: the last ones used, up to a size."""
+"""A cache of arrays that are needed repeatedly while one of many parameters moves, limited in size."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Remembered:
     Parameters
     ----------
     most_bytes : int
-        Their size together.
+        Their total size.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class Remembered:
         self._size = 0
 
     def get(self, key: Hashable, make: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return the array of a key, made where it is not remembered; it is shared, so nobody writes to it."""
+        """Return the array of a key, made if missing; it is shared, so never written to."""
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]

@@ -18,7 +18,7 @@ FEW, PIECES = 3, 8
 
 
 def repeats(log: PortLog, inputs: Collection[str]) -> list[tuple[int, int]]:
-    """Return the pairs of runs that were driven alike over the same time and went much the same way."""
+    """Return the pairs of runs with the same inputs over the same time and similar readings."""
     found = []
     driven = {k: ALIKE for k in inputs if k in log.channels}
     limits = {k: driven.get(k, NEARLY) * float(np.std(x)) for k, x in log.channels.items() if np.std(x) > 0.0}
@@ -36,8 +36,8 @@ def pieces(
 ) -> tuple[np.ndarray, int]:
     """Return the run, or the piece of a long one, of each window, and how many there are.
 
-    Where a log holds one or two runs they are cut into pieces of equal length, each several times as long as what is
-    left there remembers.
+    Where a log holds one or two runs they are cut into pieces of equal length, each several times as long as the
+    residual is correlated.
     """
     n = len(spans)
     if n >= FEW:

@@ -1,4 +1,4 @@
-r"""What a small change does to runs of a simulator, to first order, from its rates along them: nothing is run anew.
+r"""The response of runs to a small change, to first order, from the rates along them: nothing is run again.
 
 Along a run a change of the inputs, parameters or forces changes the rates by :math:`\delta f`, and the states follow
 
@@ -29,7 +29,7 @@ _MOST = 1e12
 
 
 class Drive:
-    """What effects and numbers do to the inputs, parameters and forces along a run.
+    """Inputs, parameters and forces along a run, under effects and numbers.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Drive:
     active : list of (Placement, Effect)
         All effects; those that act like forces do so along the states.
     lines : bool, default=False
-        Whether inputs go straight from row to row, instead of being held.
+        Whether inputs are interpolated from row to row instead of held.
     """
 
     def __init__(self, u: np.ndarray, p: np.ndarray, active: Active, lines: bool = False) -> None:
@@ -60,7 +60,7 @@ class Response:
     states : array, shape (n_states, n)
         The states along them.
     drive : Drive
-        What drives them.
+        Their drive.
     joints : sequence of JointPort
         Joints: those without a position have a path.
     """
@@ -76,7 +76,7 @@ class Response:
         self.length = int(np.max(ends - firsts))
         self.before = np.concatenate([np.arange(a, b - 1) for a, b in zip(firsts, ends, strict=True)]).astype(int)
         rows = firsts[None] + np.arange(max(self.length - 1, 0))[:, None]
-        # Where each step of each stretch stands among all steps; stretches that end earlier stay where they are.
+        # Index of each step of each stretch among all steps; stretches that end earlier keep their last one.
         count = np.concatenate([[0], np.cumsum(ends - firsts - 1)])
         self.at = np.where(rows < ends - 1, rows - firsts + count[:-1], -1)
         self.evaluations = 0.0
@@ -88,7 +88,7 @@ class Response:
         self._steps = self._transitions(drive)
 
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs amid each step, and what effects add to the rates themselves."""
+        """Return the inputs at mid-step, and what effects add to the rates themselves."""
         before = self.before
         u = drive.u[:, before].copy()
         if drive.lines:
@@ -103,13 +103,13 @@ class Response:
         return u, added
 
     def _rates(self, drive: Drive, moved: np.ndarray | None = None) -> np.ndarray:
-        """Return the rates amid each step, shape (n_states, n_steps), the states changed by as much if wanted."""
+        """Return the rates at mid-step, shape (n_states, n_steps), at changed states if given."""
         x = self.x if moved is None else self.x + moved[:, None]
         u, added = self._pushed(drive, x)
         return self._asked(x, u, drive.p) + added
 
     def _asked(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the simulator's own rates amid each step."""
+        """Return the simulator's own rates at mid-step."""
         log, before = self.log, self.before
         middle = 0.5 * (x[:, before] + x[:, before + 1])
         self.evaluations += 1.0
@@ -118,7 +118,7 @@ class Response:
         return np.clip(np.nan_to_num(found), -_MOST, _MOST)
 
     def _force(self, place: Placement, made: object, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return what an effect adds at each row, its memory that of the states as they were."""
+        """Return what an effect adds at each row, with its memory from the unchanged states."""
         s0 = place.signals(self._signals(self.x, u), self.log.t)
         memory = made.trace(s0, place.plant, self.log.dt * place.scales.time, self.firsts)  # type: ignore[attr-defined]
         s = s0 if x is self.x else place.signals(self._signals(x, u), self.log.t)
@@ -163,7 +163,7 @@ class Response:
         )
 
     def _change(self, drive: Drive) -> np.ndarray:
-        """Return by how much the rates change under another drive; of inputs alone from what each does to them."""
+        """Return by how much the rates change under another drive; for inputs alone by superposition."""
         if not np.array_equal(drive.p, self.drive.p):
             return self._rates(drive) - self.rates
         u, added = self._pushed(drive, self.x)
@@ -177,7 +177,7 @@ class Response:
         return out
 
     def _slope(self, k: int) -> np.ndarray | None:
-        """Return what an input does to the rates amid each step; None where they are not straight in it."""
+        """Return the slope of the rates over an input at mid-step; None where they are nonlinear in it."""
         if k not in self._slopes:
             u, size = self._base[0], float(np.ptp(self.drive.u[k])) or 1.0
             own = self.rates - self._base[1]

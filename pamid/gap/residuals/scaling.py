@@ -1,4 +1,4 @@
-"""Units in which any actuator looks like the muscles that the library's bounds and grids are written for."""
+"""Typical units, in which any actuator is of the size of the muscles that the library's bounds are made for."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _PRESSURE = {"force": 5e5, "torque": 5e5, "flow": 2e3}  # Pa; of a flow that is 
 
 @dataclass(frozen=True)
 class Scaling:
-    """How signals and target are turned into those of a typical muscle, and parameters of effects back.
+    """Conversion of signals and target to those of a typical muscle, and of effects' parameters back.
 
     Parameters
     ----------
     position : float
         Length, angle, voltage ... that counts as a strain of one.
     time : float
-        What a second of the log counts, s.
+        Value of one second of the log, s.
     pressure : float
-        What a unit of the log's pressure counts, Pa.
+        Value of one unit of the log's pressure, Pa.
     target : float
-        What counts as one newton of the target, in its unit; negative where effects add to it what they resist.
+        Size of one newton of the target, in its unit; negative where effects add to the target.
     """
 
     position: float = 1.0
@@ -42,7 +42,7 @@ class Scaling:
     target: float = 1.0
 
     def inward(self, table: Table) -> dict[str, np.ndarray]:
-        """Return signals in typical units; the position stays, since it is turned into strains where it is used."""
+        """Return signals in typical units; the position stays, since it is converted to strains where it is used."""
         return {role: x * self._of(role) for role, x in table.items()}
 
     def outward(self, table: Table) -> dict[str, np.ndarray]:
@@ -58,10 +58,10 @@ class Scaling:
         }.get(role, 1.0)
 
     def factor(self, effect: type[Effect], p: Parameter) -> float:
-        """Return what a parameter in typical units is multiplied by, to be in units of the log.
+        """Return the factor of a parameter from typical units to those of the log.
 
-        Newton stands for the unit of the target, pascal for that of the pressure. What a sensor of the target adds to
-        its reading keeps its sign, whichever way effects act on the target.
+        Newton is replaced by the unit of the target, pascal by that of the pressure. What a sensor of the target adds
+        to its reading keeps its sign, whichever sense effects have.
         """
         size = self.target if effect.channel in ("F", "mdot") and "measure" in effect.hooks() else abs(self.target)
         base = {
@@ -92,7 +92,7 @@ class Scaling:
 def scaling_of(
     table: Table, residual: np.ndarray, run_length: float, interval: float, position: float, equation: str = "force"
 ) -> Scaling:
-    """Return the units in which a log looks like that of a muscle."""
+    """Return the units in which a log is of the size of a muscle's."""
     size = float(np.sqrt(np.mean(np.square(residual)))) if len(residual) else 0.0
     usual = _RUNS[0] <= run_length <= _RUNS[1] and interval <= 0.02
     top = float(np.max(np.abs(table["pressure"]))) if "pressure" in table and len(table["pressure"]) else 0.0

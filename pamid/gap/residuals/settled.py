@@ -1,4 +1,4 @@
-"""Residuals that begin settled, add up, and keep their noise: what a simulator with ports answers about effects."""
+"""Residuals with settled initial memory, superposition and constant noise, as those of a simulator with ports."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from .protocol import Spec
 
 
 class Settled:
-    """Answers of a `pamid.gap.residuals.protocol.ResidualSource` whose noise and beginnings no effect changes."""
+    """Methods of a `pamid.gap.residuals.protocol.ResidualSource` whose noise and initial memory no effect changes."""
 
     def freedom(self, spec: Spec) -> float:
-        """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
+        """Return the price of unknown initial memory of runs: here it is taken as settled."""
         return 0.0
 
     def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect hold beside any."""
+        """Return None: sensitivities about no effect also hold beside others."""
         return None
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within what the log reaches: here its own bounds."""
+        """Return a parameter with bounds that the log reaches: here its own bounds."""
         return p
 
     def widening(self, spec: Spec) -> np.ndarray | None:
-        """Return None: lags are put on the model, or undone in readings that are smoothed as before."""
+        """Return None: lags are applied to the model, or undone in readings that are smoothed as before."""
         return None
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:

@@ -1,8 +1,8 @@
-r"""Residuals of what a simulator predicts over stretches of a log, where the log does not hold its states.
+r"""Residuals of a simulator's predictions over stretches of a log, where the log lacks its states.
 
-Each stretch begins at a state of its own, fitted to what was measured (multiple shooting), so that chaotic, unstable
+Each stretch has its own initial state, fitted to what was measured (multiple shooting), so that chaotic, unstable
 and integrating systems do not diverge. The stretches are as long as the simulator can follow the log. What a small
-change of the initial states would explain is taken out of the residual,
+change of the initial states would explain is projected out of the residual,
 
 .. math:: r = (I - O\,O^{+})\,(y - \hat y(x_0)), \qquad O = \partial \hat y/\partial x_0
 
@@ -54,9 +54,9 @@ class ShootingEvidence(PredictedEvidence):
     simulator : Simulator
         Of the form ``"ode"`` or ``"run"``.
     whole : bool, default=False
-        Whether whole runs are predicted, however far they go astray.
+        Whether whole runs are predicted, however far they diverge.
     refit : bool, default=False
-        Whether to begin from parameters that fit, see `PortEvidence`.
+        Whether to start from fitted parameters, see `PortEvidence`.
     """
 
     def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
@@ -73,7 +73,7 @@ class ShootingEvidence(PredictedEvidence):
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
         self._look_at_noise()
-        # A stretch holds enough windows for its initial state to leave something to compare.
+        # A stretch has enough windows that its initial state leaves something to compare.
         shortest = min(s.stop - s.first for s in self.stretches)
         self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST, self._fastest()))
         self._look()
@@ -83,13 +83,13 @@ class ShootingEvidence(PredictedEvidence):
         self._settle()
 
     def _fastest(self) -> int:
-        """Return the longest window that averages no motion away: what is fast in a reading alone may be noise."""
+        """Return the longest window that averages no motion away: what is fast only in a reading may be noise."""
         plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
         pairs = [(self.log.channels[n], drive) for n, drive in zip(self.shown, plain, strict=True)]
         return min(max(longest_window(x, self.log) for x in pair) for pair in pairs)
 
     def _look_at_noise(self) -> None:
-        """Take motion that is fast beside the rows out of what neighbouring samples differ by, as it is predicted."""
+        """Remove predicted motion that is fast for the sampling from the differences of neighbouring samples."""
         plain = np.concatenate(self._fold(self._predict(self._x0, [], self.simulator.numbers)), axis=1)
         for name, drive in zip(self.shown, plain, strict=True):
             x, least = self.log.channels[name], self.sigma[name]
@@ -99,7 +99,7 @@ class ShootingEvidence(PredictedEvidence):
             self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
     def _hold(self) -> None:
-        """See whether inputs are held over each step, or go straight to the next row."""
+        """Decide whether inputs are held over each step or interpolated to the next row."""
         if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
             return
         known, found = self.simulator.numbers, []
@@ -116,11 +116,11 @@ class ShootingEvidence(PredictedEvidence):
         self._plain = self._predict(self._x0, [], known)
 
     def channel_noise(self, name: str, width: int = 10) -> float:
-        """Return the standard deviation of a channel's noise a sample, without what was predicted of it."""
+        """Return the standard deviation of a channel's noise per sample, after removing what was predicted."""
         return self._readings_noise.get(name) or super().channel_noise(name, width)
 
     def _look(self) -> None:
-        """See how the simulator moves: its states along the log, its joints, and what its inputs do."""
+        """Simulate the log: states along it, joints, and the influence of inputs."""
         simulator, log = self.simulator, self.log
         self._states = np.zeros((len(simulator.states), log.n))
         if simulator.form != "ode":
@@ -147,7 +147,7 @@ class ShootingEvidence(PredictedEvidence):
         self._rates = simulator.rate(log.t, self._states, self._u, p)
 
     def _again(self) -> None:
-        """Forget what was kept of the simulator with other parameters."""
+        """Clear caches of the simulator with other parameters."""
         self._x0 = self._fitted_starts()
         for kept in (self._moved, self._done, self._from, self._last, self._responses):
             kept.clear()
@@ -176,7 +176,7 @@ class ShootingEvidence(PredictedEvidence):
         ]
 
     def _skew(self) -> None:
-        """Let inputs act up to half a sample early or late, within a tolerance."""
+        """Allow inputs to act up to half a sample early or late, within a tolerance."""
         base = self._drive([], self.simulator.numbers)
         for name, u in timings(self.simulator.inputs, self._u, self.log):
             near = self._near(self._x0, base, Drive(u, base.p, [], self.lines))
@@ -187,7 +187,7 @@ class ShootingEvidence(PredictedEvidence):
         self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
 
     def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
-        """Return means over what was read of windows, of a signal that begins at a row of the log."""
+        """Return means over the readings in windows, of a signal that begins at a row of the log."""
         read = ~self.log.lost[first : first + len(x)]
         sums, count = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x * read, read))
         return (sums[rows + self.n] - sums[rows]) / (count[rows + self.n] - count[rows])
@@ -226,13 +226,13 @@ class ShootingEvidence(PredictedEvidence):
         return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
 
     def _started(self, kind: tuple[str, ...], active: Active, numbers: np.ndarray) -> np.ndarray:
-        """Return initial states that a change will have, to first order from the last one of its kind."""
+        """Return predicted initial states after a change, to first order from the last one of its kind."""
         read = {place.at for place, _ in active if place.name == "sensor_rectification"}
         if not len(self._x0) or self.simulator.form == "run" or read & set(self.folds):
             # The response may itself be a run; and to a reading without its sign initial states are fitted already.
             return self._x0 + self._moved.get(kind, 0.0)
         about, known = self._last.get(kind, (self._own, self.simulator.numbers))
-        # How the run without a change responds is known, and near enough for where to begin.
+        # The response of the unchanged run is known, and close enough as a start.
         there, before = (
             self._near(self._x0, self._drive(self._own, self.simulator.numbers), self._drive(a, p))[1]
             for a, p in ((active, numbers), (about, known))
@@ -241,7 +241,7 @@ class ShootingEvidence(PredictedEvidence):
         return self._x0 + self._moved.get(kind, 0.0) + self._explained(left)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
-        """Return by how much the residuals change from effects to others, to first order: nothing is run anew."""
+        """Return by how much the residuals change from effects to others, to first order: nothing is run again."""
         numbers = self.numbers(dict(zip(self.free, map(float, x), strict=True)))
         found = self._changed(self.active(spec), numbers, self.active(about), numbers)
         return self._whitening.white(found / self.noise)
@@ -262,7 +262,7 @@ class ShootingEvidence(PredictedEvidence):
         return self._compared(about, active, *self._near(x0, self._drive(about, known), self._drive(active, numbers)))
 
     def _compared(self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]) -> np.ndarray:
-        """Return the change of the residuals from predictions to others, what initial states explain taken out."""
+        """Return the change of the residuals between predictions, less what initial states explain."""
         left = [-rows for rows in self._means_of_change(about, active, base, there)]
         if (shift := self._explained(left)).size:
             left = [rows - np.tensordot(shift[:, k], self._O[k], axes=1) for k, rows in enumerate(left)]
@@ -271,7 +271,7 @@ class ShootingEvidence(PredictedEvidence):
     def _means_of_change(
         self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]
     ) -> list[np.ndarray]:
-        """Return by how much predictions differ as sensors read them, means over the windows of each stretch."""
+        """Return the difference of predictions as sensors read them, as means over the windows of each stretch."""
         before, after = (self._read(a, rows, self.shown) for a, rows in ((about, base), (active, there)))
         return [
             self._cut_means(np.clip(np.nan_to_num(z - y), -1e12, 1e12), k)
@@ -286,22 +286,22 @@ class ShootingEvidence(PredictedEvidence):
         return found
 
     def _far(self, shift: np.ndarray, left: list[np.ndarray]) -> bool:
-        """Tell whether a change of the initial states is more than noise would make of it, so that first order errs."""
+        """Return whether initial states change by more than noise would cause, so that first order is inexact."""
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
         moved = [np.tensordot(shift[:, k], self._O[k], axes=1) / sigma for k in range(len(left))]
         return power(moved) > sum(m.size for m in moved)
 
     def _explained(self, left: list[np.ndarray]) -> np.ndarray:
-        """Return the changes of the initial states that explain most of what is left."""
+        """Return the changes of the initial states that explain most of the residual."""
         if not len(self._x0):
             return np.zeros((0, 0))
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         return self._shift([slope / sigma for slope in self._O], [e / sigma for e in left])
 
     def _differences(self, a: int, b: int) -> list[np.ndarray]:
-        """Return by how much two runs differ beyond what their initial states, which differ, would explain.
+        """Return the difference of two runs beyond what their different initial states explain.
 
-        Projections over stretches of other lengths differ by themselves: initial states are taken out of the
+        Projections over stretches of other lengths differ by themselves: initial states are projected out of the
         difference, not of each run.
         """
         left = self._left(self.log.channels, self._plain)
@@ -327,8 +327,8 @@ class ShootingEvidence(PredictedEvidence):
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 
-        Readings that stand exactly at their largest while the simulator goes on say by themselves that a sensor's range
-        ends there.
+        Readings that stay exactly at their largest while the simulator moves on show by themselves that a sensor's
+        range ends there.
         """
         place, odds = self.placements.get(name), super().prior(name)
         if place is None or place.name != "sensor_saturation" or place.at not in self.ends:
@@ -371,13 +371,13 @@ class ShootingEvidence(PredictedEvidence):
         )
 
     def _unsure(self) -> list[str]:
-        """Return the states whose size the log does not tell: hidden ones, with parameters that had to be fitted."""
+        """Return the states whose size the log does not determine: hidden ones, with fitted parameters."""
         simulator = self.simulator
         hidden = [s for s in simulator.states if s not in self.log.channels]
         return hidden if self.curved and simulator.form == "ode" else []
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within the bounds between which it changes anything on this log."""
+        """Return a parameter with the bounds between which it changes anything on this log."""
         for place in self.placements.values():
             if place.name == "overflow" and p in place.effect.parameters and p.name == "level":
                 x, s = self._states[self.simulator.states.index(place.follows["pressure"])], place.scales
@@ -388,7 +388,7 @@ class ShootingEvidence(PredictedEvidence):
         return p
 
     def _mattering(self, name: str, gaps: Mapping[str, float]) -> float:
-        """Return how large a constant input would have to be to make a gap like the one that is there."""
+        """Return the constant input that would cause a gap of the observed size."""
         k, u = self.simulator.inputs.index(name), self._u.copy()
         step = float(np.ptp(u[k])) or 1.0
         u[k] += step
@@ -404,7 +404,7 @@ class ShootingEvidence(PredictedEvidence):
         return min(sizes, default=step)
 
     def predicted(self, more: Sequence[str] = ()) -> dict[str, np.ndarray]:
-        """Return what the simulator with its effects predicts of channels, from the best initial states."""
+        """Return the channels that the simulator with its effects predicts, from the best initial states."""
         active, numbers = self._own, self.simulator.numbers
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         x0 = self._starts()
@@ -434,7 +434,7 @@ class ShootingEvidence(PredictedEvidence):
         return found
 
     def roles(self, equation: str) -> dict[str, str]:
-        """Return for an equation the signal behind each name of the state, as far as there is one."""
+        """Return for an equation the signal of each name of the state, where there is one."""
         found = roles_of(self.simulator, self.joints, equation)
         if self.simulator.form != "ode":
             found = {k: v for k, v in found.items() if v in self.simulator.inputs}

@@ -38,7 +38,7 @@ UNTURNED = -12.0
 
 
 def _is_gauge(pressure: np.ndarray | None) -> bool:
-    """Tell whether pressures are gauge pressures: absolute ones do not lie far below the ambient pressure."""
+    """Return whether pressures are gauge pressures: absolute ones are not far below the ambient pressure."""
     return pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
 
 
@@ -60,7 +60,7 @@ class SignalEvidence(Straight):
     nominal : callable
         Takes a table of signals, returns the modelled target.
     codes : array of int, shape (n_samples,)
-        Trajectory of each row; contiguous.
+        Run of each row; contiguous.
     dt : float
         Sampling interval, s.
     equation : str
@@ -70,9 +70,9 @@ class SignalEvidence(Straight):
     position_scale : float
         Length (or angle) that counts as a strain of one.
     columns : mapping of str to str, optional
-        The user's name of each role, for what is written about it.
+        The user's name of each role, for reports.
     shown : mapping of str to array, optional
-        Signals by role in the user's units, for what is written about them.
+        Signals by role in the user's units, for reports.
     without : array of bool, shape (n_samples,), optional
         Rows that are left out, such as those of a clipped sensor.
     """
@@ -149,7 +149,7 @@ class SignalEvidence(Straight):
         self._path: np.ndarray | None = None
 
     def assume(self, noise: float, left: np.ndarray | None = None) -> None:
-        """Take a level for the noise, and what a learner leaves of the residual for how long it remembers."""
+        """Set the noise level, and estimate its correlation time from a learner's residual."""
         size = float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else 1.0
         self.noise = np.full(len(self.first), max(self.channel, noise, 1e-4 * size, 1e-300))
         self.z0 = self.value / self.noise
@@ -157,12 +157,12 @@ class SignalEvidence(Straight):
             memory = memory_of(left, self.run)
             self.weights = np.array([1.0 / memory])
             step = self.n * self.dt
-            # Enough stretches remain for their signs to say something.
+            # Enough stretches remain for their signs to be informative.
             self.stretch = float(np.clip(3.0 * memory * step, 0.3, max(0.3, len(left) * step / 24.0)))
 
     @property
     def path(self) -> np.ndarray:
-        """The position without turns that are noise: friction would follow every one of them."""
+        """The position without reversals by noise: friction would follow every one of them."""
         if self._path is None:
             x = np.asarray(self.table["position"], dtype=float)
             sigma = [channel_noise(x[a:b], self.n).white for a, b in pairwise([*self.borders.tolist(), len(x)])]
@@ -182,7 +182,7 @@ class SignalEvidence(Straight):
 
     @staticmethod
     def raw(z: np.ndarray) -> np.ndarray:
-        """Return residuals as they are: how the noise of any target depends on its past is not known."""
+        """Return residuals as they are: the autocorrelation of the noise is not known."""
         return z
 
     white = raw
@@ -198,8 +198,8 @@ class SignalEvidence(Straight):
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected.
 
-        On a muscle it is the library's. Elsewhere drag is as likely as any friction; but what follows a path that
-        was never seen to turn back could be any function of time.
+        On a muscle it is the library's. Elsewhere drag is as likely as any friction; but an effect of a path that never
+        reverses could be any function of time.
         """
         effect = all_effects()[name]
         if self.scale == 1.0:
@@ -210,7 +210,7 @@ class SignalEvidence(Straight):
 
     def _turns(self) -> int:
         ends = [*self.borders.tolist(), len(self.y)]
-        # What a sensor's noise turns is no turn.
+        # Reversals by sensor noise do not count.
         slack = 0.01 * float(np.ptp(self.path)) if len(self.path) else 0.0
         return sum(len(reversals(play(self.path[a:b], slack))) - 2 for a, b in pairwise(ends) if b - a > 1)
 
@@ -244,14 +244,14 @@ class SignalEvidence(Straight):
         return total - self.predicted
 
     def _on_braid(self, holding: Sequence[Effect], table: Table) -> Table:
-        """Return the signals with the pressure that is left for the braid."""
+        """Return the signals with the pressure that acts on the braid."""
         for effect in holding:
             s = Signals(position=table["position"] / self.scale, pressure=table["pressure"])
             table = {**table, "pressure": np.asarray(effect.braid_pressure(s, self.plant), dtype=float)}
         return table
 
     def reach(self, spec: Spec) -> np.ndarray:
-        """Return what share of a small addition to the model reaches each window's reading, such as none if slack."""
+        """Return the share of a small addition to the model that reaches each window's reading; none if slack."""
         bending = {k: v for k, v in spec.items() if all_effects()[k].channel == OUTPUT[self.kind][0]}
         straight = {k: v for k, v in spec.items() if k not in bending}
         total = self.predicted + (self.added(straight) if straight else 0.0)
@@ -265,12 +265,12 @@ class SignalEvidence(Straight):
         return self._mean(passed)
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a limit within what the model reaches, beyond which it does nothing, and periods in a range."""
+        """Return bounds that the model reaches, beyond which a limit does nothing, and periods in a range."""
         if p.periods:
             return p.over(float(np.ptp(self.table["position"])) if "position" in self.table else 0.0)
         top = float(np.max(np.abs(self.predicted), initial=0.0))
         lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
-        # A limit of something else than the reading, such as a command's, keeps its own bounds.
+        # A limit of another signal than the reading, such as a command's, keeps its own bounds.
         return replace(p, lower=lower, upper=upper, nominal=min(0.6 * top, upper)) if p.idle and lower < upper else p
 
     def _hooks(self, effect: Effect, table: Table, faults: tuple[Effect, ...]) -> np.ndarray:
@@ -284,7 +284,7 @@ class SignalEvidence(Straight):
         for role in ("position", "velocity"):
             if role in used:
                 used[role] = used[role] / scale
-        # Without a pressure, what grows with it has nothing to grow with.
+        # Without a pressure, growth with it is undefined.
         used.setdefault("pressure", np.full(len(self.y), self.plant.atmospheric_pressure))
         s = Signals(**used)
         bent = tuple(effect.values[p.name] for p in effect.parameters if not p.linear)
@@ -340,20 +340,20 @@ class SignalEvidence(Straight):
         return None
 
     def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)
 
     def freedom(self, spec: Spec) -> float:
-        """Return what it costs that the beginnings of runs are unknown: here they are taken as settled."""
+        """Return the price of unknown initial memory of runs: here it is taken as settled."""
         return 0.0
 
     def widening(self, spec: Spec) -> np.ndarray | None:
-        """Return None: lags are put on the model, not taken off the measurement."""
+        """Return None: lags are applied to the model, not removed from the measurement."""
         return None
 
 
 def memory_of(x: np.ndarray, run: np.ndarray) -> float:
-    """Return over how many windows a residual repeats itself: the sum of its autocorrelation."""
+    """Return the correlation length of a residual in windows: the sum of its autocorrelation."""
     x = x - np.mean(x)
     power = float(np.mean(np.square(x)))
     total, lag = 1.0, 1

@@ -17,7 +17,7 @@ LEAST_MOVING = 20
 
 
 def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None:
-    """Return the velocities that follow from logged positions; None if a state that matters can't be had at all."""
+    """Return the velocities that follow from logged positions; None if a relevant state is not available."""
     if simulator.form == "algebraic":
         return {}
     if simulator.form != "ode":
@@ -30,7 +30,7 @@ def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None
 
 
 def _probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return instants of the log with states that all differ, to ask for structure."""
+    """Return instants of the log with states that all differ, to probe the structure."""
     at, rng = some_instants(log.n), np.random.RandomState(0)
     x = np.stack(
         [
@@ -52,7 +52,7 @@ def pairs_of(simulator: Simulator, log: PortLog) -> dict[str, str]:
 
 
 def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
-    """Tell whether nothing depends on a state, such as a position that no force knows of."""
+    """Return whether nothing depends on a state, such as a position that enters no force."""
     t, x, u = _probe(simulator, log)
     moved, k = x.copy(), simulator.states.index(state)
     moved[k] += 0.1 * (float(np.max(np.abs(x[k]))) or 1.0)
@@ -63,7 +63,7 @@ def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
 
 
 def roles_of(simulator: Simulator, joints: Sequence[JointPort], equation: str) -> dict[str, str]:
-    """Return the signal behind each name of the state, for the equation of a port."""
+    """Return the signal of each name of the state, for the equation of a port."""
     found = {}
     joint = next((j for j in joints if equation in (j.name, j.velocity, j.position)), None)
     states = list(simulator.states)

@@ -1,4 +1,4 @@
-"""Tolerances so narrow that what parameters do is one linear model, of systems whose faults do not commute."""
+"""Tolerances so narrow that parameters act linearly, for systems whose faults do not commute."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .protocol import Spec
 
 
 class Straight:
-    """Answers of a `pamid.gap.residuals.protocol.ResidualSource` whose slopes are the same everywhere."""
+    """Methods of a `pamid.gap.residuals.protocol.ResidualSource` whose slopes are the same everywhere."""
 
     J: np.ndarray
     curved = False
@@ -21,11 +21,11 @@ class Straight:
 
     @property
     def about(self) -> np.ndarray:
-        """Where the deviations of the free parameters begin, in tolerances: at the simulator as given."""
+        """Starting deviations of the free parameters, in tolerances: the simulator as given."""
         return np.zeros(self.J.shape[1])
 
     def has(self, name: str) -> bool:
-        """Tell whether there is something here that an effect can act at."""
+        """Return whether an effect has something to act on here."""
         return True
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Stretches of a log that a simulator can follow, and the initial states that fit them best."""
+"""Stretches of a log that a simulator can follow, and their best initial states."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Segment(NamedTuple):
 
 
 class StretchEvidence(PortEvidence):
-    """What predictions over stretches of a log need: where those begin and end, and their initial states.
+    """What predictions over stretches of a log need: their bounds and initial states.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ class StretchEvidence(PortEvidence):
     simulator : Simulator
         Of the form ``"ode"`` or ``"run"``.
     whole : bool, default=False
-        Whether whole runs are predicted, however far they go astray.
+        Whether whole runs are predicted, however far they diverge.
     refit : bool, default=False
-        Whether to begin from parameters that fit, see `PortEvidence`.
+        Whether to start from fitted parameters, see `PortEvidence`.
     """
 
     shown: list[str]
@@ -79,10 +79,10 @@ class StretchEvidence(PortEvidence):
 
     @abstractmethod
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """Return the predicted channels for several initial states and numbers, (n_shown, length) a stretch."""
+        """Return the predicted channels for several initial states and numbers, (n_shown, length) per stretch."""
 
     def _lay(self) -> None:
-        """Choose the longest stretches that the simulator can follow, and fit where each begins."""
+        """Choose the longest stretches that the simulator can follow, and fit their initial states."""
         longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
         length, rising = longest, False
@@ -106,14 +106,14 @@ class StretchEvidence(PortEvidence):
                 best = missed, self.stretches, x0
             if self.simulator.form == "run" or self.whole or (follows if length == longest else rising and not follows):
                 break
-            if follows:  # where the length was guessed, twice as much may do
+            if follows:  # where the length was guessed, twice as much may work
                 rising, length = True, 2 * length
                 if length > longest // 2:
                     break
                 continue
             if length // 2 < SHORTEST:
                 break
-            # What goes astray at once is not tried over half as long, and half of that.
+            # Predictions that diverge at once are not retried over ever shorter stretches.
             length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
         length = max(s.stop - s.first for s in self.stretches)
@@ -130,9 +130,9 @@ class StretchEvidence(PortEvidence):
         return found
 
     def _needed(self) -> int:
-        """Return the longest stretch that is worth while: the longest run, or less where nothing is left of its begin.
+        """Return the longest useful stretch: the longest run, or less where its initial state is forgotten.
 
-        Stretches that lie side by side run together, and what is long forgotten ties no two of them to each other.
+        Stretches can then be simulated side by side.
         """
         longest = max(b - a for a, b in self.log.spans)
         if self.simulator.form != "ode" or self.whole or not self.simulator.states:
@@ -146,7 +146,7 @@ class StretchEvidence(PortEvidence):
         return longest
 
     def _starts(self) -> np.ndarray:
-        """Return first guesses of the initial states: what was measured, else where runs start."""
+        """Return first guesses of the initial states: measured values, else the start of runs."""
         x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
         for k, state in enumerate(self.simulator.states):
             if state in self.log.channels:
@@ -159,14 +159,14 @@ class StretchEvidence(PortEvidence):
             return x0
         found, error = self._fitted_from(x0)
         mirrored = x0 * np.where([s in self.folds for s in self.simulator.states], -1.0, 1.0)[:, None]
-        if np.any(mirrored != x0):  # a magnitude does not say on which side a stretch begins
+        if np.any(mirrored != x0):  # a magnitude does not show on which side a stretch begins
             others, missed = self._fitted_from(mirrored)
             better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
             found = np.where(better, others, found)
         return found
 
     def _fitted_from(self, x0: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the initial states that fit best near others, and what predictions then miss."""
+        """Return the best initial states near given ones, and the remaining prediction error."""
         error = self._error(x0)
         for _ in range(ROUNDS):
             slopes = self._slopes(x0)
@@ -182,10 +182,10 @@ class StretchEvidence(PortEvidence):
         return x0, error
 
     def _without_sign(self) -> tuple[float, np.ndarray] | None:
-        """Return what predictions miss where a reading is without its sign, and initial states; None if not less.
+        """Return prediction errors with a reading without its sign, and initial states; None if not smaller.
 
-        A reading that is never negative, beside a prediction that is, may be a magnitude. Then no initial state lets
-        the simulator follow it, and stretches so short that some do would hide what the sensor does.
+        A reading that is never negative, where the prediction is, may be a magnitude. Then no initial state lets the
+        simulator follow it, and very short stretches would hide the sensor fault.
         """
         plain = np.concatenate(self._predict_many([self._starts()], [self.simulator.numbers])[0], axis=1)
         for name, row in zip(self.shown, plain, strict=True):
@@ -201,21 +201,21 @@ class StretchEvidence(PortEvidence):
                     if missed < FOLLOWS:
                         self._begin_from(d)
                 if missed < FOLLOWS:
-                    self.curved = True  # what parameters do changes its sign with the reading
+                    self.curved = True  # sensitivities change sign with the reading
                     return missed, x0
         self.folds = {}
         return None
 
     def _fold(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Return predicted channels without the signs that are lost."""
+        """Return predicted channels without the lost signs."""
         lost = np.array([self.folds.get(n, 0.0) for n in self.shown])[:, None]
         return [y + lost * (np.abs(y) - y) for y in rows] if self.folds else list(rows)
 
     def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return what predictions miss once tolerances are fitted with the initial states, and both.
+        """Return prediction errors once tolerances are fitted with the initial states, and both.
 
-        A simulator whose numbers are hardly known may follow a log only with others. Levenberg–Marquardt, the initial
-        states projected out of what numbers change.
+        A simulator with poorly known numbers may follow a log only with other values. Levenberg–Marquardt, with the
+        initial states projected out.
         """
         x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
@@ -226,7 +226,7 @@ class StretchEvidence(PortEvidence):
             left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
             first = A if first is None else first
             size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
-            # Beside what is left as it is, tolerances are as likely as they are in fits: what hardly counts stays near.
+            # Tolerances have the same prior as in fits: parameters with little influence stay near their values.
             prior = TOLERANCE * power(error) / sum(e.size for e in error)
             for _ in range(4):
                 H = (A / size[:, None]) @ (A / size[:, None]).T + np.diag(damping + prior / size**2)
@@ -253,19 +253,19 @@ class StretchEvidence(PortEvidence):
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
 
     def _runs_away(self, error: list[np.ndarray]) -> bool:
-        """Tell whether predictions leave all that was measured long before their end: no initial state mends that."""
+        """Return whether predictions leave the measurements long before their end, whatever the initial state."""
         if self.simulator.form == "run" or self.whole:
             return False
         return self._missed(error) > ASTRAY and GOES * self._followed(error) < max(e.shape[1] for e in error)
 
     def _followed(self, error: list[np.ndarray]) -> int:
-        """Return for how many samples predictions usually stay within what counts as followed."""
+        """Return for how many samples predictions usually follow the log."""
         most = np.array([FOLLOWS * float(np.std(self.log.channels[n])) / self.sigma[n] for n in self.shown])
         astray = [np.flatnonzero(np.any(~(np.abs(e) <= most[:, None]), axis=0)) for e in error]
         return int(np.median([a[0] if len(a) else e.shape[1] for a, e in zip(astray, error, strict=True)]))
 
     def _missed(self, error: list[np.ndarray]) -> float:
-        """Return the largest share of a signal's deviation that predictions miss."""
+        """Return the largest prediction error as a share of a signal's deviation."""
         worst = 0.0
         for row, name in zip(np.concatenate(error, axis=1), self.shown, strict=True):
             size = float(np.std(self.log.channels[name])) or 1.0
@@ -273,7 +273,7 @@ class StretchEvidence(PortEvidence):
         return worst if np.isfinite(worst) else np.inf
 
     def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return what predictions miss, in units of each channel's noise, shape (n_shown, length) a stretch."""
+        """Return prediction errors, in units of each channel's noise, shape (n_shown, length) per stretch."""
         return self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0]
 
     def _errors(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
@@ -286,7 +286,7 @@ class StretchEvidence(PortEvidence):
         ]
 
     def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return what each initial state does to the predictions, in noise, shape (n_states, n_shown, length)."""
+        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, length)."""
         numbers = self.simulator.numbers if numbers is None else numbers
         steps = [1e-4 * (float(np.max(np.abs(row))) or 1.0) for row in x0]
         starts = [x0 + h * e[:, None] for h, e in zip(steps, np.eye(len(x0)), strict=True)]
@@ -299,7 +299,7 @@ class StretchEvidence(PortEvidence):
         ]
 
     def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-        """Return what each tolerance does to the predictions, in noise, shape (n_free, n_shown, length)."""
+        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, length)."""
         steps = [self._numbers_at(d), *(self._numbers_at(d + e) for e in 0.01 * np.eye(len(d)))]
         base, *there = self._errors([x0] * len(steps), steps)
         return [np.stack([(base[j] - m[j]) / 0.01 for m in there]) for j in range(len(base))]
@@ -317,13 +317,13 @@ class StretchEvidence(PortEvidence):
 
 
 def forgotten(slopes: np.ndarray) -> bool:
-    """Tell whether nothing is left of initial states halfway along, from what they do, shape (n_states, n_shown, n)."""
+    """Return whether the effect of initial states, shape (n_states, n_shown, n), has died out halfway along."""
     size = np.max(np.abs(slopes), axis=1)
     return bool(np.all(np.max(size[:, size.shape[1] // 2 :], axis=1) <= GONE * np.max(size, axis=1)))
 
 
 def beside(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return rows without what initial states would explain of them."""
+    """Return rows with the initial states projected out."""
     O = slopes.reshape(len(slopes), -1)  # noqa: E741 - as in the module's formula
     size = np.sqrt(np.sum(np.square(O), axis=1))
     Q = np.linalg.qr((O[size > 0.0] / size[size > 0.0, None]).T)[0]

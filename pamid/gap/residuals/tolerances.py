@@ -1,7 +1,7 @@
-"""Parameters within their tolerances: what small changes of them do, and where wide ones begin.
+"""Parameters within their tolerances: sensitivities, and starting values where tolerances are wide.
 
-Where tolerances are so wide that what a parameter does differs from one end to the other, the linear model of them is
-laid anew wherever a fit has come to, and under the effects that stand there.
+Where tolerances are so wide that sensitivities vary within them, they are relinearised at each fit, under the effects
+at that point.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
 """Most times that the tolerances are relinearised, how straight it must be not to need it, the
 share of a tolerance that is a small change then; linear models that are kept."""
 CURVED = 0.3
-"""Share by which what parameters do differs between where they are given and where they fit, for it to be laid anew;
+"""Share by which what parameters do differs between where they are given and where they fit, for it to be relinearised;
 the same causes come of half and of twice as much (``benchmarks/settings.py --computed``)."""
 
 
 class Tolerances(ABC):
-    """What a simulator's free parameters do to residuals.
+    """Sensitivities of residuals to a simulator's free parameters.
 
     Attributes
     ----------
     curved : bool
-        Whether tolerances are so wide that what parameters do differs within them.
+        Whether tolerances are so wide that sensitivities vary within them.
     """
 
     simulator: Simulator
@@ -73,11 +73,11 @@ class Tolerances(ABC):
 
     @abstractmethod
     def _again(self) -> None:
-        """Forget what was kept of the simulator with other parameters."""
+        """Clear caches of the simulator with other parameters."""
 
     # --- what follows ---------------------------------------------------------------------------------------
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus the slopes there times x are the exact residuals at deviations x, in tolerances."""
+        """Return z0 such that z0 + slopes @ x equals the exact residuals at deviations x, in tolerances."""
         return self.z(spec, self._named(x)) - self.slopes(spec, x) @ x
 
     def _named(self, x: np.ndarray) -> dict[str, float]:
@@ -92,7 +92,7 @@ class Tolerances(ABC):
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter, under effects and deviations x.
 
-        Where nothing bends it is `J`, whatever the effects and deviations.
+        In the linear case it is `J`, whatever the effects and deviations.
         """
         if not self.curved or not (spec or np.any(x)):
             return self.J
@@ -112,7 +112,7 @@ class Tolerances(ABC):
         return self.z({}, self._named(x))
 
     def _bends(self) -> bool:
-        """Begin from where wide tolerances fit best, if the way there is not straight; tell whether it was not."""
+        """Start from the best fit of wide tolerances if residuals are nonlinear on the way; return whether they are."""
         x = np.zeros(len(self.free))
         least = loglik(self.z0, self.parts, self.weights)[0]
         step = solve(self.z0, self.J, -1.0 - self.about, 1.0 - self.about, self.parts, self.weights).x
@@ -133,14 +133,14 @@ class Tolerances(ABC):
         return True
 
     def _begin_from(self, x: np.ndarray) -> None:
-        """Let the simulator have its parameters changed by multiples of their tolerances, from here on."""
+        """Change the simulator's parameters by multiples of their tolerances, from here on."""
         numbers = self.numbers(self._named(x))
         self.simulator = self.simulator.with_(dict(zip(self.simulator.parameters, map(float, numbers), strict=True)))
         self.about = self.about + x
 
 
 def differ(before: np.ndarray, after: np.ndarray) -> bool:
-    """Tell whether what parameters do differs between where they are given and where they fit."""
+    """Return whether sensitivities differ between the given and the fitted parameters."""
     return rms((after - before).ravel()) > CURVED * rms(before.ravel())
 
 

@@ -1,13 +1,13 @@
-r"""Equations of motion that do not share what drives one joint: residuals of rates as those of forces.
+r"""Decoupled equations of motion: residuals of rates converted to those of forces.
 
 A force that is missing at one joint shows in the accelerations of all that are coupled to it. Where the inertia M is
-known, :math:`M(\ddot q - f)` are the forces that the motion needs, one a joint. Where only the inputs' sensitivities
-G of the rates are (:math:`\partial f/\partial u`, those of driven joints first), residuals are turned so that what an
-input lacks shows in the equation of its joint alone,
+known, :math:`M(\ddot q - f)` are the forces that the motion needs, one per joint. Where only the sensitivities G of the
+rates to the inputs are (:math:`\partial f/\partial u`, those of driven joints first), residuals are transformed so that
+an error of an input shows only in the equation of its joint,
 
 .. math:: r_1' = \operatorname{diag}(G_1)\, G_1^{-1} r_1, \qquad r_2' = r_2 - G_2 G_1^{-1} r_1
 
-which leaves the equations of a pendulum on a driven arm, say, free of what the arm's motor does.
+which frees the equation of a pendulum on a driven arm, for example, of errors of the arm's motor.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SINGULAR = 1e6
 
 
 class Instants(NamedTuple):
-    """Where a simulator is asked.
+    """Instants at which a simulator is evaluated.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Turned(NamedTuple):
     forces: bool
 
     def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Return the residuals of all equations, those of some turned."""
+        """Return the residuals of all equations, some of them transformed."""
         out = list(parts)
         turned = np.einsum("nij,jn->in", self.by, np.stack([parts[k] for k in self.equations]))
         for k, row in zip(self.equations, turned, strict=True):
@@ -70,7 +70,7 @@ class Turned(NamedTuple):
 def turned(
     simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
 ) -> Turned | None:
-    """Return what turns residuals of rates: into forces where the inertia is known, else as drives act; None as is."""
+    """Return the map of residuals of rates: to forces where the inertia is known, else by drives; or None."""
     found = by_inertia(simulator, [k for k, _, _ in equations], at.x)
     if found is not None or simulator.form != "ode":
         return found
@@ -86,7 +86,7 @@ def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Tur
 def by_drives(
     simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
 ) -> Turned | None:
-    """Return the map that leaves what an input lacks in the equation of its joint; None where nothing is shared."""
+    """Return the map that keeps an input's error in the equation of its joint; None where nothing is coupled."""
     through = {j.name: j.through for j in joints if j.through in simulator.inputs}
     driven = [k for k, (_, _, name) in enumerate(equations) if name in through]
     if not driven or len(equations) < 2:

@@ -1,12 +1,12 @@
-r"""What undoing the faults of sensors does to noise: how much of it is a change of scale, and how much hides motion.
+r"""The effect of undoing sensor faults on noise: the part that is a change of scale, and the part that hides motion.
 
-Where a fault is undone in what a sensor read, noise is undone with it. A gain changes readings and noise alike,
+Where a fault is undone in a reading, its noise is filtered, too. A gain changes readings and noise alike,
 
 .. math:: a = \frac{\operatorname{rms}(T y)}{\operatorname{rms}(y)}, \qquad
     s = \frac{\operatorname{rms}(T n)}{\operatorname{rms}(n)}, \qquad s = a,
 
-and that residuals become smaller with their noise is no evidence. A lag or a resonance lets fast noise grow by more
-than the motion does, and the noise then hides what is modelled: each window costs :math:`\log(s/a)`.
+and that residuals become smaller with their noise is no evidence. Undoing a lag or a resonance amplifies fast noise
+more than motion, and the noise then hides what is modelled: each window costs :math:`\log(s/a)`.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from .protocol import Spec
 
 
 class UndoneEvidence(PortEvidence, ABC):
-    """Residuals for which faults of sensors are undone in what they read, rather than put on what is predicted."""
+    """Residuals for which sensor faults are undone in the readings, rather than applied to predictions."""
 
     _spreads: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @abstractmethod
     def _amplified(self, active: Active) -> list[float]:
-        """Return by how much effects let what was measured in each equation grow."""
+        """Return by how much effects amplify the measured side of each equation."""
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return how wide the noise is under effects that are undone in readings, as a share; None without such."""
+        """Return the relative width of the noise under effects that are undone in readings; None without any."""
         found = self._noise_under(spec)
         return None if found is None else found[0]
 
     def widening(self, spec: Spec) -> np.ndarray | None:
-        """Return by how much more noise than motion grows under such effects, which costs; None without such."""
+        """Return the growth of noise over that of motion under such effects; None without such effects."""
         found = self._noise_under(spec)
         return None if found is None else found[1]
 

@@ -20,7 +20,7 @@ class Units(NamedTuple):
     position : str, default="-"
         Of the position; ``"-"`` for a contraction ratio.
     pressure : str, default="Pa"
-        Of the pressure, or of what stands for it.
+        Of the pressure, or its substitute.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class Units(NamedTuple):
         if effect.site == "joint":
             _add(powers, "m", -force)  # a torque is a force times a length
             _add(own, self.position, powers.pop("rad", 0))
-        if self.target != "kg/s":  # a mass or a volume that flows is the target in the course of time
+        if self.target != "kg/s":  # a flowing mass or volume is the integral of the target
             mass += powers.pop("m^3", 0)
             _add(powers, "s", mass)
         _add(own, self.position, p.position)

@@ -1,9 +1,9 @@
-r"""Residuals whose noise is independent from window to window: what a likelihood may add up.
+r"""Residuals whose noise is independent from window to window, as a likelihood needs.
 
-A derivative takes from one window what it gives the next: the noise of a pressure makes the flow equation err to and
-fro, and a leak, which errs to one side for seconds, stands out from that far more than from one window's noise. The
-covariance C of neighbouring windows follows from the test functions and the channels' noise. With its Cholesky
-factor L,
+The noise of derivatives is negatively autocorrelated: the noise of a pressure makes errors of the flow equation
+alternate, and a leak, whose error keeps its sign for seconds, stands out from that far more than from one window's
+noise. The covariance C of neighbouring windows follows from the test functions and the channels' noise. With its
+Cholesky factor L,
 
 .. math:: C = L L^\top, \qquad z_\text{white} = L^{-1} z
 
@@ -36,7 +36,7 @@ class Whitening:
         self._factors: list[tuple[slice, np.ndarray]] = []
 
     def learn(self, part: slice, drawn: np.ndarray, run: np.ndarray) -> None:
-        """Add an equation whose noise was drawn several times."""
+        """Add an equation with several draws of its noise."""
         power = float(np.mean(np.square(drawn))) if drawn.size else 0.0
         if power <= 0.0:
             return
@@ -67,7 +67,7 @@ class Whitening:
                 return
 
     def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals with independent noise; further columns are turned alike."""
+        """Return residuals with independent noise; further columns are whitened alike."""
         from scipy.linalg.lapack import dtbtrs
 
         out = np.array(z, dtype=float)

@@ -1,4 +1,4 @@
-"""How long windows of rates are: short beside the fastest motion, and long enough for noise not to hide what moves."""
+"""Length of the windows of rates: short for the fastest motion, and long enough that noise does not hide it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ HIDDEN = 0.1
 
 
 class Rate(NamedTuple):
-    """What an equation says.
+    """The rate of an equation.
 
     Parameters
     ----------
     modelled : array, shape (n_rows,)
-        What the simulator says of the rate.
+        The modelled rate.
     order : int
         Order of the derivative that is measured.
     noise : float
@@ -40,8 +40,8 @@ class Rate(NamedTuple):
 def samples(rates: Sequence[Rate], log: PortLog) -> int:
     """Return the samples in a window: several in a period of the fastest motion, and enough windows in all.
 
-    Windows in which noise hides what is modelled are longer, as long as longer ones tell more of it: N/n windows tell
-    N/n times its power over that of their noise.
+    Where noise hides the modelled rate windows are longer, as long as that adds information: N/n windows carry N/n
+    times its power over that of their noise.
     """
     most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
     shortest = most
@@ -90,7 +90,7 @@ def window_noise(noise: float, n: int, order: int, dt: float) -> float:
 
 
 def _told(n: int, rates: Sequence[Rate], dt: float) -> np.ndarray:
-    """Return for each equation the power of what is modelled over that of its noise, a sample of the log."""
+    """Return for each equation the power of the modelled rate over that of its noise, per sample of the log."""
     power = [float(np.var(np.convolve(r.modelled, kernel(n, r.order + 1), "valid"))) for r in rates]
     noise = [max(window_noise(r.noise, n, r.order, dt), 1e-150) for r in rates]
     return np.array([p / (s * s) / n for p, s in zip(power, noise, strict=True)])

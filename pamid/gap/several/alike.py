@@ -1,4 +1,4 @@
-"""Whether several logs can be of one bench."""
+"""Whether several logs can come from one bench."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ...errors import IncompatibleError, MissingColumnError
 from ..residuals.bench import Evidence
 
 FACTOR = 1.5
-"""How far, as a factor, what is measured may differ between logs beside what one simulator says of each: more than any
-tolerance, sensor or missing effect makes of it; a wrong unit makes more, and so does another muscle."""
+"""How far, as a factor, what is measured may differ between logs relative to one simulator: more than any tolerance,
+sensor or missing effect causes; a wrong unit or another muscle causes more."""
 PROPORTIONAL = 0.9
-"""Share of what is measured that is a factor times what the simulator says, from which it is a factor: a valve that
-saturates in one log and not in another one leaves less."""
+"""Share of the measured signal that must be proportional to the simulated one for a factor to be found: a valve that
+saturates in only one log leaves less."""
 
 
 def check_alike(logs: Mapping[str, Evidence]) -> None:
-    """Raise where logs cannot be of one bench."""
+    """Raise where logs cannot come from one bench."""
     for (one, a), (two, b) in combinations(logs.items(), 2):
         if not set(a.equations) & set(b.equations):
             lacks = [f"{x} lacks {', '.join(c)}" for x, c in ((one, _lacks(a, b)), (two, _lacks(b, a))) if c]
@@ -36,8 +36,8 @@ def check_alike(logs: Mapping[str, Evidence]) -> None:
             ratio = max(first / second, second / first)
             if ratio > FACTOR:
                 raise IncompatibleError(
-                    f"Of what the simulator says of the {equation}, {one} measures {first:.3g} times as much and {two} "
-                    f"{second:.3g} times.",
+                    f"The measured {equation} is {first:.3g} times the simulator's in {one}, and {second:.3g} times in "
+                    f"{two}.",
                     "logs of one bench, in the same units",
                     f"Check the units of {two if abs(np.log(second)) > abs(np.log(first)) else one}, or diagnose the "
                     "logs of different benches one by one.",
@@ -50,7 +50,7 @@ def _lacks(evidence: Evidence, other: Evidence) -> list[str]:
 
 
 def _size(evidence: Evidence, equation: str) -> float | None:
-    """Return the factor between what is measured and what the simulator says; None where there is none."""
+    """Return the factor between measured and modelled values; None where there is none."""
     part = evidence.parts[evidence.equations.index(equation)]
     measured, residual = evidence.measured[part], evidence.raw(evidence.z0)[part] * evidence.noise[part]
     said = measured - residual

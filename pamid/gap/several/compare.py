@@ -1,4 +1,4 @@
-"""What a diagnosis of several logs says of each: parameters log by log, and causes that changed between logs."""
+"""Results for each of several logs: parameters log by log, and causes that changed between logs."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _of_log(stack: StackedEvidence, k: int, spec: Spec, x: np.ndarray, variants:
         if not variants.acts(name, k):
             continue
         plain = variants.plain(name)
-        # Two shares of one effect act as one: what is linear adds up, and the larger one says the form.
+        # Two shares of one effect act as one: linear parameters add up, the larger share gives the form.
         joined[plain] = _together(plain, joined[plain], values) if plain in joined else dict(values)
     return fitted_alone(stack.logs[k].evidence, joined, stack.deviations_in(k, x))
 

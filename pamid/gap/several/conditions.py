@@ -1,4 +1,4 @@
-"""What held for each of several logs: another rest position, load, temperature, supply, or day."""
+"""Conditions of each of several logs: another rest position, load, temperature, supply, or day."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ERRORS = TomlErrors(LogNotFoundError, EmptyLogError, EmptyLogError)
 
 
 class Conditions(NamedTuple):
-    """What held for one log.
+    """Conditions of one log.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Conditions(NamedTuple):
     day: str
 
     def under(self, simulator: S) -> S:
-        """Return the simulator as it holds for this log."""
+        """Return the simulator for this log."""
         if not self.numbers:
             return simulator
         if isinstance(simulator, BenchParameters):
@@ -90,8 +90,8 @@ def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dic
         if name not in ("log", "day", *numbers) or name in header[:k]:
             close = difflib.get_close_matches(name, [*numbers, "day"], n=2)
             raise UnknownOptionError(
-                f"{file.name} has a column '{name}'{', which is no number of the simulator' * (name not in header[:k])}"
-                f"{' twice' * (name in header[:k])}.",
+                f"{file.name} has a column "
+                f"'{name}'{', not a simulator parameter' * (name not in header[:k])}{' twice' * (name in header[:k])}.",
                 f"log, day, or any of {', '.join(numbers)}",
                 f"Did you mean {' or '.join(close)}?" if close else "Correct or remove it.",
             )
@@ -119,7 +119,9 @@ def _rows(file: Path) -> list[list[str]]:
     try:
         rows = [[field.strip() for field in row] for row in csv.reader(io.StringIO(text), strict=True) if any(row)]
     except csv.Error as error:
-        raise EmptyLogError(f"{file.name} is no table: {error}.", "CSV with a header", "Correct the file.") from error
+        raise EmptyLogError(
+            f"{file.name} is not a table: {error}.", "CSV with a header", "Correct the file."
+        ) from error
     if not rows:
         raise EmptyLogError(f"{file.name} is empty.", "CSV with a header", "Name each row's log.")
     for number, row in enumerate(rows, start=1):

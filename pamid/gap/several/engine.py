@@ -46,7 +46,7 @@ def diagnose_logs(
 
     Causes and the bench's geometry are shared by all logs. What may change from day to day (valves, friction, gas),
     each within its tolerance, is each day's own. A cause may also appear or go between two days where the evidence
-    asks for it.
+    supports it.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def diagnose_logs(
     effects : "all" or sequence of str, default="all"
         The library: names of effects that may be causes.
     conditions : mapping of str to Conditions, optional
-        What held for each log: numbers of the simulator that differ, and its day; a log without them is a day of its
+        Conditions of each log: numbers of the simulator that differ, and its day; a log without them is a day of its
         own.
     seed : int, default=0
         Seed of the draws behind p-values and intervals.
@@ -132,7 +132,7 @@ def explained(
     random_state: np.random.RandomState,
     say: Callable[[str], None],
 ) -> tuple[Diagnosis, Verdict]:
-    """Return what several logs say together, each log its parameters and each effect one name, and the decision."""
+    """Return the joint diagnosis of several logs, with each log's parameters, and the decision."""
     competition = Competition(searched, variants.library, say)
     outcome = competition.run()
     verdict = decide(competition, outcome, random_state)
@@ -145,7 +145,7 @@ def explained(
 def sized(
     logs: Sequence[LogFinding], sizes: Mapping[str, tuple[int, int]], held: Sequence[Conditions]
 ) -> list[LogFinding]:
-    """Return what was found of each log, with its rows, its runs and what held for it."""
+    """Return the findings for each log, with its rows, runs and conditions."""
     return [
         replace(f, rows=sizes[f.log][0], trajectories=sizes[f.log][1], conditions=dict(c.numbers))
         for f, c in zip(logs, held, strict=True)
@@ -168,7 +168,7 @@ def _tables(
     notes: list[str] = []
     for (name, log), conditions in zip(logs.items(), held, strict=True):
         try:
-            # A joint at rest tells of offsets, leaks and loads, beside logs of motion.
+            # A joint at rest shows offsets, leaks and loads, beside logs of motion.
             bench_log, last = BenchLog.of(log), name == list(logs)[-1]
             told = check(bench_log, conditions.under(params), moving=last and not any(map(moves, tables)))
             table, stuck = without_stuck(bench_log)
@@ -181,15 +181,15 @@ def _tables(
 
 
 def refuse_twice(logs: Mapping[str, pd.DataFrame]) -> None:
-    """Raise where a run is part of two logs: one that counts twice makes an answer surer than it is."""
+    """Raise where a run is part of two logs: counted twice, it would make an answer too confident."""
     seen: dict[str, str] = {}
     for name, log in logs.items():
         marks = run_marks(log)
         for run, mark in marks.items():
             if mark in seen:
                 raise IncompatibleError(
-                    f"{run} of {name} is {seen[mark]} once more, sample by sample.",
+                    f"{run} of {name} repeats {seen[mark]} sample by sample.",
                     "different recordings",
-                    "Name each log once: a run that counts twice makes the confidence too high.",
+                    "Name each log once: a run counted twice makes the confidence too high.",
                 )
         seen |= {mark: f"{run} of {name}" for run, mark in marks.items()}

@@ -37,7 +37,7 @@ def go_on(
     logs : mapping of str to DataFrame
         The logs that came, by name.
     conditions : mapping of str to Conditions, optional
-        What held for each. Without them a log of a bench belongs to the last day of the history, so that valves and
+        Conditions of each. Without them a log of a bench belongs to the last day of the history, so that valves and
         gas are those of its logs; one of any other simulator is a day of its own.
     alone : bool, default=False
         Whether a first log by itself is diagnosed as one log, without findings log by log.
@@ -54,7 +54,7 @@ def go_on(
     Raises
     ------
     ParameterError
-        A log is there already.
+        A log of that name exists already.
     IncompatibleError
         The logs cannot be of one bench.
 

@@ -1,7 +1,7 @@
-"""What a later diagnosis goes on from: the logs so far, the simulator and library they were held against, the rounds.
+"""The basis of a later diagnosis: the logs so far, their simulator and library, the rounds.
 
 The posterior of the earlier logs is their likelihood times the prior. It is kept exactly, as the logs themselves, so
-that a hypothesis that nobody thought of before has its right posterior as well.
+that a new hypothesis has its right posterior as well.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..diagnosis.result import Diagnosis
 
     AnySimulator = Any
-    """A simulator of the bench, one with ports, or a system: whatever says its identity."""
+    """A simulator of the bench, one with ports, or a system: anything with an identity."""
 
 STATE, LOGS = "state.json", "logs.parquet"
 _TOLD = frozenset(("parameter", "value", "low", "high", "unit"))
@@ -40,7 +40,7 @@ _SHOWN = 6
 
 @dataclass(frozen=True)
 class Round:
-    """What a diagnosis said after each further log.
+    """The result of a diagnosis after each further log.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Round:
     verdict : str
         The verdict.
     confidences : dict of str to float
-        Confidence of the likeliest candidates: of several causes in each, else adding to one over the library.
+        Confidence of the likeliest candidates: with several causes in each, otherwise adding to one over the library.
     parameters : dict of str to dict
         For each cause its main parameter: ``parameter``, ``value``, ``low``, ``high``, ``unit``.
     left : float
@@ -79,9 +79,9 @@ class History:
     logs : dict of str to DataFrame
         The logs by name.
     held : dict of str to Conditions
-        What held for each.
+        Conditions of each.
     rounds : list of Round
-        What was said after each further log.
+        The result after each further log.
     rivals : list of Rival
         Explanations that the last diagnosis left.
     page : str, default=""
@@ -104,7 +104,7 @@ class History:
     page: str = ""
 
     def add(self, found: Diagnosis, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
-        """Take in further logs and what a diagnosis of all of them says.
+        """Add further logs and the diagnosis of all of them.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class History:
         logs : mapping of str to DataFrame
             The logs that came with it.
         held : sequence of Conditions
-            What held for each.
+            Conditions of each.
         """
         self.logs |= dict(logs)
         self.held |= dict(zip(logs, held, strict=True))
@@ -125,7 +125,7 @@ class History:
         return {"page": os.path.relpath(self.page, folder.resolve())} if self.page else {}
 
     def write(self, folder: str | Path) -> None:
-        """Write what a later diagnosis goes on from into a folder."""
+        """Write the basis of a later diagnosis into a folder."""
         import pandas as pd
 
         folder = Path(folder)
@@ -159,7 +159,7 @@ def read_history(
     simulator : BenchParameters, Simulator or System, optional
         The simulator of today, which must be that of the earlier one.
     read : callable, optional
-        What reads the page of the earlier simulator where none is given and it was none of the bench;
+        Reads the file of the earlier simulator where none is given and it was not of the bench;
         `pamid.simulators.read_simulator` by default.
 
     Returns
@@ -174,7 +174,7 @@ def read_history(
     IncompatibleError
         Simulator or library changed since; the message says what.
     UntrustedCodeError
-        The earlier simulator is code, and there is no trust.
+        The earlier simulator is code that is not trusted.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def read_history(
         raise _broken(path, error) from None
     if not whole:
         raise LogFormatError(
-            f"{STATE} or {LOGS} of {path} was changed since, or is of another version.",
+            f"{STATE} or {LOGS} of {path} has changed since, or is from another version.",
             "both files as the same diagnosis wrote them",
             "Diagnose the logs anew.",
         )
@@ -240,7 +240,7 @@ def read_history(
 
 
 def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnySimulator] | None) -> AnySimulator:
-    """Return the simulator of an earlier diagnosis: the bench's numbers, or the page that it was read from."""
+    """Return the simulator of an earlier diagnosis: the bench's numbers, or the file that it was read from."""
     from ...bench.parameters import BenchParameters
     from ...simulators import read_simulator
 
@@ -251,7 +251,7 @@ def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnyS
         )
     if not page or not Path(page).is_file():
         raise LogNotFoundError(
-            f"The simulator of the earlier diagnosis, {page or 'made in Python'}, is not there.",
+            f"The simulator of the earlier diagnosis, {page or 'made in Python'}, does not exist.",
             "the file that the earlier diagnosis read",
             "Name it with --sim.",
         )
@@ -292,13 +292,13 @@ def effect_class(name: str) -> type[Effect]:
 
 
 def _mark(state: Mapping[str, Any], logs: Path) -> str:
-    """Return a mark of a state and its logs that changes with either: what a hand has edited is no posterior."""
+    """Return a hash of a state and its logs: an edited state is not a posterior."""
     text = json.dumps(state, sort_keys=True)
     return hashlib.sha256(text.encode() + hashlib.sha256(logs.read_bytes()).digest()).hexdigest()
 
 
 def _table(path: Path, bench: bool) -> pd.DataFrame:
-    """Read logs as any log is read: within the memory, and nothing but readings that a bench's sensors can give."""
+    """Read logs like any log: within the memory limit, and only possible readings."""
     from pandas.api.types import is_numeric_dtype
 
     from ...signals.formats.parquet import FORMAT
@@ -318,20 +318,18 @@ def _table(path: Path, bench: bool) -> pd.DataFrame:
 def _changed(then: Mapping[str, Any], now: Mapping[str, Any], library: Mapping[str, str]) -> list[str]:
     """Return what differs between the simulator and library of an earlier diagnosis and those of today."""
     a, b = _flat(then), _flat(now)
-    changed = [
-        f"{k} was {a.get(k, 'not there')} and is {b.get(k, 'not there')}" for k in {**a, **b} if a.get(k) != b.get(k)
-    ]
+    changed = [f"{k} was {a.get(k, 'absent')} and is {b.get(k, 'absent')}" for k in {**a, **b} if a.get(k) != b.get(k)]
     for name, mark in library.items():
         try:
             if fingerprint(name) != mark:
-                changed.append(f"the effect {name} is another one")
+                changed.append(f"the effect {name} differs")
         except KeyError:
             changed.append(f"the effect {name} is no longer there")
     return changed
 
 
 def fingerprint(name: str) -> str:
-    """Return a mark of an effect that changes with its parameters or its code."""
+    """Return a hash of an effect's parameters and code."""
     effect = effect_class(name)
     said = [repr(effect.parameters), repr(effect.equations), repr(effect.prior)]
     try:
@@ -342,7 +340,7 @@ def fingerprint(name: str) -> str:
 
 
 def seconds(logs: Any) -> float:
-    """Return the time that logs hold together, s."""
+    """Return the total time of logs, s."""
     total = 0.0
     for log in logs:
         times = log.groupby("trajectory", sort=False)["time"]

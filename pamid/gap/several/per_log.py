@@ -1,6 +1,6 @@
 r"""Parameters of causes log by log, and whether a cause changed between logs.
 
-A log may hold few trajectories, so that intervals rest on stretches of time as units: with the residuals' sensitivities
+A log may hold few runs, so that intervals are based on stretches of time as units: with the residuals' sensitivities
 A, their weights W and the score g_s of each stretch,
 
 .. math:: \operatorname{cov} \hat\theta = H^{-1} \Big(\sum_s g_s g_s^\top\Big) H^{-1}, \qquad H = A^\top W A + \Lambda
@@ -28,7 +28,7 @@ Estimates = dict[str, dict[str, ParameterEstimate]]
 
 
 def fitted_alone(evidence: Evidence, spec: Mapping[str, Mapping[str, float]], near: np.ndarray) -> Fit:
-    """Return causes refitted to one log, beginning from where the logs together have them."""
+    """Return causes refitted to one log, starting from their values over all logs."""
     return Fitter(evidence).refine(spec, near=near) if spec else Fitter(evidence).base()
 
 
@@ -71,7 +71,7 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
 
 
 def main_parameter(effect: str, spec: Mapping[str, float]) -> str:
-    """Return the parameter that says how large an effect is: the linear one that is largest beside its typical size."""
+    """Return the parameter that gives the size of an effect: the linear one that is largest beside its typical size."""
     from .history import effect_class
 
     parameters = [p for p in effect_class(effect).parameters if p.name in spec]

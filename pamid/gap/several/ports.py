@@ -50,7 +50,7 @@ def diagnose_port_logs(
         library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
-        say("what could be explained at all")
+        say("estimate what could be explained")
         for one, some in zip(each, kept, strict=True):
             learn(one, [k for k in library if k in some])
         days = [c.day for c in held]
@@ -72,7 +72,7 @@ def diagnose_port_logs(
 
 
 def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]) -> list[PortEvidence]:
-    """Return each log held against the simulator in the same way; an error names its log."""
+    """Return the evidence of each log, computed in the same way; an error names its log."""
     from ..simulated import evidence_of
 
     found: list[PortEvidence] = []
@@ -83,7 +83,7 @@ def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequ
         except PamidError as error:
             error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
             raise
-    if len({type(e) for e in found}) > 1:  # a log that holds fewer states says how all are looked at
+    if len({type(e) for e in found}) > 1:  # the log with the fewest states decides how all are evaluated
         found = [
             evidence_of(log, c.under(simulator), refit=name == longest, simulated=True)
             for (name, log), c in zip(logs.items(), held, strict=True)
@@ -104,7 +104,7 @@ def _refuse_strangers(found: Mapping[str, PortEvidence]) -> None:
     for name, other in others:
         if not set(one.equations) & set(other.equations):
             raise IncompatibleError(
-                f"{first} tells of {', '.join(one.equations)}, {name} of {', '.join(other.equations)}.",
-                "logs that hold the same signals",
+                f"{first} allows {', '.join(one.equations)}, {name} allows {', '.join(other.equations)}.",
+                "logs with a common equation",
                 "Map the columns of both logs alike, or diagnose them one by one.",
             )

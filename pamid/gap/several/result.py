@@ -1,4 +1,4 @@
-"""What a diagnosis of several logs says beyond that of one: each log's own parameters, and what changed."""
+"""Additional results of several logs: each log's own parameters, and what changed."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ class Change:
     effect : str
         The cause.
     how : str
-        ``"appears"``, ``"goes"``, ``"grows"`` or ``"shrinks"``; ``"differs"`` where no one parameter says how.
+        ``"appears"``, ``"goes"``, ``"grows"`` or ``"shrinks"``; ``"differs"`` where no single parameter says how.
     log : str
-        The log from which on.
+        The log from which it differs.
     before, after : float
         Its main parameter before and after; NaN where it does not act.
     parameter, unit : str
         That parameter and its unit.
     evidence : float
-        Logarithm of the likelihood ratio to a cause that stays as it is.
+        Logarithm of the likelihood ratio to a cause that does not change.
     where : str
         The port at which it acts, of a simulator with ports.
 

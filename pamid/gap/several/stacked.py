@@ -1,11 +1,11 @@
-r"""Several logs held against one simulator, as one vector of windows.
+r"""Several logs compared with one simulator, as one vector of windows.
 
 Causes and geometry are shared by all logs; what may change from one day to the next is each day's own:
 
 .. math:: z_k = z_k(\theta, x, y_{d(k)}), \qquad \ell = \sum_k \ell_k
 
 with the causes' parameters θ, the tolerances x that all logs share and those y of the day d(k) of log k. The logs'
-residuals stand below one another; the columns of a day's own parameters are zero in the logs of all other days.
+residuals are stacked; the columns of a day's own parameters are zero in the logs of all other days.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...effects import Parameter, all_effects
 from ..residuals.protocol import STATE, ResidualSource, Spec
 
 KEPT = 1500
-"""Residual vectors that are kept: those of the library's grid, which is looked at several times."""
+"""Residual vectors that are cached: those of the library's grid, which is used several times."""
 
 
 class Log(NamedTuple):
@@ -102,7 +102,7 @@ class StackedEvidence:
         self._kept: dict[tuple[int, str], np.ndarray] = {}
 
     def _place(self) -> None:
-        """Find where each log's windows stand: equation after equation, log after log."""
+        """Index each log's windows: equation after equation, log after log."""
         sources = [log.evidence for log in self.logs]
         self.places = [np.zeros(len(s.z0), dtype=int) for s in sources]
         self.parts: list[slice] = []
@@ -124,7 +124,7 @@ class StackedEvidence:
         return out
 
     def _tolerances(self) -> None:
-        """Make the columns of what has a tolerance: shared ones, and those of each day."""
+        """Make the columns of parameters with a tolerance: shared ones, and those of each day."""
         self.free: list[str] = []
         self._of: list[list[tuple[int, int]]] = [[] for _ in self.logs]  # of each log: its column, and the stack's
         columns: list[np.ndarray] = []
@@ -153,7 +153,7 @@ class StackedEvidence:
         return places[source.side]
 
     def _weights(self) -> np.ndarray:
-        """Return what a window of each equation counts for: the mean over the windows of all logs."""
+        """Return the weight of a window of each equation: the mean over the windows of all logs."""
         each = self._gathered(
             [
                 np.concatenate(
@@ -201,7 +201,7 @@ class StackedEvidence:
         return self._kept[key]
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return what plus ``J x`` are the exact residuals at deviations x, in tolerances."""
+        """Return z0 such that z0 + ``J x`` equals the exact residuals at deviations x, in tolerances."""
         return self._gathered(
             [
                 log.evidence.tangent(self.spec_in(k, spec), self.deviations_in(k, np.asarray(x, dtype=float)))
@@ -245,19 +245,19 @@ class StackedEvidence:
         return [self.plain(name) for name in names if self._is_there(name, k)]
 
     def has(self, name: str) -> bool:
-        """Tell whether any log holds what an effect acts at."""
+        """Return whether any log holds what an effect acts on."""
         return any(self._is_there(name, k) for k in range(len(self.logs)))
 
     def _is_there(self, name: str, k: int) -> bool:
-        """Tell whether an effect acts in a log, and at something that the log holds."""
+        """Return whether an effect acts in a log, on something that the log holds."""
         return self.active(name, k) and self.logs[k].evidence.has(self.plain(name))
 
     def reads(self, channel: str) -> bool:
-        """Tell whether an equation that is tested reads a channel."""
+        """Return whether an equation that is tested reads a channel."""
         return any(log.evidence.reads(channel) for log in self.logs)
 
     def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the trajectory of each window, which is left out as a whole, and how many there are."""
+        """Return the run of each window, which is left out as a whole, and how many there are."""
         each = [log.evidence.pieces() for log in self.logs]
         if sum(n for _, n in each) <= len(self.trajectories):
             return self.block, len(self.trajectories)
@@ -265,15 +265,15 @@ class StackedEvidence:
         return self._gathered([piece + b for (piece, _), b in zip(each, before, strict=False)]), int(before[-1])
 
     def freedom(self, spec: Spec) -> float:
-        """Return what it costs that the beginnings of runs are unknown."""
+        """Return the price of unknown initial memory of runs."""
         return sum(log.evidence.freedom(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
 
     def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect hold beside any."""
+        """Return None: sensitivities about no effect also hold beside others."""
         return None
 
     def reached(self, p: Parameter) -> Parameter:
-        """Return a parameter within what any of the logs reaches."""
+        """Return a parameter with bounds that any of the logs reaches."""
         return max((log.evidence.reached(p) for log in self.logs), key=lambda within: within.upper)
 
     def widening(self, spec: Spec) -> np.ndarray | None:
@@ -300,7 +300,7 @@ class StackedEvidence:
         return known if name == plain else min(known, float(effect.prior))
 
     def column(self, name: str, side: int = 0) -> str:
-        """Return the name under which a reader knows a signal of the state."""
+        """Return the user's name of a signal of the state."""
         source = self.logs[0].evidence
         if source.one_sided and side < len(self.equations):
             asked = self.equations[side]

@@ -1,4 +1,4 @@
-"""Effects that a bench has in some of its logs only: what appeared, grew or was mended between two logs."""
+"""Effects that a bench has only in some of its logs: what appeared, grew or was repaired between two logs."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from ...simulators.placement import named
 
 FROM, UNTIL = "@from ", "@until "
 MOST_DAYS = 4
-"""Days up to which a cause may begin or end at each border; of more, only the causes found are compared log by log."""
+"""Number of days up to which a cause may begin or end at each border; with more, only the causes found are compared log
+by log."""
 CHANGES = 0.1
-"""Probability that a cause is there in some of the logs only."""
+"""Probability that a cause acts in only some of the logs."""
 
 
 class Variants:
@@ -53,11 +54,11 @@ class Variants:
         return self._plain.get(name, name)
 
     def acts(self, name: str, k: int) -> bool:
-        """Tell whether an effect acts in a log."""
+        """Return whether an effect acts in a log."""
         return name not in self._acts or k in self._acts[name]
 
     def when(self, name: str) -> tuple[str, str] | None:
-        """Return how an effect changes, ``"appears"`` or ``"goes"``, and the log from which on; None if it stays."""
+        """Return how an effect changes, ``"appears"`` or ``"goes"``, and from which log on; None if it stays."""
         if name not in self._acts:
             return None
         where = self._acts[name]

@@ -86,7 +86,7 @@ def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
     if equation is None and d.closure:
         return d.closure[0]
     raise UnknownOptionError(
-        f"The diagnosis tells nothing of how far {equation or 'a gap'} closes.",
+        f"The diagnosis does not say how far {equation or 'a gap'} closes.",
         f"one of {', '.join(by_name)}" if by_name else "a closure",
         "Correct the name." if by_name else "Diagnose a log with more runs.",
     )

@@ -67,7 +67,7 @@ def usable(part: pd.DataFrame, column: str) -> bool:
 
 
 def telling_trajectories(d: Diagnosis, equation: str, most: int = 3) -> list[str]:
-    """Return the trajectories that tell most of an equation's gap, of different kinds where there are several."""
+    """Return the runs that tell most of an equation's gap, of different kinds where there are several."""
     part = d.windows[d.windows["equation"] == equation]
     excess = (part["before"] ** 2 - part["noise"] ** 2).groupby(part["trajectory"], sort=False).sum()
     order = [str(name) for name in excess.sort_values(ascending=False, kind="stable").index]
@@ -81,7 +81,7 @@ def telling_trajectories(d: Diagnosis, equation: str, most: int = 3) -> list[str
 
 
 def of_trajectory(d: Diagnosis, equation: str, trajectory: str) -> pd.DataFrame:
-    """Return the windows of one trajectory in order of time, of the side with the larger residual."""
+    """Return the windows of one run in order of time, of the side with the larger residual."""
     part = d.windows[(d.windows["equation"] == equation) & (d.windows["trajectory"].astype(str) == trajectory)]
     if not len(part):
         raise UnknownOptionError(

@@ -1,4 +1,4 @@
-"""What the reader must know."""
+"""Notes for the reader."""
 
 from __future__ import annotations
 

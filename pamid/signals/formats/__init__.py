@@ -1,4 +1,4 @@
-"""File formats of logs: one module a format, found by itself.
+"""File formats of logs: one module per format, found by itself.
 
 A module of this package that defines ``FORMAT`` (a `Format`) adds a format; nothing else has to be edited.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TRAJECTORY = "trajectory"
 HEAD_BYTES = 65_536
-"""How much of a file is read to tell its format."""
+"""How much of a file is read to find its format."""
 
 
 @dataclass
@@ -63,7 +63,8 @@ class Format:
     recognises : callable
         Takes the first bytes of a file and says whether it is of this format.
     read : callable
-        Takes a path, a mapping and the largest number of bytes to unfold; returns the tables and the zero run or None.
+        Takes a path, a mapping and the largest number of bytes to decompress; returns the tables and the zero run or
+        None.
     order : int
         Formats with clear marks come first (0), text last (9).
     """
@@ -76,7 +77,7 @@ class Format:
 
 
 def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
-    """Return the position of the column that names each row's trajectory: what stands there is text, not a number."""
+    """Return the position of the column that names each row's run: what stands there is text, not a number."""
     labels = [str(c) if isinstance(c, str) else c for c in columns]
     wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
     if isinstance(wanted, int):

@@ -11,7 +11,7 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
 def is_encoding(name: str) -> bool:
-    """Tell whether Python knows an encoding of text by a name."""
+    """Return whether Python knows an encoding of text by a name."""
     try:
         "".encode(name)
     except LookupError:

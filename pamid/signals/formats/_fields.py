@@ -67,11 +67,11 @@ def require_fields(path: Path, layout: Layout) -> None:
     if found.odd == 1 and found.last_is_odd and count < layout.width:
         raise TruncatedLogError(
             f"The last row of {path.name} has {count} of {layout.width} fields: {_text_of(path, layout, line)!r}.",
-            "a whole last row",
+            "a complete last row",
             "The log was cut off: copy it again, or delete its last row.",
         )
     as_expected = "the header names" if layout.names is not None else "most rows have"
-    so_many = f"; {found.odd} of {found.rows} rows are so" if found.odd > 1 else ""
+    so_many = f"; {found.odd} of {found.rows} rows are like this" if found.odd > 1 else ""
     raise LogFormatError(
         f"{path.name}: line {line} has {count} field{'' if count == 1 else 's'} where {as_expected} {layout.width}"
         f"{so_many}.",

@@ -33,7 +33,7 @@ def require_all(path: Path, read: int, said: int | None, whole: str) -> None:
     """Raise where a file says that it holds another number of messages than were read."""
     if said is not None and read != said:
         raise TruncatedLogError(
-            f"{path.name} is damaged: it says that it holds {said} messages, and {read} can be read.",
+            f"{path.name} is damaged: it declares {said} messages, of which {read} can be read.",
             whole,
             "Copy the log again.",
         )

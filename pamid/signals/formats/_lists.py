@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LONGEST = 64
-"""Numbers of one list that become columns."""
+"""Most numbers of one list that become columns."""
 _LIST = re.compile(r"^\s*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _BETWEEN = re.compile(r"[,;\s]+")
 

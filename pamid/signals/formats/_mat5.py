@@ -80,7 +80,7 @@ def load(path: Path, variable: Variable, max_bytes: int, refused: list[str] | No
         body = _unpack(body, max_bytes + 1, path)[8:]
         if len(body) > max_bytes:
             raise HostileLogError(
-                f"The variable '{variable.name}' of {path.name} unfolds to more than {max_bytes / 2**30:.3g} GiB.",
+                f"The variable '{variable.name}' of {path.name} decompresses to more than {max_bytes / 2**30:.3g} GiB.",
                 "less",
                 "Split the log, or raise max_bytes if the file can be trusted.",
             )
@@ -115,7 +115,7 @@ def _head(body: bytes, order: str, path: Path) -> _Head:
             shape = struct.unpack(f"{order}{len(data) // 4}i", data)
         _, data, at = _element(body, at, order)
     except (struct.error, IndexError):
-        raise _damaged(path, "a variable's header makes no sense") from None
+        raise _damaged(path, "a variable's header is invalid") from None
     if any(n < 0 for n in shape):
         raise _damaged(path, "a variable has a negative length")
     return _Head(flags & 0xFF, bool(flags & _COMPLEX), shape, data.decode("latin-1"), at)
@@ -143,7 +143,7 @@ def _array(body: bytes, order: str, path: Path) -> np.ndarray:
         kind, data, _ = _element(body, head.end, order)
         values = np.frombuffer(data, dtype=order + _TYPES[kind])
     except (struct.error, IndexError, KeyError, ValueError):
-        raise _damaged(path, f"the numbers of '{head.name}' are not whole") from None
+        raise _damaged(path, f"the numbers of '{head.name}' are incomplete") from None
     if len(values) != count:
         raise _damaged(path, f"'{head.name}' declares {count} numbers and holds {len(values)}")
     return values.astype(values.dtype.newbyteorder("=")).reshape(head.shape, order="F")
@@ -163,7 +163,7 @@ def _texts(body: bytes, order: str, path: Path) -> np.ndarray:
             row = _characters(inner, own, order, path) if own.mx_class == _CHAR else []
             texts.append(row[0] if len(row) == 1 else None)
     except (struct.error, IndexError):
-        raise _damaged(path, f"the cell '{head.name}' is not whole") from None
+        raise _damaged(path, f"the cell '{head.name}' is incomplete") from None
     return np.array(texts, dtype=object)
 
 
@@ -177,7 +177,7 @@ def _characters(body: bytes, head: _Head, order: str, path: Path) -> list[str]:
         wide = kind == _UINT16  # units of UTF-16, of which a character may take two
         units = np.frombuffer(data, order + "u2") if wide else np.array(list(data.decode(_ENCODINGS[kind])))
     except (struct.error, IndexError, KeyError, ValueError):
-        raise _damaged(path, f"the text of '{head.name}' is not whole") from None
+        raise _damaged(path, f"the text of '{head.name}' is incomplete") from None
     if len(units) != rows * head.shape[-1]:
         raise _damaged(path, f"'{head.name}' declares {rows * head.shape[-1]} characters and holds {len(units)}")
     if wide:
@@ -191,7 +191,7 @@ def _struct(body: bytes, order: str, path: Path, name: str, refused: list[str]) 
         raise LogFormatError(
             f"The variable '{name}' of {path.name} is a struct array of {'x'.join(map(str, head.shape))}.",
             "one struct of numeric vectors",
-            "Save one struct a trajectory.",
+            "Save one struct per run.",
         )
     fields: dict[str, np.ndarray] = {}
     try:
@@ -212,11 +212,11 @@ def _struct(body: bytes, order: str, path: Path, name: str, refused: list[str]) 
                 elif own.mx_class in (_CELL, _CHAR) and math.prod(own.shape) > 1:
                     fields[key] = _texts(inner, order, path)
     except (struct.error, IndexError):
-        raise _damaged(path, f"the struct '{name}' is not whole") from None
+        raise _damaged(path, f"the struct '{name}' is incomplete") from None
     return fields
 
 
 def _damaged(path: Path, what: str) -> TruncatedLogError:
     return TruncatedLogError(
-        f"{path.name} is damaged or cut off: {what}.", "a whole MATLAB file", "Save or copy the log again."
+        f"{path.name} is damaged or cut off: {what}.", "a complete MATLAB file", "Save or copy the log again."
     )

@@ -89,7 +89,8 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
     if bridged:
         worst = max(bridged, key=bridged.__getitem__)
         lost.append(
-            f"messages lack numbers of {len(bridged)} columns, up to {bridged[worst]} of {worst}, bridged linearly"
+            f"values missing from messages in {len(bridged)} columns, up to {bridged[worst]} of {worst}, are "
+            "interpolated linearly"
         )
     return RawTable(pd.DataFrame(columns), lost=tuple(lost))
 
@@ -97,9 +98,9 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
 def _out_of_step(times: np.ndarray, topic: str) -> Iterator[str]:
     """Say what is wrong with the stamps of the topic whose messages are the rows."""
     if again := len(times) - len(np.unique(times)):
-        yield f"{again} messages of {topic} bear the stamp of another one, and one of each stamp is kept"
+        yield f"{again} messages of {topic} repeat the time stamp of another one; one for each time stamp is kept"
     if back := int(np.sum(np.diff(times) < 0.0)):
-        yield f"the stamps of {topic} go back {back} times, and its messages are sorted by them"
+        yield f"the time stamps of {topic} go backwards {back} times; its messages are sorted by them"
 
 
 def _as_numbered(

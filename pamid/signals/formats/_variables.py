@@ -1,4 +1,4 @@
-"""From the variables of a MATLAB or HDF5 file to tables: which are trajectories, which form one table together."""
+"""From the variables of a MATLAB or HDF5 file to tables: which are runs, which form one table together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MAX_FOLD = 1_100
-"""Largest ratio of unfolded to stored bytes that zlib can reach; a file that declares more is hostile or damaged."""
+"""Largest ratio of decompressed to stored bytes that zlib can reach; a file declaring more is hostile or damaged."""
 
 
 def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_bytes: int) -> None:
@@ -34,12 +34,12 @@ def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_b
 
 
 def select(path: Path, names: list[str], pattern: str | None, zero_run: str | None) -> list[str]:
-    """Choose the variables that hold trajectories."""
+    """Choose the variables that hold runs."""
     chosen = [n for n in names if n != zero_run and (pattern is None or fnmatch.fnmatchcase(n, pattern))]
     if pattern is not None and not chosen:
         raise MappingError(
             f"No variable of {path.name} matches '{pattern}'; it has {', '.join(names[:12]) or 'no numeric variable'}.",
-            "variables with trajectories",
+            "variables with runs",
             "Correct trajectories in the mapping.",
         )
     if zero_run is not None and zero_run not in names:

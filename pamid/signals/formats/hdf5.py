@@ -52,7 +52,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         detail = str(error).splitlines()[0][:120] if str(error) else "no detail"
         raise TruncatedLogError(
             f"{path.name} is damaged or cut off ({type(error).__name__}: {detail}).",
-            "a whole HDF5 file",
+            "a complete HDF5 file",
             "Save or copy the log again.",
         ) from None
     zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
@@ -61,7 +61,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def is_matlab(path: Path, file: h5py.File) -> bool:
-    """Say whether MATLAB wrote the file."""
+    """Return whether MATLAB wrote the file."""
     with path.open("rb") as stream:
         marked = stream.read(6) == b"MATLAB"
     return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
@@ -92,7 +92,7 @@ def _names_variable(
     if _is_virtual(item) or not h5py.check_string_dtype(item.dtype) or not _vector(item):
         raise ColumnTypeError(
             f"{path.name} names its runs in '{wanted}', which is of the type {item.dtype}.",
-            "text or numbers, one a row",
+            "text or numbers, one per row",
             "Save it as strings or numbers.",
         )
     return {str(wanted): np.ravel(item.asstr()[()])}
@@ -181,7 +181,7 @@ def _vector(item: h5py.Dataset) -> bool:
 
 
 def _is_virtual(item: h5py.Dataset) -> bool:
-    """Say whether the data lie in other files, which a log may not open."""
+    """Return whether the data lie in other files, which a log may not open."""
     return bool(item.is_virtual) or bool(item.external)
 
 

@@ -31,7 +31,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         raise DuplicateColumnError(f"{path.name}: {error.found}", error.expected, error.remedy) from None
     except (ValueError, RecursionError) as error:  # a ValueError also of numbers of thousands of digits
         raise TruncatedLogError(
-            f"{path.name} is not whole JSON: {error}.", "a whole JSON file", "Export or copy the log again."
+            f"{path.name} is not complete JSON: {error}.", "a complete JSON file", "Export or copy the log again."
         ) from None
     head: dict[str, Any] = {}
     entries: Any = document
@@ -40,13 +40,13 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         entries = _entries(document, mapping.entries, path)
     if not isinstance(entries, list | dict):
         raise LogFormatError(
-            f"{path.name} holds no list of entries.", "a list of objects, one a sample", "Set entries in the mapping."
+            f"{path.name} holds no list of entries.", "a list of objects, one per sample", "Set entries in the mapping."
         )
     if isinstance(entries, list) and not all(isinstance(e, dict) for e in entries):
         if all(isinstance(e, list) for e in entries):
             return [RawTable(_frame(entries, path), named=False, head=head)], None
         raise LogFormatError(
-            f"{path.name}: the entries are not all objects.", "a list of objects, one a sample", "Correct the file."
+            f"{path.name}: the entries are not all objects.", "a list of objects, one per sample", "Correct the file."
         )
     frame = _frame(entries, path)
     scalar = [c for c in frame.columns if not frame[c].map(lambda v: isinstance(v, list | dict)).any()]
@@ -70,7 +70,7 @@ def _frame(entries: Any, path: Path) -> pd.DataFrame:
         return pd.DataFrame(entries)
     except (ValueError, TypeError, OverflowError) as error:
         raise LogFormatError(
-            f"The entries of {path.name} make no table: {' '.join(str(error).split())[:160]}.",
+            f"The entries of {path.name} do not form a table: {' '.join(str(error).split())[:160]}.",
             "the same keys in each entry, with numbers or text",
             "Correct the file.",
         ) from None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARK = b"\x89MCAP0\r\n"
-_WHOLE = "a whole MCAP file of JSON or ROS 2 messages"
+_WHOLE = "a complete MCAP file of JSON or ROS 2 messages"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:

@@ -38,7 +38,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             raise
         raise TruncatedLogError(
             f"{path.name} is damaged or cut off: {(str(error).splitlines() or ['no detail'])[0][:160]}.",
-            "a whole parquet file",
+            "a complete parquet file",
             "Export or copy the log again.",
         ) from None
     return [RawTable(frame)], None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 _MARKS = b"#ROSBAG V2.0", b"SQLite format 3\0"
-_WHOLE = "a whole recording with messages of known types"
+_WHOLE = "a complete recording with messages of known types"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -35,7 +35,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     two = path.suffix.lower() != ".bag"
     if two and not (path.parent / "metadata.yaml").is_file():
         raise LogFormatError(
-            f"{path.name} is a database, and there is no metadata.yaml beside it.",
+            f"{path.name} is a database without a metadata.yaml beside it.",
             "the whole folder of a recording of ROS 2",
             "Copy the folder, and name its .db3.",
         )

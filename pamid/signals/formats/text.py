@@ -111,7 +111,7 @@ def _with_blanks(names: pd.Series, path: Path, layout: Layout, position: int) ->
 
 
 def _blanks_in_front(path: Path, layout: Layout) -> bool:
-    """Tell whether a field may begin with a blank."""
+    """Return whether a field may begin with a blank."""
     wide = "utf-16-le" if layout.encoding.startswith("utf-16") else "utf-8"
     sought = [f"{mark} ".encode(wide) for mark in (layout.delimiter, "\n")]
     rest = b""

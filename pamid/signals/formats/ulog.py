@@ -34,7 +34,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "pyulog is not installed.", "the package pyulog", "Install it: pip install 'pamid[robot]'."
         ) from None
     topics = {}
-    with foreign_reader(path, "a whole ULog"):
+    with foreign_reader(path, "a complete ULog"):
         log = ULog(str(path))
         for data in log.data_list:
             times = np.asarray(data.data["timestamp"], dtype=float) * 1e-6
@@ -50,9 +50,9 @@ def _lost(path: Path, log: Any, read: int) -> list[str]:
     data, ends, told = _messages(path)
     said = []
     if not ends:
-        said.append("its last message is cut off, and what came behind it is lost (copy the log again)")
+        said.append("its last message is cut off, and what followed is lost (copy the log again)")
     if log.file_corruption or told or data != read:
-        count = f"{data - read} of {data} messages of data" if data > read else "some messages"
+        count = f"{data - read} of {data} data messages" if data > read else "some messages"
         said.append(f"{count} are damaged and left out")
     if log.dropouts:
         lost = sum(float(d.duration) for d in log.dropouts)
