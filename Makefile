@@ -4,20 +4,23 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WORKERS ?= 2
+# Where the versions of the site stand; a folder that is kept elsewhere keeps the earlier ones.
+SITE := build/site
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
 # Types and layers are checked as a user has them: on an installed wheel, not on the checkout.
 ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
 
-.PHONY: help install demo test test-all pytest pytest-all lint docs dist wheel benchmarks clean
+.PHONY: help install demo test test-all pytest pytest-all lowest lint docs dist wheel benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
 	@echo "make test        lint, types, layers and the tests of less than a second"
 	@echo "make test-all    the same and the slow tests, as .ci/run does"
+	@echo "make lowest      the tests of less than a second with the lowest versions of all dependencies, in build/lowest"
 	@echo "make lint        ruff; mypy --strict and import-linter on an installed wheel"
-	@echo "make docs        the documentation as a site in build/site"
+	@echo "make docs        the documentation as a site, this version in a folder of its own in build/site"
 	@echo "make dist        wheel and sdist in dist/, built twice to the same bytes"
 	@echo "make wheel       the same, and the wheel tried in an environment of its own"
 	@echo "make benchmarks  print the figures that the README and docs state"
@@ -56,10 +59,23 @@ test: lint pytest
 
 test-all: lint pytest-all
 
-# A warning is an error; then every link within the site is followed.
+# An environment of its own, some minutes and GB; Python 3.11 or 3.12, since the lowest versions know no later one.
+lowest: build/lowest/.installed
+	$(THREADS) build/lowest/bin/python -m pytest -n $(WORKERS) -m "not slow and not long" $(TESTS)
+
+build/lowest/.installed: pyproject.toml constraints-lowest.txt
+	$(PYTHON) -c "import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)) and 'needs Python 3.11 or 3.12')"
+	test -x build/lowest/bin/python || $(PYTHON) -m venv build/lowest
+	build/lowest/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-lowest.txt -e ".[test]"
+	touch $@
+
+# A warning is an error; then the version stands beside those of earlier builds, every link
+# within it is followed, and its pages are drawn where there is a browser.
 docs: install
-	$(THREADS) $(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/site
-	$(BIN)/python docs/check_site.py build/site
+	version=$$($(BIN)/python -c "import pamid; print(pamid.__version__)") && \
+	$(THREADS) $(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs $(SITE)/$$version && \
+	$(BIN)/python docs/versions.py $(SITE) && \
+	$(BIN)/python docs/check_site.py $(SITE)/$$version --draw
 
 dist: install
 	$(BIN)/python .ci/dist.py

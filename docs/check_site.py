@@ -1,6 +1,7 @@
 """Check a built site without a network: ``python docs/check_site.py build/site``.
 
-Every link and anchor within the site leads somewhere, and nothing that a page shows is loaded from outside of it.
+Every link and anchor within the site leads somewhere, and nothing that a page shows is loaded from outside of it. With
+``--draw`` and chromium, pages are drawn at two widths, too: no error, nothing cut off or too wide, every picture there.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import tempfile
 from functools import cache
 from html import unescape
 from os.path import normpath
@@ -25,6 +27,8 @@ _LOADING = {
 _TAG = re.compile(r"<([a-zA-Z][\w-]*)((?:\s+[\w:@-]+(?:=(?:\"[^\"]*\"|'[^']*'|[^\s>\"']+))?)*)\s*/?>")
 _ATTRIBUTE = re.compile(r"""([\w:-]+)=(?:"([^"]*)"|'([^']*)')""")
 _SCRIPT = re.compile(r"(<script[^>]*>).*?</script>", re.DOTALL)  # what a script may write is no tag of the page
+EVERY = 12
+"""Pages of classes and functions of the reference that are drawn; they are alike."""
 _NOT_LOADED = {"canonical", "next", "prev", "search", "index", "author", "copyright", "help"}
 _CSS = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])((?:https?:)?//[^"')]+)""")
 
@@ -82,13 +86,49 @@ def faults(site: Path) -> list[str]:
     return found
 
 
+def drawn(site: Path) -> list[Path]:
+    """Return the pages that are drawn: all that are written by hand or by the gallery, and some of the reference."""
+    pages = [file for file in html(site) if not {"_modules", "latest"} & set(file.parts)]
+    reference = [file for file in pages if file.parent.name == "api"]
+    rooms = [file for file in reference if file.name.endswith(".room.html") or file.stem in ("index", "commands")]
+    some = reference[:: max(1, len(reference) // EVERY)]
+    return sorted({*pages} - {*reference} | {*rooms} | {*some})
+
+
+def seen_faults(site: Path) -> tuple[int, list[str]]:
+    """Return how many pages were drawn, and a line for each fault that only a browser sees."""
+    import browser  # beside this file
+
+    pages, found = drawn(site), []
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        page = browser.BrowserPage(Path(profile))
+        try:
+            for file in pages:
+                for width in (browser.WIDE, browser.PHONE):
+                    page.open(file, width)
+                    found += [f"{file.relative_to(site)}: {fault}" for fault in page.faults(width)]
+        finally:
+            page.close()
+    return len(pages), found
+
+
 def main() -> int:
     """Check and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("site", type=Path, help="folder that Sphinx wrote")
-    site = parser.parse_args().site.resolve()
+    parser.add_argument("--draw", action="store_true", help="draw pages in chromium, too, where it is installed")
+    given = parser.parse_args()
+    site = given.site.resolve()
     found = faults(site)
     print("\n".join(found) or f"{len(html(site))} pages: all links lead somewhere, nothing is loaded")
+    if given.draw:
+        import browser  # beside this file
+
+        count, more = seen_faults(site) if browser.BROWSER else (0, [])
+        print("\n".join(more) or f"{count} pages drawn at {browser.WIDE} and {browser.PHONE} px: no fault")
+        found += more
+        if not browser.BROWSER:
+            print("no page was drawn: chromium is not installed")
     return int(bool(found))
 
 

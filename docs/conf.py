@@ -53,6 +53,11 @@ numpydoc_class_members_toctree = False
 numpydoc_use_plots = False
 
 # --- gallery --------------------------------------------------------------------------------------------------
+INSTALLED = """\
+# This notebook needs pamid. Where it is missing: %pip install pamid, or the path of its wheel or checkout.
+import pamid
+
+pamid.__version__"""
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "auto_gallery",
@@ -61,6 +66,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "notebook_images": False,
+    "first_notebook_cell": INSTALLED,
     "remove_config_comments": True,
     "show_memory": False,
     "show_signature": False,
@@ -76,13 +82,14 @@ html_theme = "pydata_sphinx_theme"
 html_title = "pamid"
 html_static_path = ["_static"]
 html_css_files = ["pamid.css"]
+html_js_files = ["versions-switch.js"]
 templates_path = ["_templates"]
 html_show_sourcelink = False
 html_copy_source = False
 html_context = {"default_mode": "light"}
 html_theme_options = {
     "logo": {"text": "pamid"},
-    "navbar_end": ["theme-switcher"],
+    "navbar_end": ["version-switcher", "theme-switcher"],
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],

@@ -27,6 +27,7 @@ MOST_JOBS = 64
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, slice)
 _SCORER_FUNCTION = ("sklearn.metrics._scorer", "_score_func")
+_REQUESTS = ("sklearn.utils._metadata_requests", "MetadataRequest")
 _EVERYWHERE = {"n_features_in_", "feature_names_in_", "_sklearn_version", "_sklearn_output_config", "_metadata_request"}
 
 
@@ -143,6 +144,8 @@ def attributes(cls: type) -> frozenset[str]:
             names |= set(inspect.signature(start).parameters) - {"self"}
         if dataclasses.is_dataclass(c):
             names |= {field.name for field in dataclasses.fields(c)}
+        if (c.__module__, c.__name__) == _REQUESTS:  # it has one attribute a method that may ask for something
+            names |= set(sys.modules[c.__module__].SIMPLE_METHODS)
     return frozenset(names)
 
 

@@ -57,6 +57,7 @@ _SKLEARN = {
     "sklearn.model_selection._search": ("GridSearchCV", "RandomizedSearchCV"),
     "sklearn.model_selection._split": ("KFold", "GroupKFold", "LeaveOneGroupOut", "GroupShuffleSplit", "ShuffleSplit"),
     "sklearn.metrics._scorer": ("_Scorer", "_PassthroughScorer"),
+    "sklearn.utils._metadata_requests": ("MetadataRequest", "MethodMetadataRequest"),  # of a scorer, before 1.8
 }
 """What pipelines and searches around pamid's estimators are made of, by module.
 

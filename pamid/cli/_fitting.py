@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..errors import TooFewTrajectoriesError
-from ._progress import progress
+from ._progress import Silent
 from ._tables import RATES, Target, needed_signals, predict_table
 from .common import note
 
@@ -36,9 +36,10 @@ def held_out(
     X: pd.DataFrame,
     y: pd.Series,
     runs: pd.Series,
+    step: Silent,
     every: int = 1,
 ) -> np.ndarray:
-    """Predict each run by a model of the others."""
+    """Predict each run by a model of the others; the fit to all runs is expected to follow."""
     import numpy as np
     from sklearn.model_selection import GroupKFold
 
@@ -54,11 +55,12 @@ def held_out(
     if folds < args.folds:
         note(args, f"{n_runs} runs allow {folds} folds only")
     predicted = np.full(len(X), np.nan)
-    with progress(args, "Held-out check, fold", folds) as step:
-        for train, test in GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, groups):
-            rows = train[::every]
-            predicted[test] = predict_table(fitted(X.iloc[rows], y.iloc[rows]), X.iloc[test])
-            step("")
+    step.expect(folds + 1)
+    split = GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, groups)
+    for k, (train, test) in enumerate(split, 1):
+        rows = train[::every]
+        predicted[test] = predict_table(fitted(X.iloc[rows], y.iloc[rows]), X.iloc[test])
+        step(f"held-out fold {k} of {folds}")
     return predicted
 
 

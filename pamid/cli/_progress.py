@@ -6,11 +6,13 @@ import argparse
 import contextlib
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 _EVERY = 5.0  # s between two lines of progress
+_SILENT = 10.0  # s without a step, after which a line says that the command still works
 
 
 class Silent:
@@ -28,21 +30,34 @@ class ProgressLines(Silent):
 
     def __init__(self, say: Callable[[str], None], what: str, total: int | None) -> None:
         self.say, self.what, self.total, self.done = say, what, total, 0
-        self.began = self.told = time.monotonic()
+        self.last = ""
+        self.began = self.told = self.stepped = time.monotonic()
 
     def __call__(self, text: str = "") -> None:
         """Count a step, and say so if the last line is some seconds old."""
         self.done += 1
-        now = time.monotonic()
+        self.stepped = now = time.monotonic()
         if _is_answer(text):
             self.say(f"so far ({now - self.began:.0f} s): {text}")
             return
+        self.last = text
         if now - self.told < _EVERY:
             return
         self.told, spent = now, now - self.began
         ahead = max(0, self.total - self.done) if self.total else 0
         left = f", about {spent / self.done * ahead:.0f} s left" if self.total else ""
         self.say(f"{self.what} {text}".rstrip() + f" ({spent:.0f} s{left})")
+
+    def still(self) -> None:
+        """Say that a long step goes on, if the last line is old."""
+        now = time.monotonic()
+        if now - self.told < _SILENT:
+            return
+        self.told, spent, left = now, now - self.began, ""
+        if self.total and self.done:
+            ahead = (self.stepped - self.began) / self.done * (self.total - self.done) - (now - self.stepped)
+            left = f", about {ahead:.0f} s left" if ahead > 0.0 else ""
+        self.say(f"{self.what} {self.last}".rstrip() + f" ({spent:.0f} s{left})")
 
     def expect(self, total: int) -> None:
         """Set the number of steps."""
@@ -79,6 +94,22 @@ def _is_answer(text: str) -> bool:
 
 
 @contextlib.contextmanager
+def _kept_up(lines: ProgressLines) -> Iterator[None]:
+    """Let lines go on through a step that takes long, such as a fit."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(1.0):
+            lines.still()
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+
+
+@contextlib.contextmanager
 def progress(args: argparse.Namespace, what: str, total: int | None = None) -> Iterator[Silent]:
     """Show on standard error how far the body is: a bar on a terminal, elsewhere a line every few seconds."""
     from .common import note
@@ -87,7 +118,9 @@ def progress(args: argparse.Namespace, what: str, total: int | None = None) -> I
         yield Silent()
         return
     if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
-        yield ProgressLines(lambda text: note(args, text), what, total)
+        lines = ProgressLines(lambda text: note(args, text), what, total)
+        with _kept_up(lines):
+            yield lines
         return
     from rich.console import Console
     from rich.progress import (

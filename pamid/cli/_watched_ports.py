@@ -9,6 +9,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
+from ._progress import progress
 from .common import note
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ def events_at_ports(
             healthy.append(table)
             if sum(map(len, healthy)) * (samples.interval or 0.0) < args.learn:
                 continue
-            watch.learn(pd.concat(healthy, ignore_index=True))
+            with progress(args, "Learning") as step:
+                watch.learn(pd.concat(healthy, ignore_index=True), step)
             learnt = True
             assert watch.history is not None
             headline = f"as it is: {', '.join(watch.known) or 'no gap'}"

@@ -126,7 +126,7 @@ def _finished(
     helper = onnx.helper
     kind = onnx.TensorProto.DOUBLE if graph.dtype == np.float64 else onnx.TensorProto.FLOAT
     for output, result in results.items():
-        graph.nodes.append(helper.make_node("Identity", [result], [output]))
+        graph.nodes.append(helper.make_node("Identity", [result], [output], name=output))
     made = helper.make_graph(
         graph.nodes,
         name,
@@ -156,7 +156,8 @@ class _Graph:
 
     def __call__(self, op: str, *inputs: str, **attributes: Any) -> str:
         name = f"{op.lower()}_{len(self.nodes)}"
-        self.nodes.append(self.onnx.helper.make_node(op, list(inputs), [name], **attributes))
+        # Nodes without names stop onnxruntime 1.20, which calls what it fuses by them.
+        self.nodes.append(self.onnx.helper.make_node(op, list(inputs), [name], name=name, **attributes))
         return name
 
     def constant(self, value: Any, dtype: Any = None) -> str:

@@ -132,7 +132,7 @@ def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
     at = names_column(raw.columns, mapping)
     found = [
         str(c) for k, c in enumerate(raw.columns)
-        if k != at and pd.api.types.is_string_dtype(raw.iloc[:, k]) and dimension_of(str(c)) is None
+        if k != at and pd.api.types.is_string_dtype(raw.iloc[:, k].dropna()) and dimension_of(str(c)) is None
     ]  # fmt: skip
     return (f"{', '.join(repr(c) for c in found[:4])} left out (text, not numbers)",) if found else ()
 
@@ -356,6 +356,7 @@ def as_names(column: pd.Series) -> pd.Series:
         return column.fillna("")
     names = [_as_name(v) for v in column.to_numpy()]
     try:
+        "".join(names).encode()  # pandas 2 keeps what cannot be written
         return pd.Series(names, index=column.index, dtype="str")
     except UnicodeEncodeError as error:
         raise ColumnTypeError(

@@ -14,6 +14,7 @@ from .base import Simulator
 from .mujoco_loading import loaded_model
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
+from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text, write_full_inertia
 from .page import named_from
 from .ports import ModelParameter, Port, merged
 
@@ -80,7 +81,7 @@ class MujocoSimulator(Simulator):
         self._joints = _names(self._m, "joint")
         _mujoco().mj_forward(self._m, self._d)
         M = np.zeros((self._m.nv, self._m.nv))
-        _mujoco().mj_fullM(self._m, self._d, M)
+        write_full_inertia(self._m, self._d, M)
         self._own_inertias = np.diag(M).copy()
         self._actuators = actuators_of(self._m)
         self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
@@ -219,11 +220,11 @@ class MujocoSimulator(Simulator):
 
     def inertia(self, x: np.ndarray) -> np.ndarray:
         """Return the inertia matrix of the joints, shape (n, n_joints, n_joints)."""
-        mj, n = _mujoco(), self._m.nv
+        n = self._m.nv
         full = np.zeros((n, n))
 
         def read() -> np.ndarray:
-            mj.mj_fullM(self._m, self._d, full)
+            write_full_inertia(self._m, self._d, full)
             return full.ravel()
 
         still, numbers = np.zeros((len(self._inputs), x.shape[1])), np.repeat(self.numbers[:, None], x.shape[1], axis=1)
@@ -242,14 +243,14 @@ class MujocoSimulator(Simulator):
         rest : list of (str, str, dict)
             Effects that MJCF has no element for.
         """
-        spec = _mujoco().MjSpec.from_file(str(self.path))
+        spec = spec_of(self.path)
         for name, parameter in self.parameters.items():
             kind, _, thing = name.partition(".")
-            item = getattr(spec, _NUMBERS[kind])(thing)
+            item = spec_item(spec, self._m, _NUMBERS[kind], thing)
             word = kind.partition("_")[2]
             if kind == "body_mass":
                 ratio = parameter.value / float(self._m_original(name))
-                for geom in item.geoms:
+                for geom in geoms_of(item, self._m):
                     if not np.isnan(geom.mass):
                         geom.mass *= ratio
                     else:
@@ -259,15 +260,15 @@ class MujocoSimulator(Simulator):
         rest = []
         for name, where, values in self.effects:
             if name == "viscous_friction" and where in self._joints:
-                _add(spec.joint(where), "damping", values["coefficient"])
+                _add(spec_item(spec, self._m, "joint", where), "damping", values["coefficient"])
             elif name == "coulomb_friction" and where in self._joints:
-                _add(spec.joint(where), "frictionloss", values["amplitude"])
+                _add(spec_item(spec, self._m, "joint", where), "frictionloss", values["amplitude"])
             elif name == "actuator_gain" and where in self._actuators:
-                actuator = spec.actuator(self._actuators[where])
+                actuator = spec_item(spec, self._m, "actuator", self._actuators[where])
                 actuator.gear = np.array(actuator.gear) * (1.0 + values["deviation"])
             else:
                 rest.append((name, where, dict(values)))
-        return spec.to_xml(), rest
+        return spec_text(spec), rest
 
     def _m_original(self, name: str) -> float:
         return float(self._nominal[list(self.parameters).index(name)])

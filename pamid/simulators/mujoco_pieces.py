@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from .mujoco_versions import limits_tendons, write_full_inertia, write_moments
+
 LEAST_ROWS = 200
 """Fewer instants are evaluated one by one just as fast."""
 WORTH = 3
@@ -183,7 +185,7 @@ class _Reader:
     def __init__(self, m: Any, d: Any, most: int) -> None:
         import mujoco as mj
 
-        self._mj, self._m, self._d, self._most = mj, m, d, most
+        self._m, self._d, self._most = m, d, most
         self.size = m.nv + m.nv**2 + 2 * m.nu + m.nu * m.nv + most * (m.nv + 4)
         self._M, self._moment = np.zeros((m.nv, m.nv)), np.zeros((m.nu, m.nv))
         kinds = mj.mjtConstraint
@@ -191,11 +193,11 @@ class _Reader:
         self._dry = int(kinds.mjCNSTR_FRICTION_DOF), int(kinds.mjCNSTR_FRICTION_TENDON)
 
     def __call__(self) -> np.ndarray:
-        mj, m, d, n = self._mj, self._m, self._d, self._d.nefc
+        m, d, n = self._m, self._d, self._d.nefc
         kinds = d.efc_type[:n]
         if n > self._most or self._cone in kinds:  # pieces of a cone are not linear
             return np.full(self.size, np.nan)
-        mj.mj_fullM(m, d, self._M)
+        write_full_inertia(m, d, self._M)
         J, (at, stiff, reach, one_sided) = np.zeros((self._most, m.nv)), np.zeros((4, self._most))
         if n:
             J[:n] = d.efc_J[: n * m.nv].reshape(n, m.nv)
@@ -204,7 +206,7 @@ class _Reader:
             stiff[:n], reach[:n] = d.efc_D[:n], np.where(equal, np.inf, d.efc_R[:n] * d.efc_frictionloss[:n])
             one_sided[:n] = ~(dry | equal)
         if m.nu:
-            mj.mju_sparse2dense(self._moment, d.actuator_moment, d.moment_rownnz, d.moment_rowadr, d.moment_colind)
+            write_moments(m, d, self._moment)
         return np.concatenate([
             d.qacc, self._M.ravel(), d.actuator_length, d.actuator_velocity, self._moment.ravel(), J.ravel(), at,
             stiff, reach, one_sided,
@@ -231,7 +233,7 @@ def _has_pieces(m: Any) -> bool:
     gains = (int(mj.mjtGain.mjGAIN_FIXED), int(mj.mjtGain.mjGAIN_AFFINE))
     biases = (int(mj.mjtBias.mjBIAS_NONE), int(mj.mjtBias.mjBIAS_AFFINE))
     plain = np.isin(m.actuator_gaintype, gains).all() and np.isin(m.actuator_biastype, biases).all()
-    clamped = np.any(m.tendon_actfrclimited) or np.any(m.jnt_actfrclimited & m.jnt_actgravcomp)
+    clamped = limits_tendons(m) or np.any(m.jnt_actfrclimited & m.jnt_actgravcomp)
     return bool(plain and not clamped and len(m.actuator_gaintype) == m.nu and not mj.mj_isSparse(m))
 
 

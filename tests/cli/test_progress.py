@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
+import threading
+import time
+from pathlib import Path
 
 import pytest
 
-from pamid.cli import _progress
+from pamid.cli import _progress, main
 from pamid.cli._progress import ProgressLines, progress
 
 
@@ -45,3 +49,51 @@ def test_a_terminal_gets_a_bar_with_the_time_left(
         step("MLP")
         assert step.bar.tasks[0].total == 2 and step.bar.tasks[0].completed == 1
         assert any("TimeRemaining" in type(column).__name__ for column in step.bar.columns)
+
+
+def test_a_step_that_takes_long_is_told_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 4.0, 9.0, 14.5, 19.0, 24.0, 40.0])
+    monkeypatch.setattr(_progress.time, "monotonic", lambda: next(clock))
+    said: list[str] = []
+    lines = ProgressLines(said.append, "Fitting MLP", 4)
+    lines("held-out fold 1 of 3")  # after 4 s
+    lines.still()  # after 9 s
+    lines.still()  # after 14.5 s: 3 steps of 4 s ahead, of which 10.5 s have gone
+    lines("held-out fold 2 of 3")  # after 19 s, too soon for another line
+    lines.still()  # too soon, too
+    lines.still()  # after 40 s: longer than both folds together
+    assert said == [
+        "Fitting MLP held-out fold 1 of 3 (14 s, about 2 s left)",
+        "Fitting MLP held-out fold 2 of 3 (40 s)",
+    ]
+
+
+def test_lines_go_on_while_nothing_is_heard_of_the_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(_progress, "_SILENT", 0.5)
+    before = threading.active_count()
+    with progress(argparse.Namespace(quiet=False), "Fitting MLP"):
+        assert threading.active_count() == before + 1
+        time.sleep(1.6)
+    assert "pamid: Fitting MLP (1 s)" in capsys.readouterr().err
+    end = time.monotonic() + 10.0
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.05)
+    assert threading.active_count() == before
+
+
+def test_a_fit_says_how_long_its_folds_and_itself_take(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(_progress, "_EVERY", 0.0)
+    runs = [f"sine:frequency={f},amplitude=15,seconds=0.5" for f in (4, 6, 8)]
+    words = [word for run in runs for word in ("--trajectory", run)]
+    log = str(tmp_path / "log.parquet")
+    assert main(["simulate", "--muscle", "B", *words, "--out", log, "--quiet"]) == 0
+    simulator = str(tmp_path / "log.sim.toml")
+    fit = ["fit", log, "--estimator", "GeometricForce", "--sim", simulator, "--out", str(tmp_path / "model.pamid")]
+    assert main(fit) == 0
+    line = r"Fitting GeometricForce held-out fold (\d) of 3 \(\d+ s, about \d+ s left\)"
+    said = re.findall(line, capsys.readouterr().err)
+    assert said == ["1", "2", "3"]

@@ -2,137 +2,45 @@
 
 from __future__ import annotations
 
-import contextlib
+import functools
+import http.server
+import importlib.util
 import json
 import os
 import shutil
 import subprocess
 import sys
-import time
+import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import pytest
 
+import pamid
 from pamid.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
-BROWSER = next(
-    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), ""
-)
+DOCS = ROOT / "docs"
+if not (DOCS / "browser.py").is_file():
+    pytest.skip("needs the repository", allow_module_level=True)
+
+
+def module(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+browser = module("browser")
+BROWSER, PHONE, WIDE, Page = browser.BROWSER, browser.PHONE, browser.WIDE, browser.BrowserPage
 needs_browser = pytest.mark.skipif(not BROWSER, reason="needs chromium, which is not installed here")
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-dev-shm-usage",
-    "--remote-debugging-pipe",
-]
-PHONE = 390
-WIDE = 1400
-
-
-class Page:
-    """One page of a browser that is driven through its pipe by the DevTools protocol."""
-
-    def __init__(self, profile: Path) -> None:
-        to_browser, our_end = os.pipe()
-        self._from, from_browser = os.pipe()
-        # The protocol speaks through descriptors 3 and 4, whatever ours are called.
-        wire = 'exec "$@" 3<&' + str(to_browser) + " 4>&" + str(from_browser)
-        self._process = subprocess.Popen(
-            ["bash", "-c", wire, "bash", BROWSER, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
-            pass_fds=(to_browser, from_browser),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(to_browser)
-        os.close(from_browser)
-        self._to = os.fdopen(our_end, "wb", buffering=0)
-        self._rest, self._number, self._session = b"", 0, ""
-        self.errors: list[str] = []
-        self.requests: list[str] = []
-        self.loaded = False
-        target = self("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self(f"{domain}.enable")
-
-    def __call__(self, method: str, **params: Any) -> dict[str, Any]:
-        """Send a command and return its result."""
-        self._number += 1
-        message = {"id": self._number, "method": method, "params": params}
-        if self._session:
-            message["sessionId"] = self._session
-        self._to.write(json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self._next()
-            if answer.get("id") == self._number:
-                assert "error" not in answer, answer["error"]
-                return answer["result"]
-
-    def _next(self, seconds: float = 60.0) -> dict[str, Any]:
-        end = time.monotonic() + seconds
-        while b"\0" not in self._rest:
-            assert time.monotonic() < end and self._process.poll() is None, "the browser does not answer"
-            self._rest += os.read(self._from, 1 << 16)
-        line, _, self._rest = self._rest.partition(b"\0")
-        message = json.loads(line)
-        self._note(message.get("method", ""), message.get("params", {}))
-        return message
-
-    def _note(self, method: str, said: dict[str, Any]) -> None:
-        if method == "Runtime.exceptionThrown":
-            self.errors.append(json.dumps(said["exceptionDetails"])[:500])
-        elif method == "Runtime.consoleAPICalled" and said["type"] in ("error", "assert"):
-            self.errors.append(json.dumps(said["args"])[:500])
-        elif method == "Log.entryAdded" and said["entry"]["level"] == "error":
-            self.errors.append(f"{said['entry']['text']} {said['entry'].get('url', '')}")
-        elif method == "Network.requestWillBeSent":
-            self.requests.append(said["request"]["url"])
-        elif method == "Page.loadEventFired":
-            self.loaded = True
-
-    def open(self, path: Path, width: int = 1280) -> None:
-        """Open a file and wait until it has loaded."""
-        self.errors, self.requests, self.loaded = [], [], False
-        self("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-        self("Page.navigate", url=path.as_uri())
-        while not self.loaded:
-            self._next()
-        self("Runtime.evaluate", expression="document.fonts.ready.then(() => 1)", awaitPromise=True)
-
-    def ask(self, expression: str) -> Any:
-        """Return the value of an expression."""
-        return self("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
-
-    def press_tab(self) -> None:
-        """Press the tabulator once."""
-        for kind in ("rawKeyDown", "keyUp"):
-            self("Input.dispatchKeyEvent", type=kind, key="Tab", code="Tab", windowsVirtualKeyCode=9)
-
-    def close(self) -> None:
-        """End the browser."""
-        with contextlib.suppress(Exception):
-            self._session = ""
-            self("Browser.close")
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(10)
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
-        self._to.close()
-        os.close(self._from)
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator:
     opened = Page(tmp_path_factory.mktemp("profile"))
     yield opened
     opened.close()
@@ -163,8 +71,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(
         ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "auto_gallery", "_build", "__pycache__")
     )
+    version = pamid.__version__
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-D", "plot_gallery=0", "docs"]
     done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-D", "plot_gallery=0", "docs", "site"],
+        [*command, f"site/{version}"],
         capture_output=True,
         text=True,
         cwd=folder,
@@ -172,31 +82,17 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         timeout=900,
     )
     assert done.returncode == 0, done.stderr[-6000:]
-    return folder / "site"
+    old = folder / "site" / "0.0.1"
+    old.mkdir()
+    for name in ("index", "models"):
+        (old / f"{name}.html").write_text(f"<!doctype html><title>old {name}</title>")
+    module("versions").bind(folder / "site")
+    return folder / "site" / version
 
 
-def check_quiet(page: Page) -> None:
-    """No error in the console, and nothing asked for that is not a file beside the page or within it."""
-    assert page.errors == []
-    assert [url for url in page.requests if not url.startswith(("file://", "data:", "blob:"))] == []
-
-
-CUT_OFF = """[...document.querySelectorAll('main *')].filter(e => {
-  if (!e.innerText || e.closest('table, pre, nav, dialog, .table, .formula, .highlight, .bd-sidebar')) return false;
-  const r = e.getBoundingClientRect();
-  return r.width > 0 && getComputedStyle(e).visibility != 'hidden' && r.right > innerWidth + 1;
-}).slice(0, 3).map(e => e.tagName + '.' + e.className + ': ' + e.innerText.slice(0, 30)).join(' | ')"""
-"""Text that ends beyond the screen, but for tables, code and formulas, which scroll within themselves."""
-
-
-def check_narrow(page: Page, width: int = PHONE) -> None:
-    """Nothing is wider than the screen, and no text is cut off."""
-    assert page.ask(CUT_OFF) == "", "cut off"
-    wide = page.ask(
-        "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
-        ".slice(0, 3).map(e => e.tagName + '.' + e.className).join(' ')"
-    )
-    assert page.ask("document.documentElement.scrollWidth") <= width, f"wider than the screen: {wide}"
+def check_page(page, width: int = PHONE) -> None:
+    """No error in the console, no request that is not of a file, nothing cut off or too wide, every picture drawn."""
+    assert page.faults(width) == []
 
 
 FOCUSED = """(() => {
@@ -206,7 +102,7 @@ FOCUSED = """(() => {
 })()"""
 
 
-def check_keyboard(page: Page, steps: int) -> None:
+def check_keyboard(page, steps: int) -> None:
     """The tabulator moves on from one thing to the next, and each shows that it has the focus."""
     seen = []
     for _ in range(steps):
@@ -221,10 +117,9 @@ def check_keyboard(page: Page, steps: int) -> None:
 
 
 @needs_browser
-def test_report(page: Page, report: Path) -> None:
+def test_report(page, report: Path) -> None:
     page.open(report, WIDE)
-    check_quiet(page)
-    check_narrow(page, WIDE)
+    check_page(page, WIDE)
     assert page.ask("document.title")
     assert page.ask("document.querySelectorAll('#course svg').length") >= 1
     empty = "[...document.querySelectorAll('.gallery')].map(g => g.lastElementChild.getBoundingClientRect().right"
@@ -237,47 +132,96 @@ def test_report(page: Page, report: Path) -> None:
     if page.ask("document.querySelectorAll('a[href], summary, button, [tabindex=\"0\"]').length") >= 2:
         check_keyboard(page, 6)
     page.open(report, PHONE)
-    check_narrow(page)
-    check_quiet(page)
+    check_page(page)
 
 
 @needs_browser
-def test_what_is_in_a_log(page: Page, tmp_path: Path) -> None:
+def test_what_is_in_a_log(page, tmp_path: Path) -> None:
     runs = ["--trajectory", "sine:frequency=4,amplitude=15,seconds=1"]
     assert main(["simulate", "--muscle", "B", *runs, "--out", str(tmp_path / "log.parquet"), "--quiet"]) == 0
     assert main(["check", str(tmp_path / "log.parquet"), "--html", str(tmp_path / "check.html"), "--quiet"]) == 0
     page.open(tmp_path / "check.html", WIDE)
-    check_quiet(page)
-    check_narrow(page, WIDE)
+    check_page(page, WIDE)
     first = "[...document.querySelectorAll('main section')].map(s => s.id).slice(0, 2)"
     assert page.ask(first) == ["answer", "pictures"], "the pictures come first"
     assert page.ask("document.querySelectorAll('h1').length") == 1
     check_keyboard(page, 6)
     page.open(tmp_path / "check.html", PHONE)
-    check_narrow(page)
+    check_page(page)
 
 
 @needs_browser
-def test_the_checks_find_what_they_look_for(page: Page, tmp_path: Path) -> None:
+def test_the_checks_find_what_they_look_for(page, tmp_path: Path) -> None:
     bad = tmp_path / "bad.html"
-    bad.write_text("<body><p style='width:900px'>wide</p><img src='http://127.0.0.1:9/x.png'><script>none()</script>")
+    bad.write_text(
+        "<main><p style='width:900px'>wide</p></main><img src='http://127.0.0.1:9/x.png'><script>none()</script>"
+    )
     page.open(bad, PHONE)
-    assert page.errors
-    with pytest.raises(AssertionError):
-        check_quiet(page)
-    with pytest.raises(AssertionError, match="wider"):
-        check_narrow(page)
+    found = page.faults(PHONE)
+    for what in ("none is not defined", "asks for http://127.0.0.1:9/x.png", "cut off", "wider than", "pictures"):
+        assert [fault for fault in found if what in fault], what
     bad.write_text("<style>a:focus { outline: none }</style><a href='#a'>a</a> <a href='#b'>b</a>")
     page.open(bad)
     with pytest.raises(AssertionError, match="no visible focus"):
         check_keyboard(page, 2)
 
 
+def check_versions(page, site: Path, address: str) -> None:
+    """The switch names every version and leads to the same page of it, or else to its first page."""
+    listed = [entry["version"] for entry in json.loads((site.parent / "versions.json").read_text())]
+    links = "[...document.querySelectorAll('.bd-header .version-switcher__menu a')]"
+    for name in ("models", "theory-laws"):
+        page.open(f"{address}/{site.name}/{name}.html", WIDE)
+        assert page.becomes(f"{links}.length") == len(listed)
+        page.ask("document.querySelector('.bd-header .version-switcher__button').click()")
+        page.becomes("document.documentElement.dataset.versions")
+        led = dict(page.ask(f"{links}.map(a => [a.dataset.version, a.href])"))
+        ends = {v: name if (site.parent / v / f"{name}.html").is_file() else "index" for v in listed}
+        assert led == {v: f"{address}/{v}/{end}.html" for v, end in ends.items()}
+        assert page.ask(f"{links}.filter(a => a.classList.contains('active'))[0].textContent") == site.name
+        assert page.ask("document.querySelector('.bd-header .version-switcher__button').innerText").strip() == site.name
+    assert page.follow(f"{links}.slice(-1)[0].click()") == led[listed[-1]]
+    page.open(f"{address}/latest/models.html#choosing", WIDE)
+    assert page.becomes("location.href.includes('/latest/') ? '' : location.href").endswith("/models.html#choosing")
+
+
+def check_search(page, site: Path, address: str) -> None:
+    """The search finds a word without a network, from its form on; its results lead to pages that hold the word."""
+    page.open(f"{address}/{site.name}/search.html?q=hysteresis", WIDE)
+    links = "[...document.querySelectorAll('#search-results li a')]"
+    assert page.becomes("document.body.innerText.includes('Search finished, found')")
+    found = page.ask(f"{links}.map(a => a.href)")
+    assert len(found) >= 5
+    files = [site.parent / url.removeprefix(f"{address}/").partition("#")[0].partition("?")[0] for url in found]
+    assert all("hysteresis" in file.read_text(encoding="utf-8").lower() for file in files[:5])
+    page.open(f"{address}/{site.name}/search.html?q=xyzzyplugh", WIDE)
+    assert page.becomes("document.body.innerText.includes('did not match any')")
+    assert page.ask(f"{links}.length") == 0
+
+
+def check_from_a_server(page, site: Path) -> None:
+    """The same from a server of this machine."""
+    quiet = type("Quiet", (http.server.SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=site.parent)) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}"
+        check_versions(page, site, address)
+        check_search(page, site, address)
+        page.open(f"{address}/", WIDE)
+        assert page.becomes(f"location.href.endsWith('/{site.name}/index.html')")
+        assert [url for url in page.requests if not url.startswith((address, "data:"))] == []
+        server.shutdown()
+
+
 def test_site(site: Path, request: pytest.FixtureRequest) -> None:
-    """Every link leads somewhere; a page of each kind, wide and narrow. One test, so that the site is built once."""
+    """Links, notebooks, versions, search, a page of each kind in two widths. One test, as the site is built once."""
     check = [sys.executable, str(ROOT / "docs" / "check_site.py"), str(site)]
     done = subprocess.run(check, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+    notebooks = sorted((site / "_downloads").rglob("plot_*.ipynb"))
+    assert len(notebooks) == len(list((DOCS / "gallery").glob("plot_*.py")))
+    for notebook in notebooks:
+        assert str(ROOT) not in notebook.read_text(encoding="utf-8") and str(site) not in notebook.read_text("utf-8")
     if not BROWSER:
         pytest.skip("the links are right; the rest needs chromium, which is not installed here")
     page = request.getfixturevalue("page")
@@ -291,8 +235,11 @@ def test_site(site: Path, request: pytest.FixtureRequest) -> None:
     ):
         for width in (WIDE, PHONE):
             page.open(site / f"{name}.html", width)
-            check_quiet(page)
-            check_narrow(page, width)
+            check_page(page, width)
     page.open(site / "index.html")
     check_keyboard(page, 12)
     assert page.ask("document.querySelectorAll('a[href=\"#main-content\"]').length") == 1, "a way past the navigation"
+    for check in (check_versions, check_search):
+        check(page, site, site.parent.as_uri())
+        assert page.errors == []
+    check_from_a_server(page, site)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -147,3 +149,48 @@ def test_dead_links_and_what_is_loaded_are_found(tmp_path: Path) -> None:
     assert [f for f in faults if "x.js" in f]
     assert [f for f in faults if "f.woff2" in f]
     assert len(faults) == 4
+
+
+# --- versions -----------------------------------------------------------------------------------------------
+def test_versions_stand_beside_each_other(tmp_path: Path) -> None:
+    pytest.importorskip("packaging")
+    versions = module(DOCS / "versions.py")
+    for name in ("0.9.0", "0.10.0", "1.0.0rc1", "pictures"):
+        (tmp_path / name / "api").mkdir(parents=True)
+        (tmp_path / name / "index.html").write_text(f"first page of {name}")
+    (tmp_path / "0.10.0" / "api" / "new page.html").write_text("a page")
+    (tmp_path / "0.8.0").mkdir()  # nothing was built there
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*.html")}
+    assert versions.bind(tmp_path) == ["1.0.0rc1", "0.10.0", "0.9.0"]
+    listed = json.loads((tmp_path / "versions.json").read_text())
+    assert [(v["version"], v["preferred"]) for v in listed] == [
+        ("1.0.0rc1", False), ("0.10.0", True), ("0.9.0", False)
+    ]  # fmt: skip
+    assert [(tmp_path / v["url"]).is_file() for v in listed] == [True] * 3
+    assert json.loads((tmp_path / "versions.js").read_text().partition("= ")[2].rstrip(";\n")) == listed
+    assert '["0.10.0"] = ["api/new page.html", "index.html"]' in (tmp_path / "0.10.0" / "pages.js").read_text()
+    assert 'href="0.10.0/index.html"' in (tmp_path / "index.html").read_text()
+    assert 'href="../../0.10.0/api/new%20page.html"' in (tmp_path / "latest" / "api" / "new page.html").read_text()
+    # A newer version comes; those that stand there stay as they are, and what led to the old newest one is gone.
+    (tmp_path / "1.0.0").mkdir()
+    (tmp_path / "1.0.0" / "index.html").write_text("first page of 1.0.0")
+    assert versions.bind(tmp_path) == ["1.0.0", "1.0.0rc1", "0.10.0", "0.9.0"]
+    assert {file: file.read_bytes() for file in before} == before
+    assert [file.name for file in (tmp_path / "latest").rglob("*.html")] == ["index.html"]
+    assert 'href="../1.0.0/index.html"' in (tmp_path / "latest" / "index.html").read_text()
+
+
+def test_a_folder_without_a_version_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("packaging")
+    with pytest.raises(SystemExit, match=r"holds no version: a folder such as 0\.1\.0"):
+        module(DOCS / "versions.py").bind(tmp_path)
+
+
+def test_make_docs_builds_this_version_into_a_folder_of_its_own() -> None:
+    make = shutil.which("make")
+    if make is None:
+        pytest.skip("needs make")
+    told = subprocess.run(
+        [make, "-n", "docs", "SITE=kept"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    assert re.search(r"sphinx .* docs kept/\$version && .*docs/versions\.py kept && ", told, re.DOTALL)

@@ -11,12 +11,14 @@ import pytest
 from pamid.estimators import MLP, Recurrent
 from pamid.estimators._progress import FitProgress, fit_progress
 from sklearn.base import clone
-from sklearn.callback import ProgressBar, ScoringMonitor
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from pamid.errors import InterruptedFitWarning
+
+pytest.importorskip("sklearn.callback", reason="needs scikit-learn 1.9, which has callbacks")
+from sklearn.callback import ProgressBar, ScoringMonitor
 
 
 class Watcher:

@@ -29,9 +29,9 @@ LEG = """
 def leg(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("leg")
     (folder / "leg.xml").write_text(LEG.format(""))
-    spec = mujoco.MjSpec.from_string(LEG.format(' armature="0.02" damping="0.1"'))
-    spec.option.timestep, spec.option.integrator = 0.001, mujoco.mjtIntegrator.mjINT_RK4
-    model, rng, rows = spec.compile(), np.random.default_rng(0), []
+    model = mujoco.MjModel.from_xml_string(LEG.format(' armature="0.02" damping="0.1"'))
+    model.opt.timestep, model.opt.integrator = 0.001, mujoco.mjtIntegrator.mjINT_RK4
+    rng, rows = np.random.default_rng(0), []
     for run in range(4):
         data = mujoco.MjData(model)
         for k in range(800):

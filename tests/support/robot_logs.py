@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import struct
 from collections.abc import Iterator
@@ -44,7 +45,7 @@ def mcap_log(path: Path, compression: str = "ZSTD") -> np.ndarray:
 def bag(folder: Path, ros: int) -> Path:
     """Write two topics, one at 100 Hz and one at 20 Hz, as ROS 1 or 2 records them; return the file."""
     typesys = pytest.importorskip("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros == 1 else typesys.Stores.ROS2_JAZZY)
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros == 1 else typesys.Stores.ROS2_HUMBLE)
     joint, number = (store.types[f"{n}"] for n in ("sensor_msgs/msg/JointState", "std_msgs/msg/Float64"))
     header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
     if ros == 1:
@@ -54,7 +55,8 @@ def bag(folder: Path, ros: int) -> Path:
     else:
         from rosbags.rosbag2 import Writer
 
-        path, opened, pack = folder / "run" / "run.db3", Writer(folder / "run", version=9), store.serialize_cdr
+        version = {"version": 9} if "version" in inspect.signature(Writer).parameters else {}  # rosbags 0.10.0 has one
+        path, opened, pack = folder / "run" / "run.db3", Writer(folder / "run", **version), store.serialize_cdr
     with opened as writer:
         ways = [writer.add_connection(n, t, typestore=store) for n, t in (
             ("/joint", joint.__msgtype__), ("/command", number.__msgtype__))]  # fmt: skip

@@ -103,11 +103,11 @@ def run(args: argparse.Namespace) -> int:
         raw = predict_table(last, features[[n for n in names if n in features]])
     before = score_by_trajectory(signals, raw, target)
     unseen = None
-    if args.folds:
-        predicted = held_out(args, lambda X, y: clone(estimator).fit(X, y), X, y, signals["run"], stride)
-        unseen = score_by_trajectory(signals, predicted, target)
-    started = time.perf_counter()
-    with progress(args, "Adapting"):
+    with progress(args, "Adapting", 1) as step:
+        if args.folds:
+            predicted = held_out(args, lambda X, y: clone(estimator).fit(X, y), X, y, signals["run"], step, stride)
+            unseen = score_by_trajectory(signals, predicted, target)
+        started = time.perf_counter()
         fitted = estimator.fit(X.iloc[rows], y.iloc[rows])
     seconds = time.perf_counter() - started
     training = score_by_trajectory(signals, predict_table(fitted, X), target)

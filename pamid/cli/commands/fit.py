@@ -120,15 +120,16 @@ def run(args: argparse.Namespace) -> int:
     # After a step of rates the estimator sees all that this step gives, as it will when the saved pipeline predicts.
     columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]
     scores = None
-    if args.folds:
-        y = signals[target.column]
-        predicted = held_out(
-            args, lambda X, y: _fit_every(args.thin, clone(estimator), X, y), features[columns], y, signals["run"]
-        )
-        scores = score_by_trajectory(signals, predicted, target)
     rows = slice(None, None, args.thin)
-    started = time.perf_counter()
-    with progress(args, f"Fitting {args.estimator}"):
+    with progress(args, f"Fitting {args.estimator}", 1) as step:
+        if args.folds:
+            y = signals[target.column]
+            predicted = held_out(
+                args, lambda X, y: _fit_every(args.thin, clone(estimator), X, y), features[columns], y, signals["run"],
+                step,
+            )  # fmt: skip
+            scores = score_by_trajectory(signals, predicted, target)
+        started = time.perf_counter()
         given_runs = {"groups": _blocks(signals["trajectory"].iloc[rows])} if target.name in _CORRELATED else {}
         fitted = _fit_every(args.thin, estimator, features[columns], signals[target.column], **given_runs)
     seconds = time.perf_counter() - started

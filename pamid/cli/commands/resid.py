@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import replacing_together
 from ...files import PROBE
+from .._progress import progress
 from .._residuals import Left, residual_tables
 from .._simulators import add_trust_option
 from ..common import DONE, add_command, add_log_options, checked_output, number, print_json, table, wrapped
@@ -55,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--lags is {args.lags}.", "at least 1", "Correct the number.")
     if args.out is not None:
         checked_output(str(checked_ending(args.out)), [*args.log, args.sim, args.model], PROBE)
-    found = residual_tables(args)
+    with progress(args, "Simulating"):
+        found = residual_tables(args)
     if args.equation is not None and args.model is None:
         if args.equation not in found:
             raise UnknownOptionError(

@@ -73,6 +73,9 @@ def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
 
     positions = [str(k) for k in range(layout.width)]
     missing = {k: _NO_NUMBER for k in positions if k != str(of_names)}
+    # Before 3.1 pandas reads some numbers one bit beside what was written; from then on it warns of this argument.
+    version = tuple(int(part) for part in pd.__version__.split(".")[:2])
+    exactly: dict[str, Any] = {"float_precision": "round_trip"} if version < (3, 1) else {}
     with path.open(encoding=layout.encoding, newline="") as stream:
         for _ in range(layout.begins):
             stream.readline()
@@ -91,6 +94,7 @@ def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
             low_memory=False,
             na_values=missing,
             keep_default_na=False,
+            **exactly,
         )
     frame.columns = pd.Index(layout.names or range(layout.width))
     return frame

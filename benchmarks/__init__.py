@@ -1,0 +1,1 @@
+"""Measurements behind the figures of the docs; each file is run by itself."""
