@@ -71,8 +71,9 @@ def data_sets() -> str:
     from pamid.bench import datasets
 
     body = []
-    for name, (muscle, trajectories) in datasets._SETS.items():
-        runs = trajectories()
+    sets = [(name, muscle, trajectories()) for name, (muscle, trajectories) in datasets._SETS.items()]
+    sets += [(name, "A, B, C", trajectories("B")) for name, trajectories in datasets._PAPER_LIKE.items()]
+    for name, muscle, runs in sets:
         kind = re.split(r"[-_]", runs[0].name)[0]
         samples = sum(len(run.q_ref) - run.lead for run in runs)
         body.append([f"`{name}`", muscle, f"{len(runs)} × {kind}", f"{samples:,}"])

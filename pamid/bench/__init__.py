@@ -3,6 +3,7 @@
 from .controller import Controller
 from .datasets import DATASETS, dataset, step_trajectories, training_trajectories, triangle_trajectories
 from .kinematics import contraction, unfold
+from .paper_like import paper_like_bench
 from .parameters import BenchParameters, GasParameters, JointParameters, MuscleParameters, ValveParameters
 from .references import (
     Trajectory,
@@ -36,6 +37,7 @@ __all__ = [
     "isobaric",
     "isometric",
     "multisine",
+    "paper_like_bench",
     "sealed_hold",
     "simulate",
     "sine",

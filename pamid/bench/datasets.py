@@ -1,4 +1,7 @@
-"""The data sets of the study from a seed; the row counts of B and C are the published ones."""
+"""The data sets of the study from a seed; the row counts of B and C are the published ones.
+
+``paper_like`` is the twin as the authors' data are, see `pamid.bench.paper_like`.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 
 from ..effects.spec import EffectLike
 from ..errors import UnknownOptionError
+from . import paper_like
 from .parameters import BenchParameters
 from .references import Trajectory, sine, step, triangle
 from .simulation import simulate
@@ -116,7 +120,12 @@ _SETS: dict[str, tuple[str, Callable[[], list[Trajectory]]]] = {
     "D_tri": ("B", triangle_trajectories),
     "D_step": ("B", step_trajectories),
 }
-DATASETS = tuple(_SETS)
+_PAPER_LIKE: dict[str, Callable[[str], list[Trajectory]]] = {
+    "paper_like": paper_like.sines,
+    "paper_like_tri": paper_like.triangles,
+    "paper_like_step": paper_like.steps,
+}
+DATASETS = (*_SETS, *_PAPER_LIKE)
 """Names of the data sets."""
 
 
@@ -133,13 +142,15 @@ def dataset(
     Parameters
     ----------
     name : str
-        ``"D_A"``, ``"D_B"``, ``"D_C"`` (training sines of each muscle), ``"D_tri"`` (triangles), ``"D_step"`` (steps).
+        ``"D_A"``, ``"D_B"``, ``"D_C"`` (training sines of each muscle), ``"D_tri"`` (triangles), ``"D_step"`` (steps);
+        ``"paper_like"``, ``"paper_like_tri"``, ``"paper_like_step"``: the twin as the authors' data are, its flow by
+        the valve's map as theirs is; what is stated, inferred and chosen stands in `pamid.bench.paper_like`.
     seed : int, default=0
         Seed of the sensors' noise.
     effects : sequence, default=()
         Effects of the bench: objects, names, or pairs (name, parameters).
     muscle : str, optional
-        ``"A"``, ``"B"`` or ``"C"``, to replace that of the data set (B for triangles and steps).
+        ``"A"``, ``"B"`` or ``"C"``, to replace that of the data set (B if its name says none).
     params : BenchParameters, optional
         Another bench altogether; then ``muscle`` is ignored.
     **options
@@ -156,8 +167,28 @@ def dataset(
     >>> len(dataset("D_step"))
     20000
     """
-    if name not in _SETS:
-        raise UnknownOptionError(f"There is no data set {name!r}.", f"one of {', '.join(_SETS)}", "Correct the name.")
+    if name not in DATASETS:
+        raise UnknownOptionError(
+            f"There is no data set {name!r}.", f"one of {', '.join(DATASETS)}", "Correct the name."
+        )
+    if name in _PAPER_LIKE:
+        return _paper_like(name, seed, effects, muscle, params, options)
     default, trajectories = _SETS[name]
     bench = params if params is not None else BenchParameters.for_muscle(muscle or default)
     return simulate(bench, trajectories(), seed=seed, effects=effects, **options)
+
+
+def _paper_like(
+    name: str,
+    seed: int,
+    effects: Sequence[EffectLike],
+    muscle: str | None,
+    params: BenchParameters | None,
+    options: dict[str, Any],
+) -> Any:
+    bench = params if params is not None else paper_like.paper_like_bench(muscle or "B")
+    own = bench.muscle.name if bench.muscle.name in paper_like.SETTINGS else "B"
+    options = {"controller": paper_like.SETTINGS[own].controller} | options
+    found = simulate(bench, _PAPER_LIKE[name](own), seed=seed, effects=effects, **options)
+    paper_like.flow_by_map(found[0] if options.get("truth") else found, bench, seed)
+    return found

@@ -85,7 +85,8 @@ def test_names_and_trajectories():
     assert [t.name for t in step_trajectories()][:2] == ["step-0-5", "step-0--5"]
     assert triangle_trajectories()[0].name == "triangle-0.5-5"
     assert sine(1, 10, 10).name == "sine-1-10"
-    assert set(DATASETS) == {"D_A", "D_B", "D_C", "D_tri", "D_step"}
+    like = {"paper_like", "paper_like_tri", "paper_like_step"}
+    assert set(DATASETS) == {"D_A", "D_B", "D_C", "D_tri", "D_step"} | like
 
 
 def test_a_seed_gives_one_log_and_another_seed_another_noise(training):

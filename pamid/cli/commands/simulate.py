@@ -45,7 +45,7 @@ def add_parser(subparsers: Any) -> None:
     bench = parser.add_mutually_exclusive_group()
     bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")
     bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a muscle of the study")
-    parser.add_argument("--dataset", metavar="NAME", help="data set of the study: D_A, D_B, D_C, D_tri or D_step")
+    parser.add_argument("--dataset", metavar="NAME", help="data set: D_A to D_C, D_tri, D_step, paper_like")
     parser.add_argument(
         "--trajectory", metavar="KIND:NAME=VALUE,...", action="append", default=[], help="a run; repeatable"
     )
@@ -62,7 +62,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
-    from ...bench import BenchParameters, dataset, simulate
+    from ...bench import BenchParameters, dataset, paper_like_bench, simulate
     from ...bench.datasets import DATASETS
     from ...file_sets import replacing_together
     from ...signals import write_log
@@ -91,7 +91,8 @@ def run(args: argparse.Namespace) -> int:
         params = load_simulator(args.sim)
     else:
         own = {"D_A": "A", "D_C": "C"}.get(args.dataset, "B")
-        params = BenchParameters.for_muscle(args.muscle or own)
+        like = (args.dataset or "").startswith("paper_like")
+        params = (paper_like_bench if like else BenchParameters.for_muscle)(args.muscle or own)
     nominal = params.replace(effects=())
     actual = params.replace(effects=(*params.effects, *effects))
     runs = [_trajectory(text) for text in args.trajectory]
