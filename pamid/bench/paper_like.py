@@ -11,8 +11,9 @@ length. It also leaves two or three of 315 rows to the fastest and largest run, 
 of an adaptation, as it does with the authors. Runs start from rest, and the spool lags the command that the map reads.
 Muscle A has half of B's flow, not a quarter of it: valve and tube are the same for all, pressures are not.
 
-Chosen, so that spread and kurtosis of the flow come out: the numbers of `SETTINGS` and of `paper_like_bench`, and which
-run of B is longer. A, of which nothing is said, has C's runs.
+Chosen, so that spread, mean and kurtosis of the flow come out: the numbers of `SETTINGS` and of `paper_like_bench`, the
+latter with the authors' loss on B in sight as well; how long a step takes, with their errors on steps in sight; the
+noise; which four amplitudes, by the kurtosis; which run of B is longer. A, of which nothing is said, has C's runs.
 """
 
 from __future__ import annotations
