@@ -41,7 +41,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Each page and what it says, written from the blocks."""
     ratios = [float(row.split()[7]) for row in re.findall(r"^(?:force|flow) .*$", blocks["training-step"], re.M)]
     span = f"{min(ratios):.2f} to {max(ratios):.2f}"
-    yield "docs/theory-hybrid.md", f"no second backward pass and {span} of the time"
+    yield "docs/theory-hybrid.md", f"no second backward pass and takes {span} of the time"
     yield "benchmarks/targets.md", f"on quiet cores {span},"
 
     def cycle(calls: str, flags: str) -> float:
@@ -89,13 +89,13 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     }
     yield (
         "docs/choosing.md",
-        f"{share[True, learning]:.2f} of the error of PID alone, against {share[True, inverse]:.2f}",
+        f"{share[True, learning]:.2f} times the error of PID alone, instead of {share[True, inverse]:.2f}",
     )
     yield (
         "docs/inverse.md",
         f"{share[False, inverse]:.2f} of the error of PID alone, {share[True, inverse]:.2f} with twice",
     )
-    yield "docs/inverse.md", f"one that learns on has {share[False, learning]:.2f} and {share[True, learning]:.2f}"
+    yield "docs/inverse.md", f"with learning on it has {share[False, learning]:.2f} and {share[True, learning]:.2f}"
     yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning on {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",

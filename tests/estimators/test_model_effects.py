@@ -101,7 +101,7 @@ def test_what_cannot_be_is_refused(remembering):
         StaticPIHM(effects=["tube", "tube"]).fit(data[COLUMNS], data["F"])
     with pytest.raises(IncompatibleError, match="valve"):
         ThermodynamicPIHM(effects=["valve_dead_zone"]).fit(data[COLUMNS], data["F"])
-    with pytest.raises(IncompatibleError, match="stream"):
+    with pytest.raises(IncompatibleError, match="partial_fit remembers"):
         StaticPIHM(effects=["tube"]).partial_fit(data[COLUMNS], data["F"])
     with pytest.raises(IncompatibleError, match="memory"):
         QAdapter(remembering).fit(data[COLUMNS], data["F"])

@@ -221,7 +221,7 @@ LOGS = [
     ("angle in degrees", edited("q", lambda v: np.degrees(v) + 20), E.UnitError, ("q", "deg")),
     ("command in percent", edited("u1", lambda v: v * 100 + 50), E.UnitError, ("u1",)),
     ("too short for a window", frame(lambda log: log[:12]), E.ShortTrajectoryError, ("0.02 s",)),
-    ("rows of runs mixed", frame(lambda log: log.sort_values("time", kind="stable")), E.LogError, ("traject",)),
+    ("rows of runs mixed", frame(lambda log: log.sort_values("time", kind="stable")), E.LogError, ("comes back",)),
 ]
 SIMS = [
     ("no such simulator", nothing("sim.toml"), E.SimulatorNotFoundError, ("sim.toml", "Check the path")),

@@ -65,7 +65,7 @@ def test_a_damaged_or_foreign_checkpoint_is_refused(tmp_path):
     with pytest.raises(CheckpointError, match="another run"):
         Checkpoint(file, {"seed": 2})
     file.write_text(file.read_text()[:-5])
-    with pytest.raises(CheckpointError, match="no checkpoint"):
+    with pytest.raises(CheckpointError, match="not a checkpoint"):
         Checkpoint(file, {"seed": 1})
 
 
@@ -186,7 +186,7 @@ def test_every_training_has_a_file_of_its_own_and_a_finished_one_is_not_done_aga
     y[3] -= 1e-9
     file.write_bytes(file.read_bytes()[:-40])
     y[3] = (X[3, 2] - 101_325) * 5e-4 * (1 - 3 * X[3, 0])
-    with pytest.raises(CheckpointError, match="no checkpoint"):
+    with pytest.raises(CheckpointError, match="not a checkpoint"):
         clone(model).fit(X, y)
     with pytest.raises(OutputError, match="cannot be made"):
         clone(model).set_params(trainer__checkpoint=str(file / "in")).fit(X, y)

@@ -306,7 +306,7 @@ def test_a_designed_run_of_a_system_is_said_in_units():
     motion = {"kind": "run", "seconds": 80.0, "x": 0.03, "P": 3e5, "P_amplitude": 1e4, "P_frequency": 0.5}
     text = experiment(NextExperiment(motion, ("creep", "directional_friction and maxwell"), 12.0))
     assert "(80 s, stroke held at 30 mm, pressure, absolute 3 bar ± 0.1 bar at 0.5 rad/s)" in text
-    assert "tells creep from directional friction and Maxwell" in text
+    assert "distinguishes creep from directional friction and Maxwell" in text
 
 
 def test_the_report_counts_its_sections(diagnoses: dict[str, Diagnosis]) -> None:

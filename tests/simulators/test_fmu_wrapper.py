@@ -84,7 +84,7 @@ def test_without_effects_the_wrapper_is_the_original_with_its_parameters(motor, 
 
 def test_what_remembers_stays_in_the_page(motor):
     lagging = simulator(motor, [("actuator_lag", "voltage", {"time_constant": 0.1})])
-    with pytest.raises(ExportError, match="remembers"):
+    with pytest.raises(ExportError, match="has memory"):
         wrapped(lagging)
 
 

@@ -48,7 +48,7 @@ def lagging(kept, u):
 )  # fmt: skip
 def test_a_simulator_that_answers_differently_is_told(kept, more):
     sim = cart(kept, more)
-    with pytest.warns(SimulatorWarning, match="answers differently in v"):
+    with pytest.warns(SimulatorWarning, match="different values of v"):
         evidence_of(log(), sim)
     with warnings.catch_warnings():
         warnings.simplefilter("error", SimulatorWarning)
@@ -63,7 +63,7 @@ def test_a_whole_run_that_goes_on_from_the_last_one_is_told():
         kept[0] = float(y[-1])
         return [y]
 
-    with pytest.warns(SimulatorWarning, match="answers differently in y"):
+    with pytest.warns(SimulatorWarning, match="different values of y"):
         evidence_of(log(), FunctionSimulator(run, OUTWARD, form="run"))
 
 

@@ -110,14 +110,15 @@ def outcome(port: str, header: str, factor: float, whole: pd.DataFrame, folder: 
     if np.allclose(read, whole[port], rtol=1e-3, atol=1e-6 * np.ptp(whole[port])):
         return "converted"
     doubts = [line for line in (said.out + said.err).splitlines() if header in line or port in line]
-    if any(word in line for line in doubts for word in ("ASSUMED", "assumed", "looks like", "doubt", "?", "no signal")):
+    told = ("ASSUMED", "assumed", "looks like", "seems to be", "doubt", "?", "no signal")
+    if any(word in line for line in doubts for word in told):
         return f"told: {doubts}"
     for command in ("check", "evaluate"):
         code = main([command, str(folder / "log.csv"), *given])
         said = capsys.readouterr()
         assert code in (0, 2), said.err
         text = " ".join((said.out + said.err).split())
-        words = (f"{header} look", f"{port} look", f"{port} or ")
+        words = (f"{header} look", f"{port} look", f"{port} or ", f"{header} seems", f"{port} seems")
         if code == 2 or any(word in text for word in words):
             return f"told by {command}: {text[-300:]}"
     return "silent"
