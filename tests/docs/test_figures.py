@@ -37,6 +37,16 @@ def line(text: str, start: str) -> list[str]:
     return str(found).split()
 
 
+FREE_RUNS = (
+    "LiftedLoad(StaticPIHM)",
+    "ForwardModel(direction)",
+    "NNARX",
+    "NNARX(one step)",
+    "PolynomialNARX",
+    "PolynomialNARX(one step)",
+)
+
+
 def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Each page and what it says, written from the blocks."""
     ratios = [float(row.split()[7]) for row in re.findall(r"^(?:force|flow) .*$", blocks["training-step"], re.M)]
@@ -69,10 +79,13 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         line(blocks[name], "jax-sysid")[0] for name in ("peers-dynamic", "peers-force", "peers-festo")
     )
     yield "docs/choosing.md", f"| jax-sysid | {1000 * float(lift):.3f} | {force} | {float(festo):.2f} |"
-    for name in ("LiftedLoad(StaticPIHM)", "ForwardModel(direction)", "NNARX", "MLP", "Recurrent", "PolynomialNARX"):
-        # rmse, interval in three words, fit / %, then the difference, if any; times stand before the last number.
-        found = [word for word in line(blocks["choosing-dynamic"], name) if word != "*"]
-        yield "docs/choosing.md", f"| `{name}` | {float(f'{1000 * float(found[0]):.3g}'):g} | {found[-3]} |"
+    free = {name: line(blocks["choosing-dynamic"], name) for name in FREE_RUNS}
+    once, model = (float(free[name][-2]) for name in ("LiftedLoad(StaticPIHM)", "ForwardModel(direction)"))
+    yield "docs/choosing.md", f"the latter runs {once / model:.0f} times faster"
+    worse = [float(free[f"{name}(one step)"][0]) / float(free[name][0]) for name in ("PolynomialNARX", "NNARX")]
+    yield "docs/choosing.md", "have {:.1f} (`PolynomialNARX`) and {:.1f} times (`NNARX`)".format(*worse)
+    fits = [found for found in re.findall(r"^InverseModel .*? {2,}([\d.]+) ", blocks["inverse-model"], re.M)]
+    yield "benchmarks/targets.md", f"| {min(fits)} to {max(fits)} s of one core |"
 
     steps = blocks["inverse-control"].split("untrained loads, ")
     usual, twice = (part for part in steps if part.startswith(("trained friction", "twice the friction")))
@@ -105,6 +118,76 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 def test_pages_quote_what_was_recorded() -> None:
     said = list(quoted(recorded()))
-    assert len(said) >= 20
+    assert len(said) >= 13
     wrong = [f"{name} does not say: {text}" for name, text in said if text not in page(name)]
     assert not wrong, "\n".join(wrong)
+
+
+MARK = re.compile(r"^<!-- from: (?P<sources>[^>]*?) -->\n(?P<passage>.*?)(?=\n\n|\Z)", re.M | re.S)
+"""A passage whose numbers all come from recorded blocks or from sections of other pages: `from: BLOCK, PAGE#TITLE`."""
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]\d+)?(?!\w)")
+UNITS = (1.0, 1e3, 1e-3, 1e6)
+"""What a page may multiply by: N to mN, Pa to kPa, kg/s to mg/s."""
+
+
+def numbers(text: str) -> list[str]:
+    """The numbers of a text, without those of code and of links."""
+    text = re.sub(r"`[^`]*`|\]\([^)]*\)", " ", text).replace("−", "-")
+    return [found.replace(",", "") for found in NUMBER.findall(text)]
+
+
+def agrees(shown: str, source: str) -> bool:
+    """Whether a number is that of the source, in one of the units, to the digits shown."""
+    last = 0.5 * 10.0 ** -len(shown.partition(".")[2])
+    units = UNITS if "." in shown or len(shown) > 2 else UNITS[:1]  # two digits agree with something by chance
+    return any(abs(float(source) * unit - float(shown)) <= last * (1 + 1e-6) for unit in units)
+
+
+def source_lines(source: str, blocks: dict[str, str]) -> list[str]:
+    """The lines of a block, or of a page's section under a title."""
+    if source in blocks:
+        return blocks[source].splitlines()
+    name, _, title = source.partition("#")
+    text = (ROOT / name).read_text(encoding="utf-8")
+    if title:
+        (text,) = re.findall(rf"^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)", text, re.M | re.S)
+    return str(text).splitlines()
+
+
+def disagreements(text: str, blocks: dict[str, str]) -> list[str]:
+    """Numbers of marked passages that their sources lack; a row of a table is compared with the rows of its name."""
+    wrong = []
+    for mark in MARK.finditer(text):
+        lines = [row for s in mark["sources"].split(",") for row in source_lines(s.strip(), blocks)]
+        table = mark["passage"].startswith("|")
+        for row in mark["passage"].splitlines()[2 if table else 0 :]:
+            name, _, rest = row.strip("| ").partition(" | ") if table else ("", "", row)
+            plain = name.replace("`", "")
+            own = [
+                at for at in lines if plain and at.strip("| ").replace("`", "").startswith((plain + " ", plain + "("))
+            ]
+            found = {number for at in own or lines for number in numbers(at)}
+            wrong += [f"{n} in: {row}" for n in numbers(rest) if not any(agrees(n, at) for at in found)]
+    return wrong
+
+
+MARKED = ("README.md", "docs/adaptation.md", "docs/choosing.md", "docs/inverse.md", "docs/measured.md")
+
+
+@pytest.mark.parametrize("name", MARKED)
+def test_marked_passages_hold_only_recorded_numbers(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert MARK.search(text)
+    wrong = disagreements(text, recorded())
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_number_that_is_not_recorded_is_noticed() -> None:
+    blocks = {"fits": "MLP   1.77  2.52\nother 3.14\n", "pressures": "MLP 1.34e+04\n"}
+    table = (
+        "<!-- from: fits, pressures -->\n| | N | s | kPa |\n| --- | --- | --- | --- |\n| `MLP` | 1.8 | {} | 13.4 |\n"
+    )
+    assert disagreements(table.format("2.52"), blocks) == []
+    assert len(disagreements(table.format("3.14"), blocks)) == 1
+    assert disagreements("<!-- from: fits -->\nIt takes 2.5 s.\n", blocks) == []
+    assert len(disagreements("<!-- from: fits -->\nIt takes 2.6 s.\n", blocks)) == 1
