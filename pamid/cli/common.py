@@ -209,7 +209,7 @@ def _note_assumed(args: argparse.Namespace) -> None:
         except (OSError, UnicodeDecodeError):
             continue  # whoever reads it for its content says so better
         if lines:
-            note(args, f"{path} still assumes {', '.join(lines[:8])}: replace or confirm it, and remove ASSUMED")
+            note(args, f"{path} still assumes {', '.join(lines[:8])}: correct or confirm each, and remove ASSUMED")
 
 
 def parse_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:

@@ -21,6 +21,7 @@ from .quantities import (
     placed,
     places,
     probability,
+    said_at,
     share_span,
     signal,
     span,
@@ -285,7 +286,7 @@ def which(d: Diagnosis) -> str:
             text += f"; the remaining error depends on {listed([signal(str(s)).words for s in depends])}"
         return text + "."
     if d.verdict == "several":
-        parts = [f"{_either(c)} ({equation(c.equation)}, {percent(c.share)} of the gap)" for c in d.causes]
+        parts = [f"{_either(c)} ({_in_equation(c)}{percent(c.share)} of the gap)" for c in d.causes]
         sizes = [f"{cause_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
         text = f"{_capital(listed(parts))}; confidence {at_least(min(c.confidence for c in d.causes))} in each."
         return f"{text} Sizes: {'; '.join(sizes)}." if sizes else text
@@ -338,13 +339,27 @@ def best_effect(d: Diagnosis) -> Any:
     return max(own, key=lambda c: c.closed_share, default=None)
 
 
+def _cause_of(d: Diagnosis, c: Candidate) -> Cause | None:
+    """Return the cause of the answer that a candidate is, or is one reading of."""
+    return next((x for x in d.causes if (c.effect, c.where) in zip(x.effects, places(x), strict=True)), None)
+
+
+def certainty(d: Diagnosis, c: Candidate) -> float:
+    """Return the probability that a candidate is a cause; each of several causes may be certain."""
+    cause = _cause_of(d, c)
+    if d.verdict != "several" or cause is None:
+        return c.confidence
+    readings = sum(x.confidence for x in d.candidates if _cause_of(d, x) is cause)
+    return cause.confidence * c.confidence / readings if readings > 0.0 else cause.confidence
+
+
 def closes(d: Diagnosis, c: Candidate) -> str:
     """Return what share of the gap a candidate closes by itself, or as one of several causes with the others."""
     if c.effect in NOT_EFFECTS:
         return ""
-    shared = next((cause.share for cause in d.causes if c.effect == cause.effects[0]), None)
-    if d.verdict == "several" and shared is not None:
-        return f"{percent(shared)} with the others"
+    cause = _cause_of(d, c)
+    if d.verdict == "several" and cause is not None and c.effect == cause.effects[0]:
+        return f"{percent(cause.share)} with the others"
     return percent(c.closed_share) if math.isfinite(c.closed_share) else "–"
 
 
@@ -474,7 +489,16 @@ def _plain(value: Any) -> str:
 
 # --- words --------------------------------------------------------------------------------------------------
 def _either(cause: Cause) -> str:
-    return listed(cause_names(cause), "or")
+    """Return the effects of a cause as alternatives, each place said once."""
+    at: dict[str, list[str]] = {}
+    for name, port in zip(cause.effects, places(cause), strict=True):
+        at.setdefault(port, []).append(effect(name))
+    return listed([said_at(listed(names, "or"), port) for port, names in at.items()], "or")
+
+
+def _in_equation(cause: Cause) -> str:
+    """Return the equation of a cause, unless its place says it."""
+    return "" if set(places(cause)) == {cause.equation} else f"{equation(cause.equation)}, "
 
 
 def cause_names(cause: Cause) -> list[str]:

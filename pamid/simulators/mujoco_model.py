@@ -22,6 +22,11 @@ _NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
     "actuator_gear": "actuator",
 }  # fmt: skip
+_UNITS = {
+    "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
+    "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"),
+}  # fmt: skip
+"""Units at a hinge and at a slide."""
 _IN_REST = ("body_mass", "dof_armature", "actuator_gear")
 """Numbers from which MuJoCo computes others where the model begins."""
 
@@ -87,7 +92,7 @@ class MujocoSimulator(Simulator):
         self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
         given = dict(parameters or {})
         for k, joint in enumerate(self._joints):  # zero by default, but a joint may turn out to have more inertia
-            number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._inertia_unit(k))
+            number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._unit(f"dof_armature.{joint}"))
             given.setdefault(f"dof_armature.{joint}", number)
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
@@ -114,8 +119,11 @@ class MujocoSimulator(Simulator):
         """Return whether a joint is a hinge."""
         return int(self._m.jnt_type[k]) == int(_mujoco().mjtJoint.mjJNT_HINGE)
 
-    def _inertia_unit(self, k: int) -> str:
-        return "kg m^2" if self._turns(k) else "kg"
+    def _unit(self, name: str) -> str:
+        """Return the unit of a number of the model."""
+        kind, _, of = name.partition(".")
+        turning, sliding = _UNITS[kind]
+        return turning if _NUMBERS[kind] == "joint" and self._turns(self._joints.index(of)) else sliding
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint its armature, and its inertia where the model begins."""
@@ -169,7 +177,7 @@ class MujocoSimulator(Simulator):
             for name in _names(self._m, what):
                 array, at = self._slot(f"{kind}.{name}")
                 if float(array[at]) != 0.0:
-                    found[f"{kind}.{name}"] = ModelParameter(float(array[at]))
+                    found[f"{kind}.{name}"] = ModelParameter(float(array[at]), 0.0, self._unit(f"{kind}.{name}"))
         return found
 
     def _set(self, numbers: np.ndarray) -> None:

@@ -41,7 +41,7 @@ NAMED = "Other models that the papers name"
 @pytest.mark.parametrize("title", [*TITLES, NAMED])
 def test_every_class_and_command_of_the_papers_exists(title):
     found = rows(title)
-    assert len(found) > 10
+    assert len(found) >= 6
     for what, here, command, status in found:
         assert status, what
         for code in re.findall(r"`([^`]+)`", here):
@@ -54,9 +54,22 @@ def test_every_class_and_command_of_the_papers_exists(title):
             elif re.fullmatch(r"[A-Z]\w+", name):
                 assert name in ESTIMATORS, name
         if command:
-            script = re.fullmatch(r"`python (benchmarks/\w+\.py)`", command)
+            script = re.fullmatch(r"`(\w+\.py)`", command)
             assert script is not None, command
-            assert (ROOT / script[1]).exists(), script[1]
+            assert (ROOT / "benchmarks" / script[1]).exists(), script[1]
+
+
+def test_every_model_that_the_papers_name_has_its_row_or_its_source():
+    """Classical models stand under the sources of models.md, with what is implemented of each."""
+    named, _, _ = PAGE.split(f"## {NAMED}\n", 1)[1].partition("| model |")
+    sources = (ROOT / "docs" / "models.md").read_text(encoding="utf-8").split("## Sources\n")[1].split("\n## ")[0]
+    for name in ("Chou", "Tondu", "Bou Saba", "Hildebrandt", "Itto", "Hošovský", "Richer", "Reynolds"):
+        assert name in named and name in sources
+    for name in ("Wickramatunge", "Martens"):
+        assert name in named and name in sources
+    page = " ".join(cell for row in rows(NAMED) for cell in row[:1])
+    for name in ("Olaby", "Taghizadeh", "Raissi", "Lutter", "Gaskin", "recurrent", "NNARX"):
+        assert name in page
 
 
 @pytest.mark.parametrize(
@@ -74,14 +87,6 @@ def test_nothing_numbered_is_left_out(title, numbered):
                 ends = [int(n) for n in re.findall(r"\d+", one)]
                 seen |= set(range(ends[0], ends[-1] + 1))
         assert seen == set(range(1, last + 1)), kind
-
-
-def test_every_model_that_the_papers_name_has_its_row():
-    page = " ".join(cell for row in rows(NAMED) for cell in row[:1])
-    for name in ("Chou", "Tondu", "Bou Saba", "Hildebrandt", "Itto", "Hošovský", "Richer", "Olaby", "Reynolds"):
-        assert name in page
-    for name in ("Wickramatunge", "Martens", "Taghizadeh", "Raissi", "Lutter", "Gaskin", "recurrent", "NNARX"):
-        assert name in page
 
 
 def test_bou_saba_is_not_tondu_lopez():

@@ -235,7 +235,7 @@ def _short(path: str) -> str:
 def _ranking(d: Diagnosis) -> str:
     from ...report.drawings.ranking import answer_names
     from ...report.quantities import said_at
-    from ...report.sentences import closes, reason
+    from ...report.sentences import certainty, closes, reason
 
     told = answer_names(d)
     named = sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))
@@ -243,7 +243,7 @@ def _ranking(d: Diagnosis) -> str:
     rows = [
         [
             said_at(c.effect, c.where),
-            number(round(c.confidence, 3)),
+            number(round(certainty(d, c), 3)),
             closes(d, c) or "-",
             "" if (c.effect, c.where) in told else reason(d, c),
         ]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...plots.style import BLUE, FAINT, GREY, new_figure, style
 from ..quantities import placed, places
+from ..sentences import certainty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,17 +16,17 @@ if TYPE_CHECKING:
 
 def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
     """Draw the confidence in each of the likeliest candidates."""
-    candidates = sorted(d.candidates, key=lambda c: -c.confidence)[:most]
+    candidates = sorted(d.candidates, key=lambda c: -certainty(d, c))[:most]
     told = answer_names(d)
     with style():
         figure, axes = new_figure(4.3, 0.7 + 0.24 * max(len(candidates), 1))
         ax = axes[0, 0]
         for place, candidate in enumerate(candidates):
             colour = BLUE if (candidate.effect, candidate.where) in told else GREY
-            ax.barh(place, 100 * candidate.confidence, color=colour, height=0.62)
+            ax.barh(place, 100 * certainty(d, candidate), color=colour, height=0.62)
             ax.annotate(
-                f"{100 * candidate.confidence:.0f}",
-                (100 * candidate.confidence, place),
+                f"{100 * certainty(d, candidate):.0f}",
+                (100 * certainty(d, candidate), place),
                 xytext=(3, 0),
                 textcoords="offset points",
                 va="center",

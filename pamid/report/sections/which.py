@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.ranking import answer_names
 from ..quantities import cell, placed
-from ..sentences import cause_names, closes, query_words, reason
+from ..sentences import cause_names, certainty, closes, query_words, reason
 from .base import Section
 
 _FIRST = 6
@@ -34,8 +34,8 @@ class WhichSection(Section):
         rows = [
             {
                 "name": _name(c.effect, c.where),
-                "confidence": c.confidence,
-                "text": cell(c.confidence),
+                "confidence": certainty(d, c),
+                "text": cell(certainty(d, c)),
                 "closes": closes(d, c),
                 "why": "the answer" if (c.effect, c.where) in told else reason(d, c),
                 "told": (c.effect, c.where) in told,
