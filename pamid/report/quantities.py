@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause
     from ..gap.diagnosis.result import Diagnosis
 
+NOT_EFFECTS = ("none", "unknown")
+"""Candidates that are no effects."""
+
 
 class DisplayedQuantity(NamedTuple):
     """A signal as people read it.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..effects import all_effects
 from .doubts import question
 from .quantities import (
+    NOT_EFFECTS,
     amount,
     at_least,
     effect,
@@ -28,7 +29,7 @@ from .quantities import (
 )
 
 if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Candidate, Cause, Closure, NextExperiment, ParameterEstimate, Region
+    from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, ParameterEstimate, Region
     from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
@@ -41,7 +42,6 @@ _EXPERIMENT_UNITS = {
 }  # fmt: skip
 _NOTHING = 0.02  # share closed that is not worth a name
 _FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
-NOT_EFFECTS = ("none", "unknown")
 
 
 class Answers(NamedTuple):
@@ -339,30 +339,6 @@ def best_effect(d: Diagnosis) -> Any:
     return max(own, key=lambda c: c.closed_share, default=None)
 
 
-def _cause_of(d: Diagnosis, c: Candidate) -> Cause | None:
-    """Return the cause of the answer that a candidate is, or is one reading of."""
-    return next((x for x in d.causes if (c.effect, c.where) in zip(x.effects, places(x), strict=True)), None)
-
-
-def certainty(d: Diagnosis, c: Candidate) -> float:
-    """Return the probability that a candidate is a cause; each of several causes may be certain."""
-    cause = _cause_of(d, c)
-    if d.verdict != "several" or cause is None:
-        return c.confidence
-    readings = sum(x.confidence for x in d.candidates if _cause_of(d, x) is cause)
-    return cause.confidence * c.confidence / readings if readings > 0.0 else cause.confidence
-
-
-def closes(d: Diagnosis, c: Candidate) -> str:
-    """Return what share of the gap a candidate closes by itself, or as one of several causes with the others."""
-    if c.effect in NOT_EFFECTS:
-        return ""
-    cause = _cause_of(d, c)
-    if d.verdict == "several" and cause is not None and c.effect == cause.effects[0]:
-        return f"{percent(cause.share)} with the others"
-    return percent(c.closed_share) if math.isfinite(c.closed_share) else "–"
-
-
 # --- how far ------------------------------------------------------------------------------------------------
 def how_far(d: Diagnosis) -> str:
     """Return how far the gap shrinks."""
@@ -412,15 +388,6 @@ def _errors(d: Diagnosis) -> str:
             unit = known[finding.equation].unit
             lines.append(f"{equation(finding.equation)} {amount(error, unit)} at a noise of {amount(noise, unit)}")
     return f": {listed(lines)}" if lines else ""
-
-
-def reason(d: Diagnosis, c: Candidate) -> str:
-    """Return why a candidate is not the answer; empty where nothing speaks against it."""
-    if c.ruled_out:
-        return c.ruled_out
-    if c.effect == "none" and d.gap:
-        return f"the error is more than noise ({probability(d.p_value)})"
-    return "effects of the library explain it" if c.effect == "unknown" and d.causes else ""
 
 
 def _noise(c: Closure) -> str:

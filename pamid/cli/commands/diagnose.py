@@ -235,7 +235,7 @@ def _short(path: str) -> str:
 def _ranking(d: Diagnosis) -> str:
     from ...report.drawings.ranking import answer_names
     from ...report.quantities import said_at
-    from ...report.sentences import certainty, closes, reason
+    from ...report.ranked import certainty, closes, reason
 
     told = answer_names(d)
     named = sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))

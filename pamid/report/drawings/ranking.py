@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...plots.style import BLUE, FAINT, GREY, new_figure, style
 from ..quantities import placed, places
-from ..sentences import certainty
+from ..ranked import certainty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

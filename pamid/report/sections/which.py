@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 
 from ..drawings.ranking import answer_names
 from ..quantities import cell, placed
-from ..sentences import cause_names, certainty, closes, query_words, reason
+from ..ranked import certainty, closes, reason
+from ..sentences import cause_names, query_words
 from .base import Section
 
 _FIRST = 6
