@@ -112,9 +112,9 @@ def volumes() -> str:
 # --- logs ---------------------------------------------------------------------------------------------------
 def units() -> str:
     """Every unit that a mapping may name."""
-    from pamid.signals.units import _TABLE, SI_UNITS
+    from pamid.signals.units import SI_UNITS, UNITS_OF
 
-    body = [[d, f"`{SI_UNITS[d]}`", ", ".join(f"`{u}`" for u in names)] for d, names in _TABLE.items()]
+    body = [[d, f"`{SI_UNITS[d]}`", ", ".join(f"`{u}`" for u in names)] for d, names in UNITS_OF.items()]
     return rows(["dimension", "SI", "units"], body)
 
 

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pamid.gap import Diagnosis
-
-    from .gap_diagnoser import GapDiagnoser
+    from pamid.simulators import Simulator
 
 
 def is_simulator(nominal: Any) -> bool:
@@ -23,22 +22,24 @@ def is_simulator(nominal: Any) -> bool:
     return "pamid.simulators.base" in {c.__module__ for c in type(nominal).__mro__}
 
 
-def diagnosis_of(diagnoser: GapDiagnoser, X: Any, y: Any, groups: Any) -> tuple[Diagnosis, str]:
+def diagnosis_of(
+    simulator: Simulator, effects: Any, random_state: Any, X: Any, y: Any, groups: Any
+) -> tuple[Diagnosis, str]:
     """Diagnose a simulator: X holds the columns that its ports name, y one of its states or outputs, which is named."""
     from pamid.gap import diagnose_simulator
 
-    log, target = _log(X, y, groups, diagnoser.nominal)
-    rng = check_random_state(diagnoser.random_state)
+    log, target = _log(X, y, groups, simulator)
+    rng = check_random_state(random_state)
     seed = int(rng.randint(2**31 - 1))
-    return diagnose_simulator(log, diagnoser.nominal, diagnoser.effects, seed=seed), target
+    return diagnose_simulator(log, simulator, effects, seed=seed), target
 
 
-def predict_simulator(diagnoser: GapDiagnoser, X: Any, groups: Any) -> np.ndarray:
-    """Return y as the corrected simulator has it: a free run of the inputs in X from the states that X shows."""
+def predict_simulator(simulator: Simulator, target: str, X: Any, groups: Any) -> np.ndarray:
+    """Return the target as a simulator has it: a free run of the inputs in X from the states that X shows."""
     from pamid.gap.simulated import free_run
 
-    log, _ = _log(X, None, groups, diagnoser.nominal)
-    return free_run(log, diagnoser.corrected_, diagnoser.target_)[diagnoser.target_].to_numpy()
+    log, _ = _log(X, None, groups, simulator)
+    return free_run(log, simulator, target)[target].to_numpy()
 
 
 def _log(X: Any, y: Any, groups: Any, simulator: Any) -> tuple[pd.DataFrame, str]:

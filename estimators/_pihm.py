@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from abc import abstractmethod
-from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,7 +10,6 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.effects import Effect
 from pamid.errors import (
     FitError,
@@ -20,15 +17,14 @@ from pamid.errors import (
     InterruptedFitWarning,
     ShapeError,
 )
-from pamid.laws.base import Law
-from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
 from pamid.volume.neural import InputScale
 
-from ._base import SignalEstimator, state_of
+from ._base import state_of
 from ._effects import fit_model_effects, fitted_effects, seen_by
+from ._hybrid import HybridParameters
 from ._hybrid_fit import (
     arrays_of,
     check_parameters,
@@ -48,42 +44,11 @@ from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
 
-class HybridModel(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
+class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
     """Base of the hybrid estimators; a subclass names its laws and its targets."""
 
     __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
     __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
-
-    rest_length: float
-    rest_diameter: float
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    volume_model: str
-    hidden_layer_sizes: Sequence[int]
-    activation: str
-    trainer: Any
-    max_iter: int | None
-    batch_size: int | None
-    weight_decay: float | None
-    validation_fraction: float | str
-    dtype: str
-    device: str
-    random_state: Any
-    effects: Sequence[Any] | Mapping[str, Mapping[str, float]] | None = None
-    effect_values_: dict[str, dict[str, float]]
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (*STATE_SIGNALS, "time") if self.effects else STATE_SIGNALS
-
-    @abstractmethod
-    def laws(self) -> tuple[Law, ...]:
-        """Return the laws that read the volume, one a column of the target.
-
-        Returns
-        -------
-        tuple of Law
-            A law of force (N), of flow (kg/s), or both.
-        """
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

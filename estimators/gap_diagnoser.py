@@ -257,8 +257,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         told = outward(found, self.scaling_, self._units())
         # Columns without a role stay where they usually are.
         told.next_experiment = next_run(
-            self, found.rivals, signals, codes, lambda n: self._nominal(usual + np.zeros((n, 1)))
-        )
+            found.rivals, signals, codes, lambda n: self._nominal(usual + np.zeros((n, 1))), scaling=self.scaling_,
+            noise_floor=self.noise_floor_, equation=self.equation, plant=self.plant, roles=self.signal_columns_, dt=dt,
+        )  # fmt: skip
         self._write(told, found)
         self.remainder_ = {}
         if self.learned_remainder:
@@ -296,7 +297,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return self._codes(X, groups)
 
     def _fit_simulator(self, X: Any, y: Any, groups: Any) -> Self:
-        found, self.target_ = diagnosis_of(self, X, y, groups)
+        found, self.target_ = diagnosis_of(self.nominal, self.effects, self.random_state, X, y, groups)
         self._write(found, found)
         self.corrected_ = self.nominal if found.corrected is None else found.corrected
         self.feature_names_in_ = np.array([str(c) for c in X.columns], dtype=object)
@@ -378,7 +379,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         """
         check_is_fitted(self)
         if is_simulator(self.nominal):
-            return predict_simulator(self, X, groups)
+            return predict_simulator(self.corrected_, self.target_, X, groups)
         table, _ = self._read(X, reset=False)
         codes = self._codes(X, groups)
         signals = self._table(table, codes)

@@ -156,3 +156,8 @@ def _regular(path: Path) -> Path:
     if not os.access(target, os.W_OK):
         raise OutputError(f"{path} is protected against writing.", "a file that may be replaced", "Choose another one.")
     return target
+
+
+def named_from(path: Path, folder: Path) -> str:
+    """Return the name of a file as a simulator file in a folder calls it."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

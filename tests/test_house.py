@@ -110,6 +110,53 @@ def test_the_reader_of_imports_tells_lazy_ones(tmp_path: Path, monkeypatch: pyte
     ]
 
 
+def _imported(path: Path, modules: dict[str, Path]) -> Iterator[str]:
+    """Modules of the package that a file imports, be it within a function or for types alone."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            inside = path if path.name != "__init__.py" else path / "_"
+            for target in _targets(inside, node):
+                yield target if target in modules else target.rpartition(".")[0]
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def _module(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    parts = ("pamid", *parts) if parts[0] == "estimators" else parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def circles(files: list[Path]) -> list[list[str]]:
+    """Files that import each other, in whatever roundabout way."""
+    modules = {_module(p): p for p in files}
+    left = {m: {t for t in _imported(p, modules) if t in modules and t != m} for m, p in modules.items()}
+    while ends := {m for m, to in left.items() if not to & left.keys()}:
+        left = {m: to for m, to in left.items() if m not in ends}
+    while starts := left.keys() - {t for to in left.values() for t in to}:
+        left = {m: to for m, to in left.items() if m not in starts}
+    return [[m, *sorted(to & left.keys())] for m, to in sorted(left.items())]
+
+
+def test_files_import_each_other_one_way() -> None:
+    assert circles(LIBRARY) == []
+
+
+def test_the_search_for_circles_sees_functions_and_types(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    (tmp_path / "pamid").mkdir()
+    contents = {
+        "above": "from .one import f",
+        "one": "def f():\n    from .two import g",
+        "two": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import one\nfrom .below import h",
+        "below": "h = 1",
+    }
+    for name_, text in contents.items():
+        (tmp_path / "pamid" / f"{name_}.py").write_text(text)
+    found = circles(sorted((tmp_path / "pamid").glob("*.py")))
+    assert found == [["pamid.one", "pamid.two"], ["pamid.two", "pamid.one"]]
+
+
 def test_the_package_asks_for_estimators_only_when_it_needs_them() -> None:
     for path in (p for p in LIBRARY if name(p).startswith("pamid/")):
         modules = [(m + ".", loaded) for m, loaded in imports(path)]

@@ -389,7 +389,7 @@ class BenchParameters:
         """
         from .simulator_file import read_simulator_file
 
-        return read_simulator_file(cls, Path(path))
+        return read_simulator_file(cls, TABLES, Path(path))
 
     def to_toml(self, path: str | Path) -> None:
         """Write a simulator file, whole or not at all.
@@ -404,9 +404,11 @@ class BenchParameters:
         OutputError
             The file cannot be written.
         """
-        from .simulator_file import write_simulator_file
+        from ..files import write_whole
+        from .simulator_file import simulator_text
 
-        write_simulator_file(self, Path(path))
+        tables = {name: getattr(self, name) for name in TABLES}
+        write_whole(Path(path), simulator_text(tables, self.tolerance, self.effects))
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some values changed.

@@ -20,7 +20,7 @@ from ..errors import (
 )
 from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
-from ..signals.units import parse_quantity
+from ..signals.unit_names import parse_quantity
 from ._ask import Asker
 from .common import note, print_json, table
 

@@ -103,7 +103,8 @@ def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]
 
 def _unit_of(draft: Draft, name: str) -> str:
     """Return the SI unit of a signal's column."""
-    from ..signals.units import SI_UNITS, find_unit
+    from ..signals.unit_names import find_unit
+    from ..signals.units import SI_UNITS
 
     column = draft.of(name)
     return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else ""
@@ -111,7 +112,8 @@ def _unit_of(draft: Draft, name: str) -> str:
 
 def _number(name: str, text: str) -> ModelParameter:
     """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
-    from ..signals.units import SI_UNITS, UNITS, parse_quantity
+    from ..signals.unit_names import parse_quantity
+    from ..signals.units import SI_UNITS, UNITS
     from ..simulators import ModelParameter
 
     found = _TOLERANCE.match(text)

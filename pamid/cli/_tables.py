@@ -16,7 +16,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from ..requirements import WithLaws, last_step, reads_of
-from ..signals.units import parse_quantity
+from ..signals.unit_names import parse_quantity
 
 if TYPE_CHECKING:
     import numpy as np

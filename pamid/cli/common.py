@@ -178,7 +178,7 @@ def page_numbers(
 ) -> dict[str, Any]:
     """Return the numbers of a simulator file of a muscle, cylinder or joint; else the mapping's rest length."""
     from ..signals.mapping import LogMapping
-    from ..signals.units import parse_quantity
+    from ..signals.unit_names import parse_quantity
     from ..systems import System
 
     if page is None:

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
 from .registry import make_effect
+from .values import Parameter
 
 ROWS = 20_000
 """Samples of the search for the shapes: a longer log is thinned evenly."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class BladderElasticity(Effect):

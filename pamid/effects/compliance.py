@@ -6,8 +6,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._second_order import carried, carried_along
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class Compliance(Effect):

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import BRAID_ANGLE, Plant
+from .values import Parameter
 
 
 class ConstantArea(Effect):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .base import Effect, Parameter
+from .base import Effect
+from .values import Parameter
 
 
 class Diameter(Effect):

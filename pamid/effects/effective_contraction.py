@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from .base import Parameter
 from .end_cap import EndCap
+from .values import Parameter
 
 
 class EffectiveContraction(EndCap):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ..signals.state import Array
-from .base import Effect, FlowTerm, Parameter, Signals
+from .base import Effect, FlowTerm, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class EndCap(Effect):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ._sensor import Lag
-from .base import Parameter
+from .values import Parameter
 
 
 class FlowLag(Lag):

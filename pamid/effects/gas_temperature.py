@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from .base import Effect, Parameter
+from .base import Effect
+from .values import Parameter
 
 
 class GasTemperature(Effect):

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..signals.recursion import recursive
 from ..signals.state import Array
-from .base import Effect, FlowTerm, Parameter, Signals
+from .base import Effect, FlowTerm, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class HeatTransfer(Effect):

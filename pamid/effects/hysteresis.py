@@ -6,8 +6,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._memory import bouc_wen
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 _ELEMENTS = np.arange(-2, 3) / np.sqrt(2.0)
 """Where the elements lie, in standard deviations of the logarithm of their displacements."""

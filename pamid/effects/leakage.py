@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from ..laws.valve import flow_function
 from ..signals.state import Array
-from .base import Effect, FlowTerm, Parameter, Signals
+from .base import Effect, FlowTerm, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class Leakage(Effect):

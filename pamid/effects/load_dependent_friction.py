@@ -6,8 +6,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._memory import dahl
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class LoadDependentFriction(Effect):

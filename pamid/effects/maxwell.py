@@ -6,8 +6,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._memory import branches_along, branches_at, branches_relax
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 _RATIOS = (0.1, 1.0, 10.0)
 

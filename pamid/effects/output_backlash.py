@@ -6,8 +6,9 @@ import numpy as np
 
 from ..signals.paths import play
 from ..signals.state import Array
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class OutputBacklash(Effect):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from .base import Effect, Parameter
+from .base import Effect
+from .values import Parameter
 
 
 class OutputSaturation(Effect):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ._sensor import Gain
-from .base import Parameter
+from .values import Parameter
 
 
 class PressureGain(Gain):

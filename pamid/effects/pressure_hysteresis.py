@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from ..signals.state import Array
 from ._stop import RATIOS, stopped, stops_along, stops_at, stops_force
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class PressureHysteresis(Effect):

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._second_order import carried_along
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class Resonance(Effect):

@@ -12,8 +12,9 @@ from ..errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
-from .base import Effect, Parameter
+from .base import Effect
 from .registry import all_effects, make_effect
+from .values import Parameter
 
 
 class EffectSpec(NamedTuple):

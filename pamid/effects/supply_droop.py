@@ -7,8 +7,9 @@ import numpy as np
 from ..laws.valve import flow_function
 from ..signals.state import Array
 from ._memory import drawn_along
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 _ROUNDS, _CLOSE = 40, 1e-12
 """Most rounds in which the flow and the pressure that it is drawn from are brought together, and when they are, as a

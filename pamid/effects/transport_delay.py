@@ -8,8 +8,9 @@ import numpy as np
 
 from ..signals.state import Array
 from ._delay import delayed_rows, shift
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 
 class TransportDelay(Effect):

@@ -1,16 +1,104 @@
-"""Whether the value of an effect's parameter can be one."""
+"""A parameter of an effect, and whether a value can be one of it."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..errors import ImplausibleParameterError, SimulatorTypeError
 
-if TYPE_CHECKING:
-    from .base import Parameter
+MOST_PERIODS = 40
+"""Most periods of an effect of the position within the range that a log covers."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Its name, a Python identifier.
+    unit : str
+        Its unit, ``"-"`` for a plain number.
+    lower, upper : float
+        Physical bounds.
+    nominal : float
+        A typical value.
+    description : str
+        What it is, in a few words.
+    linear : bool, default=False
+        Whether the contribution is proportional to it while the other linear parameters are 0; the memory of a path
+        does not depend on it.
+    essential : bool, default=False
+        Whether the effect turns into another one where this parameter reaches a bound, or next to its other linear
+        parameters vanishes; a fit that ends there is evidence for that other one.
+    unlike : str, default=""
+        Another parameter that this one differs from: where all such pairs of an effect are alike it has turned into a
+        simpler one.
+    simplest : bool, default=False
+        Whether the effect has turned into a simpler one where this parameter is at its lower bound: what relaxes at
+        once is friction.
+    before : bool, default=False
+        Whether it says how much of what was before a logged run is unknown: 0 for nothing, 1 for all.
+    position : int, default=0
+        Power of the position's unit in its own one: ``unit`` is that for a contraction ratio, which has none. A
+        coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
+    idle : bool, default=False
+        Whether it is a limit: at the upper bound, or beyond what a signal reaches, the effect does nothing.
+    periods : bool, default=False
+        Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
+    spacing : float, default=0
+        Least difference of values that a log distinguishes, in ``unit``; 0 where nothing is known.
+
+    Examples
+    --------
+    >>> from pamid.effects import Parameter
+    >>> p = Parameter("stiffness", "N", 0.0, 1e5, 150.0, "force per contraction", linear=True)
+    >>> f"{p.name} = {p.nominal:g} {p.unit}, {p.lower:g} to {p.upper:g}"
+    'stiffness = 150 N, 0 to 100000'
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    nominal: float
+    description: str
+    linear: bool = False
+    essential: bool = False
+    unlike: str = ""
+    simplest: bool = False
+    before: bool = False
+    position: int = 0
+    idle: bool = False
+    periods: bool = False
+    spacing: float = 0.0
+
+    def over(self, span: float) -> Parameter:
+        """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.
+
+        Half a period more in the range leaves a quarter of one out of step at either end: a sine between two such
+        rates still goes with either.
+        """
+        if not self.periods or not span > 0.0:
+            return self
+        once = 2.0 * math.pi / span
+        lower, upper = max(self.lower, once), min(self.upper, MOST_PERIODS * once)
+        return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
+
+    @property
+    def share(self) -> bool:
+        """Whether it is a share from 0 to 1 between two forms of one effect."""
+        return (self.unit, self.lower, self.upper) == ("-", 0.0, 1.0)
+
+    @property
+    def skew(self) -> bool:
+        """Whether it says how far an effect differs between two directions, from not at all on."""
+        return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
 
 
 def checked_value(effect: str, p: Parameter, value: Any) -> float:

@@ -7,8 +7,9 @@ import numpy as np
 from ..signals.state import Array
 from ._memory import hold_along
 from ._second_order import carried, carried_along
-from .base import Effect, Parameter, Signals
+from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 _LEAST = 1e-4
 """Inertia below which a spool counts as massless: its second time constant is that small a share of the first."""

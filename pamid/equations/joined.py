@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .base import Equation
-from .run import Model, Run
+from .run import Model, Run, Tested
 from .stretch import Stretch
 from .windows import Windows
 
@@ -52,7 +51,7 @@ class JoinedRun(Run):
             yield begin, begin + len(part.time)
             begin += _whole(len(part.time), self.n)
 
-    def _windows(self, equation: Equation) -> Windows:
+    def _windows(self, equation: Tested) -> Windows:
         first, parts, m = [], [], 0
         for (begin, _), part in zip(self._places(), self.parts, strict=True):
             own = part.windows(equation)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from .windows import WINDOW, Windows, average, span, starts
 if TYPE_CHECKING:
     from ..bench.parameters import BenchParameters
     from ..effects import Effect, FlowTerm, Plant, Signals
-    from .base import Equation
 
 MUSCLES = (1, 2)
 SIGNS = np.array([1.0, -1.0])
@@ -27,6 +26,14 @@ _SHORT = 4  # … but no more than one part in so many of a short stretch at eit
 _LEAST = 0.1  # share of the samples of a window that must be there
 _STILL = 0.5  # of the angle's noise, of which a local fit leaves a third: motion within it counts as rest
 _REMEMBERED = 12  # memories of paths, and results of nominal parameters, that are kept for fits to come
+
+
+class Tested(Protocol):
+    """What a run reads of an equation: the order of its test functions, its channels and sides."""
+
+    order: ClassVar[int]
+    channels: ClassVar[tuple[str, ...]]
+    sides: ClassVar[tuple[str, ...]]
 
 
 class Model:
@@ -147,7 +154,7 @@ class Run:
         )
         return np.asarray(flow)
 
-    def windows(self, equation: Equation) -> Windows:
+    def windows(self, equation: Tested) -> Windows:
         """Return the windows in which an equation is tested: those of which enough is known."""
         key = (equation.order, *equation.channels, *self.margins)
         found = self.stretch.selections.get(key)
@@ -155,7 +162,7 @@ class Run:
             found = self.stretch.selections[key] = self._windows(equation)
         return found
 
-    def _windows(self, equation: Equation) -> Windows:
+    def _windows(self, equation: Tested) -> Windows:
         order, stretch, (head, tail) = equation.order, self.stretch, self.margins
         n_rows, pad = len(self.time), order - 1
         first = starts(n_rows - pad, self.n, order, shift=-(pad // 2))
@@ -193,7 +200,7 @@ class Run:
         except KeyError:
             raise AttributeError(name) from None
 
-    def reads(self, equation: Equation) -> bool:
+    def reads(self, equation: Tested) -> bool:
         """Return whether the stretch has all channels of an equation."""
         return all(channel == "q" or channel in self.channels for channel in equation.channels)
 

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..signals.paths import Path
 from .noise import ChannelNoise, roughness
-from .windows import WINDOW, Windows, samples_per_window
+from .windows import WINDOW, Bridge, Windows, samples_per_window
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
     from ..effects import Signals
 
 BRIDGED = 2 * WINDOW
@@ -36,31 +34,6 @@ _ENOUGH = 1000  # rows that tell the noise of a channel well enough
 _JUMPS = ("mdot", "u")
 _SEEN = 0.01  # of the full command: a smaller step that comes a sample earlier or later does not show in a flow
 _JUMP = 8.0  # standard deviations of what lies between samples: a step over a hole that is larger is a jump
-
-
-class Bridge(NamedTuple):
-    """How a column came to equal steps.
-
-    Parameters
-    ----------
-    at, samples : array, shape (n_samples,)
-        Places of what was read, in steps, and what was read.
-    given : array of bool, shape (n_rows,)
-        Rows at which it was read.
-    mix : sparse array, shape (n_rows, n_samples)
-        What each sample contributes to each row.
-    hidden : float
-        Standard deviation of what the signal does between samples beyond its straight line, in its unit.
-    torn : array of bool, shape (n_rows,)
-        Rows of holes in which it jumped.
-    """
-
-    at: np.ndarray
-    samples: np.ndarray
-    given: np.ndarray
-    mix: csr_array
-    hidden: float
-    torn: np.ndarray
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..signals.units import UNITS
-from .evaluate import allowed_equations, residuals
+from .allowed import allowed_equations, residuals
 from .log import BenchLog, columns_of
 from .run import MUSCLES
 

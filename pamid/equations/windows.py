@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from .noise import ChannelNoise
-    from .stretch import Bridge
 
 WINDOW = 0.02
 """Width of a window, s."""
@@ -95,6 +94,31 @@ def _blocks(n: int, order: int, columns: int) -> np.ndarray:
 def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
     """Return the values of a series at the centres of the test functions that begin at ``first``."""
     return x[first + (span(n, order) - 1) // 2]
+
+
+class Bridge(NamedTuple):
+    """How a column came to equal steps.
+
+    Parameters
+    ----------
+    at, samples : array, shape (n_samples,)
+        Places of what was read, in steps, and what was read.
+    given : array of bool, shape (n_rows,)
+        Rows at which it was read.
+    mix : sparse array, shape (n_rows, n_samples)
+        What each sample contributes to each row.
+    hidden : float
+        Standard deviation of what the signal does between samples beyond its straight line, in its unit.
+    torn : array of bool, shape (n_rows,)
+        Rows of holes in which it jumped.
+    """
+
+    at: np.ndarray
+    samples: np.ndarray
+    given: np.ndarray
+    mix: csr_array
+    hidden: float
+    torn: np.ndarray
 
 
 @dataclass

@@ -1,5 +1,6 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
+from .at_ports import diagnose_simulator
 from .design.next_run import next_run
 from .diagnosis.findings import (
     Band,
@@ -17,7 +18,6 @@ from .diagnosis.result import Diagnosis
 from .engine import diagnose
 from .evaluation import evaluate_simulator
 from .refit import Refit, refit_within_tolerance
-from .simulated import diagnose_simulator
 
 __all__ = [
     "Band",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..gap.at_ports import diagnose_simulator
 from ..gap.diagnosis.result import Diagnosis
-from ..gap.simulated import diagnose_simulator
 from ..signals.frames import as_pandas
 from ..simulators import Simulator
 from .estimates import Open, estimates, freed

@@ -18,7 +18,7 @@ _HOME = {
     "SignalMapping": "mapping",
     "FileConstants": "mapping",
     "UNITS": "units",
-    "parse_quantity": "units",
+    "parse_quantity": "unit_names",
     "implausible_units": "plausibility",
     "check_units": "plausibility",
     "differentiate": "rates",

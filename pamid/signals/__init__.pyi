@@ -26,8 +26,8 @@ from .state import State as State
 from .thinning import thin as thin
 from .thinning import thinned_rows as thinned_rows
 from .thinning import whole_trajectories as whole_trajectories
+from .unit_names import parse_quantity as parse_quantity
 from .units import UNITS as UNITS
-from .units import parse_quantity as parse_quantity
 from .windowing import windows as windows
 
 __all__ = [

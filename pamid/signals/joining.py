@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import LogError, MissingColumnError, TimeOrderError
 from .formats import TRAJECTORY, RawTable, format_of
 from .robots import own_clock
-from .units import find_unit
+from .unit_names import find_unit
 from .vocabulary import kinds_of
 
 if TYPE_CHECKING:

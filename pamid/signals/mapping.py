@@ -17,7 +17,8 @@ from pamid.errors import LogNotFoundError, MappingError, UnitError
 
 from ..toml_files import TomlErrors, read_toml
 from .formats._encoding import is_encoding
-from .units import Unit, dimension_of, find_unit, is_gauge_name, parse_quantity
+from .unit_names import find_unit, parse_quantity
+from .units import Unit, dimension_of, is_gauge_name
 
 _ERRORS = TomlErrors(LogNotFoundError, MappingError, MappingError)
 _ORDERS = ("raise", "sort", "split")

@@ -1,10 +1,12 @@
-"""How people spell units in headers, in English and German, and which unit of the table each spelling means."""
+"""How people spell units, in English and German, and which unit of the table each spelling means."""
 
 from __future__ import annotations
 
+import difflib
 import re
 
-from .units import UNITS
+from ..errors import MappingError, UnitError
+from .units import UNITS, UNITS_OF, Unit, dimension_of
 
 _SPELLINGS = """
 s: sec secs second seconds sek sekunde sekunden
@@ -141,3 +143,73 @@ def _plain(text: str) -> str | None:
     folded = re.sub(r"\s+|\^|\.$", "", folded).replace("**", "")
     folded = re.sub(r"^\((.+)\)$", r"\1", folded)
     return _ALIASES.get(folded) or _FOLDED.get(folded)
+
+
+def find_unit(name: str, signal: str | None = None) -> Unit:
+    """Look up a unit by its name."""
+    wanted = dimension_of(signal) if signal else None
+    known = unit_name(str(name), wanted)
+    if known is None:
+        near = difflib.get_close_matches(str(name), UNITS, n=3, cutoff=0.5)
+        raise UnitError(
+            f"Unknown unit '{name}'{f' for the signal {signal}' if signal else ''}.",
+            f"one of the known units ({', '.join(near or list(UNITS)[:12])}, ...)",
+            "Correct the unit, or give the factor to SI as scale and leave the unit out.",
+        )
+    unit = UNITS[known]
+    if wanted is not None and unit.dimension != wanted:
+        raise UnitError(
+            f"The unit '{name}' of the signal {signal} is a unit of {unit.dimension}.",
+            f"a unit of {wanted}, such as {', '.join(list(UNITS_OF[wanted])[:5])}",
+            "Say at which conditions the volume counts: 'L/min ANR' (20 °C, 1 bar) or 'NL/min' (0 °C, 1.013 bar)."
+            if (unit.dimension, wanted) == ("volume flow", "mass flow")
+            else "Correct the unit, or rename the signal.",
+        )
+    return unit._replace(factor=float(unit.factor))
+
+
+_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+
+
+def parse_quantity(value: float | str, signal: str | None = None) -> float:
+    """Turn a number, or a number with a unit, into SI.
+
+    Parameters
+    ----------
+    value : float or str
+        A number in SI, or a text such as ``"17.45 cm"``.
+    signal : str, optional
+        Name of the signal or constant it is for, to check the dimension.
+
+    Returns
+    -------
+    float
+        The value in SI.
+
+    Raises
+    ------
+    MappingError
+        If the text is not a number.
+    UnitError
+        If its unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> from pamid.signals import parse_quantity
+    >>> round(parse_quantity("18.2 cm"), 4)
+    0.182
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    match = _QUANTITY.match(value) if isinstance(value, str) else None
+    if match is None:
+        raise MappingError(
+            f"The constant {signal or ''} is {value!r}.".replace("  ", " "),
+            "a number in SI or a text of number and unit such as '17.45 cm'",
+            "Correct the mapping.",
+        )
+    number, named = float(match.group(1)), match.group(2)
+    if not named:
+        return number
+    unit = find_unit(named, signal)
+    return number * unit.factor + unit.offset

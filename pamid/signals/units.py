@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import NamedTuple
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GRAVITY, REFERENCE_DENSITY
-from pamid.errors import MappingError, UnitError
 
 _NORMAL_DENSITY = 1.2929
 """Density of dry air at DIN 1343 normal conditions (0 °C, 1.01325 bar), kg/m³."""
@@ -71,7 +69,7 @@ SI_UNITS = {
 _INCH, _POUND, _DEGREE = 0.0254, 4.4482216152605, 0.017453292519943295
 _NORMAL_LITRE, _REFERENCE_LITRE = _NORMAL_DENSITY * 1e-3, REFERENCE_DENSITY * 1e-3
 
-_TABLE: dict[str, dict[str, float]] = {
+UNITS_OF: dict[str, dict[str, float]] = {
     "time": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60, "h": 3600},
     "pressure": {
         "Pa": 1,
@@ -181,7 +179,7 @@ _TABLE: dict[str, dict[str, float]] = {
 }
 
 UNITS: dict[str, Unit] = {
-    name: Unit(dimension, factor) for dimension, units in _TABLE.items() for name, factor in units.items()
+    name: Unit(dimension, factor) for dimension, units in UNITS_OF.items() for name, factor in units.items()
 }
 UNITS |= {
     name + suffix: unit._replace(gauge=suffix == "g")
@@ -232,75 +230,3 @@ def dimension_of(signal: str) -> str | None:
 def is_gauge_name(signal: str) -> bool:
     """Return whether a name stands for gauge pressure (``p``, ``p1``, ``p_gauge``); ``P`` is absolute."""
     return base_name(signal) in ("p", "p_gauge")
-
-
-def find_unit(name: str, signal: str | None = None) -> Unit:
-    """Look up a unit by its name."""
-    from .unit_names import unit_name
-
-    wanted = dimension_of(signal) if signal else None
-    known = unit_name(str(name), wanted)
-    if known is None:
-        near = difflib.get_close_matches(str(name), UNITS, n=3, cutoff=0.5)
-        raise UnitError(
-            f"Unknown unit '{name}'{f' for the signal {signal}' if signal else ''}.",
-            f"one of the known units ({', '.join(near or list(UNITS)[:12])}, ...)",
-            "Correct the unit, or give the factor to SI as scale and leave the unit out.",
-        )
-    unit = UNITS[known]
-    if wanted is not None and unit.dimension != wanted:
-        raise UnitError(
-            f"The unit '{name}' of the signal {signal} is a unit of {unit.dimension}.",
-            f"a unit of {wanted}, such as {', '.join(list(_TABLE[wanted])[:5])}",
-            "Say at which conditions the volume counts: 'L/min ANR' (20 °C, 1 bar) or 'NL/min' (0 °C, 1.013 bar)."
-            if (unit.dimension, wanted) == ("volume flow", "mass flow")
-            else "Correct the unit, or rename the signal.",
-        )
-    return unit._replace(factor=float(unit.factor))
-
-
-_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
-
-
-def parse_quantity(value: float | str, signal: str | None = None) -> float:
-    """Turn a number, or a number with a unit, into SI.
-
-    Parameters
-    ----------
-    value : float or str
-        A number in SI, or a text such as ``"17.45 cm"``.
-    signal : str, optional
-        Name of the signal or constant it is for, to check the dimension.
-
-    Returns
-    -------
-    float
-        The value in SI.
-
-    Raises
-    ------
-    MappingError
-        If the text is not a number.
-    UnitError
-        If its unit is unknown or of another dimension.
-
-    Examples
-    --------
-    >>> from pamid.signals.units import parse_quantity
-    >>> round(parse_quantity("18.2 cm"), 4)
-    0.182
-    """
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    match = _QUANTITY.match(value) if isinstance(value, str) else None
-    if match is None:
-        raise MappingError(
-            f"The constant {signal or ''} is {value!r}.".replace("  ", " "),
-            "a number in SI or a text of number and unit such as '17.45 cm'",
-            "Correct the mapping.",
-        )
-    number, unit_name = float(match.group(1)), match.group(2)
-    if not unit_name:
-        return number
-    unit = find_unit(unit_name, signal)
-    return number * unit.factor + unit.offset

@@ -16,7 +16,7 @@ from .placing import placed as place_at
 from .reciprocity import factor_of
 
 if TYPE_CHECKING:
-    from .catalogue import SignalSizes
+    from .sizes import SignalSizes
 
 
 def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type[Effect]]]) -> list[Placement]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
@@ -17,107 +16,18 @@ from .at_links import at_link
 from .base import Simulator
 from .dimensions import powers, unit_powers
 from .laws_between import LAWS
-from .links import Link
 from .of_parameters import OF_PARAMETERS, at_parameters
 from .placement import Placement, Scales
 from .placing import GAP, PASCAL, STRAIN, placed, without_pressure
-from .structure import JointPort, rate_unit
+from .sizes import SignalSizes
+from .structure import rate_unit
 
-_RUN = 10.0
-_RUNS = 0.5, 100.0
 _TOP = 5e5
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
 NEAR_END = 1e-3
 """Accuracy of the end of a sensor's range, as a share of it."""
-
-
-class SignalSizes(NamedTuple):
-    """Sizes of the signals of a log at the ports of a simulator.
-
-    Parameters
-    ----------
-    spans : dict of str to float
-        Range of each state, input and output.
-    tops : dict of str to float
-        Largest size of each state.
-    lows : dict of str to float
-        Smallest value of each state.
-    gaps : dict of str to float
-        Size of a relevant force or flow at a joint or state, in the unit of its rate.
-    readings : sequence of str
-        Outputs and states that sensors measured.
-    pushes : dict of (str, str) to float
-        Influence of an input on the rate of a state.
-    joints : list of JointPort
-        The joints.
-    run_length, interval : float
-        Typical length of a run and sampling interval, s.
-    feeds : dict of str to str
-        The state that a chamber feeds, by the chamber's own.
-    ends : dict of str to float
-        Where readings stand exactly at the end of a sensor's range, that end.
-    highs : dict of str to float
-        Largest value of each state, where that is not its smallest and its range.
-    links : sequence of Link
-        Pairs of ports between which effects can act, whose differences have ranges in `spans`.
-    """
-
-    spans: Mapping[str, float]
-    tops: Mapping[str, float]
-    lows: Mapping[str, float]
-    gaps: Mapping[str, float]
-    readings: Sequence[str]
-    pushes: Mapping[tuple[str, str], float]
-    joints: Sequence[JointPort]
-    run_length: float
-    interval: float
-    feeds: Mapping[str, str] = MappingProxyType({})
-    ends: Mapping[str, float] = MappingProxyType({})
-    highs: Mapping[str, float] = MappingProxyType({})
-    links: Sequence[Link] = ()
-
-    @property
-    def time(self) -> float:
-        """Scale of one second of the log, s: runs of unusual length are scaled to usual ones."""
-        usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
-        return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
-
-    @classmethod
-    def together(cls, each: Sequence[SignalSizes]) -> SignalSizes:
-        """Return the sizes of the signals of several logs of one simulator."""
-
-        def largest(what: str) -> dict[str, float]:
-            found = [getattr(s, what) for s in each]
-            return {name: max(f[name] for f in found if name in f) for f in found for name in f}
-
-        lows, highs = (_extremes(each, which) for which in (min, max))
-        spans = largest("spans")
-        return each[0]._replace(
-            spans={name: max(span, highs.get(name, 0.0) - lows.get(name, 0.0)) for name, span in spans.items()},
-            tops=largest("tops"),
-            lows=lows,
-            highs=highs,
-            gaps=largest("gaps"),
-            readings=list(dict.fromkeys(n for s in each for n in s.readings)),
-            ends={k: v for s in reversed(each) for k, v in s.ends.items()},
-        )
-
-    def turns(self, name: str) -> bool:
-        """Return whether a signal has both signs: otherwise nothing shows how an effect depends on them."""
-        low = self.lows.get(name, -1.0)
-        return low < 0.0 < low + self.spans.get(name, 0.0)
-
-
-def _extremes(each: Sequence[SignalSizes], which: Callable[..., float]) -> dict[str, float]:
-    """Return the smallest or largest value of each signal over several logs."""
-    found: dict[str, list[float]] = {}
-    for s in each:
-        for name, low in s.lows.items():
-            high = s.highs.get(name, low + s.spans.get(name, 0.0))
-            found.setdefault(name, []).append(low if which is min else high)
-    return {name: which(values) for name, values in found.items()}
 
 
 class PortOverflow(Overflow):
@@ -387,3 +297,9 @@ def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
     hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
     known = (powers(cls, hook) if kind != "chamber" else None) or {}
     return Placement(f"{name}@{where}", name, where, cls, kind, where, {}, Scales(), known).made(values)
+
+
+def effect_class(name: str) -> type[Effect]:
+    """Return the effect of a name: one of the library, or of those at ports with or without the port."""
+    plain, known = name.partition("@")[0], all_effects()
+    return known[plain] if plain in known else port_effects()[plain][1]

@@ -30,9 +30,9 @@ from ..errors import (
     SimulatorSyntaxError,
     UntrustedCodeError,
 )
+from ..files import named_from
 from .base import Simulator
 from .fmu_worker import is_whole, receive, send
-from .page import named_from
 from .ports import ModelParameter, Port, merged
 from .workers import ended, started
 

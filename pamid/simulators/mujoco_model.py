@@ -10,12 +10,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..errors import ParameterError, SimulatorSyntaxError
+from ..files import named_from
 from .base import Simulator
 from .mujoco_loading import loaded_model
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text, write_full_inertia
-from .page import named_from
 from .ports import ModelParameter, Port, merged
 
 _NUMBERS = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
@@ -37,7 +36,8 @@ _PORT = {f.name: f.type for f in fields(Port)}
 
 def bare_model(path: Path, trust: bool = False) -> Simulator:
     """Return a model without a simulator file: its ports stand in columns of their own names."""
-    from . import FmuSimulator, MujocoSimulator
+    from .fmu_model import FmuSimulator
+    from .mujoco_model import MujocoSimulator
 
     return FmuSimulator(path, trust=trust) if path.suffix.lower() == ".fmu" else MujocoSimulator(path)
 
@@ -272,8 +272,3 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
         lines += ["", "[[effects]]", f"effect = {toml_value(name)}", f"at = {at}"]
         lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
     return "\n".join(lines) + "\n"
-
-
-def named_from(path: Path, folder: Path) -> str:
-    """Return the name of a file as a simulator file in a folder calls it."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

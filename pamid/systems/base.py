@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ..effects.spec import EffectLike, EffectSpec
@@ -17,13 +18,11 @@ from ..errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
-from ..signals.unit_names import unit_name
-from ..signals.units import UNITS, parse_quantity
+from ..signals.unit_names import parse_quantity, unit_name
+from ..signals.units import UNITS
+from .problem import Problem
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy as np
     import pandas as pd
 
 
@@ -298,9 +297,36 @@ class System(ABC):
 
     def to_toml(self, path: str | Path) -> None:
         """Write the simulator file of the system, whole or not at all."""
-        from .file import write_system
+        from ..files import write_whole
+        from ..gap.residuals.units import Units
 
-        write_system(self, path)
+        units, text = Units(**self.units), self.text(self.values)
+        for spec in self.effects:
+            text += "\n".join(["", *spec.lines(units.of), ""])
+        write_whole(Path(path), text)
+
+    @classmethod
+    def text(cls, values: Mapping[str, Any], assumed: Collection[str] = ()) -> str:
+        """Return the commented simulator file of such a system, see `pamid.systems.system_text`."""
+        lines = [
+            f"# Simulator: {cls.title}.",
+            f"# Nominal equation: {cls.law}",
+            '# SI units; a text with a unit is accepted too, such as "25 mm". Pressures are absolute.',
+            f'kind = "{cls.kind}"',
+            "",
+            f"[{cls.kind}]",
+        ]
+        for q in cls.numbers:
+            value = values.get(q.name, q.default)
+            shown = f'"{FIT}"' if value == FIT else f"{float(value):g}" if value is not None else '"?"'
+            unit = f"{q.unit}: " if q.unit != "-" else ""
+            fit = '; "fit": fitted to the log' if q.may_fit else ""
+            mark = "  ASSUMED: replace it by yours" if q.name in assumed else ""
+            lines.append(f"{q.name} = {shown}  # {unit}{q.meaning}{fit}{mark}")
+        lines += [
+            f'{c.name} = "{values.get(c.name, c.default)}"  # {c.meaning}: {", ".join(c.options)}' for c in cls.choices
+        ]
+        return "\n".join(lines) + "\n"
 
     def problem(self, log: pd.DataFrame) -> Problem:
         """Return what is measured, what the model says, its effects included, and the signals that effects may follow.
@@ -348,58 +374,3 @@ class System(ABC):
         Problem
             One equation, ready for a diagnosis.
         """
-
-
-class Problem(NamedTuple):
-    """One equation of a system on a log.
-
-    Parameters
-    ----------
-    X : DataFrame
-        Signals, with ``time``.
-    y : array, shape (n_samples,)
-        What was measured.
-    nominal : callable
-        Takes X, with signals that a fault of a sensor may have changed; returns what the nominal model says.
-    groups : array of str, shape (n_samples,)
-        Run of each row.
-    roles : dict of str to str
-        Column of X for each role of `pamid.estimators.GapDiagnoser`.
-    equation : str
-        ``"force"``, ``"torque"`` or ``"flow"``.
-    unit : str
-        Unit of y.
-    plant : pamid.effects.Plant or None
-        Numbers for effects of geometry, gas or valve.
-    notes : list of str
-        Notes for the reader.
-    units : dict of str to str
-        Units of ``target``, ``position`` and ``pressure`` as `pamid.estimators.GapDiagnoser` takes them.
-    """
-
-    X: pd.DataFrame
-    y: np.ndarray
-    nominal: Callable[[pd.DataFrame], np.ndarray]
-    groups: np.ndarray
-    roles: Mapping[str, str]
-    equation: str
-    unit: str
-    plant: Any
-    notes: list[str]
-    units: Mapping[str, str]
-
-
-def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return time and signals with their rates, taken within each run."""
-    import numpy as np
-
-    from ..signals import differentiate
-
-    X = log[["time", *columns]].copy()
-    for signal, rate in columns.items():
-        parts = []
-        for _, run in log.groupby("trajectory", sort=False):
-            y, t = run[signal].to_numpy(dtype=float), run["time"].to_numpy(dtype=float)
-            parts.append(differentiate(y, t, warn=False)[1] if len(run) > 10 else np.zeros(len(run)))
-        X[rate] = np.concatenate(parts)
-    return X

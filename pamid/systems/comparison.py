@@ -14,8 +14,9 @@ from ..compare.entries import CandidateModel
 from ..compare.protocol import Prepared, folds
 from ..compare.run import score_candidates
 from ..errors import UnknownOptionError
-from .base import Problem, System, with_rates
+from .base import System
 from .evaluation import complete, noise_of
+from .problem import Problem, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd

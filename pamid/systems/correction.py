@@ -11,7 +11,7 @@ from ..effects import Effect, EffectSpec
 from ..gap.one_equation import evidence_in
 from ..gap.residuals.rates import with_rates
 from ..gap.residuals.scaling import Scaling, Table
-from .base import Problem
+from .problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects.spec import EffectLike
-from .base import Choice, Input, Problem, Quantity, System
+from .base import Choice, Input, Quantity, System
+from .problem import Problem
 
 if TYPE_CHECKING:
     import numpy as np

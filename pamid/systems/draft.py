@@ -14,8 +14,8 @@ from ..signals.headers import read_header
 from ..signals.log import find_logs, read_log
 from ..signals.mapping import SignalMapping
 from ..signals.mapping_text import mapping_text
-from ..signals.unit_names import unit_name
-from ..signals.units import UNITS, dimension_of, parse_quantity
+from ..signals.unit_names import parse_quantity, unit_name
+from ..signals.units import UNITS, dimension_of
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text

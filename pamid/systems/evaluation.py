@@ -9,7 +9,8 @@ import numpy as np
 from ..equations import Evaluation, LogEvaluation, TrajectoryEvaluation, channel_noise
 from ..equations.windows import samples_per_window
 from ..errors import ShortTrajectoryError
-from .base import Problem, System
+from .base import System
+from .problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd

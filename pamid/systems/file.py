@@ -16,7 +16,7 @@ from ..errors import (
     UnknownParameterError,
 )
 from ..toml_files import read_toml
-from .base import FIT, System
+from .base import System
 
 
 def kind_of_file(path: str | Path) -> str:
@@ -133,33 +133,4 @@ def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[st
     >>> system_text(Cylinder, {"bore": 0.025}).count("bore") > 0  # m
     True
     """
-    lines = [
-        f"# Simulator: {kind.title}.",
-        f"# Nominal equation: {kind.law}",
-        '# SI units; a text with a unit is accepted too, such as "25 mm". Pressures are absolute.',
-        f'kind = "{kind.kind}"',
-        "",
-        f"[{kind.kind}]",
-    ]
-    for q in kind.numbers:
-        value = values.get(q.name, q.default)
-        shown = f'"{FIT}"' if value == FIT else f"{float(value):g}" if value is not None else '"?"'
-        unit = f"{q.unit}: " if q.unit != "-" else ""
-        fit = '; "fit": fitted to the log' if q.may_fit else ""
-        mark = "  ASSUMED: replace it by yours" if q.name in assumed else ""
-        lines.append(f"{q.name} = {shown}  # {unit}{q.meaning}{fit}{mark}")
-    lines += [
-        f'{c.name} = "{values.get(c.name, c.default)}"  # {c.meaning}: {", ".join(c.options)}' for c in kind.choices
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def write_system(system: System, path: str | Path) -> None:
-    """Write the simulator file of a system with its effects, whole or not at all."""
-    from ..files import write_whole
-    from ..gap.residuals.units import Units
-
-    units, text = Units(**system.units), system_text(type(system), system.values)
-    for spec in system.effects:
-        text += "\n".join(["", *spec.lines(units.of), ""])
-    write_whole(Path(path), text)
+    return kind.text(values, assumed)

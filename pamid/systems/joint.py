@@ -11,7 +11,8 @@ from ..effects.spec import EffectLike
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
 from ..signals.resting import at_rest, resting_rows
 from ..signals.savgol import rate_over
-from .base import FIT, Choice, Input, Problem, Quantity, System
+from .base import FIT, Choice, Input, Quantity, System
+from .problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd

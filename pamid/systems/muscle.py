@@ -10,7 +10,8 @@ from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
 from ..effects.plant import BRAID_ANGLE, Plant
 from ..errors import MissingColumnError
 from ..signals.roles import STATE_ROLES
-from .base import Input, Problem, Quantity, System, with_rates
+from .base import Input, Quantity, System
+from .problem import Problem, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,9 +12,9 @@ from support.bench_logs import RUNS
 
 from pamid.bench import BenchParameters, simulate
 from pamid.effects import Effect, Parameter, Signals, make_effect
-from pamid.gap import diagnose
+from pamid.gap import diagnose, diagnose_simulator
 from pamid.gap.diagnosis.result import Diagnosis
-from pamid.gap.simulated import diagnose_simulator, evidence_of
+from pamid.gap.simulated import evidence_of
 from pamid.report.sentences import which
 from pamid.simulators import FunctionSimulator, Port
 from pamid.systems import diagnose_system

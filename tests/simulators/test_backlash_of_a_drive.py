@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.gap.simulated import diagnose_simulator
+from pamid.gap import diagnose_simulator
 from pamid.simulators import Port
 from pamid.simulators.equation_model import EquationSimulator
 

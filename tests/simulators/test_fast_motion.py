@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter, resample
 
+from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.residuals.shooting import ShootingEvidence
-from pamid.gap.simulated import diagnose_simulator, evidence_of
+from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
 
 STEP, OMEGA, DAMPING, CUBIC, NOISE = 1.0 / 610.0, 2 * np.pi * 68.0, 40.0, 7e5, 3e-4

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.gap.simulated import diagnose_simulator
+from pamid.gap import diagnose_simulator
 from pamid.report import answers
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.forces import force_per_input

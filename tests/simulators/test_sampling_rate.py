@@ -8,7 +8,7 @@ import pytest
 from pamid.estimators import GapDiagnoser
 
 from pamid.effects import Signals, make_effect
-from pamid.gap.simulated import diagnose_simulator
+from pamid.gap import diagnose_simulator
 from pamid.simulators import Port
 from pamid.simulators.equation_model import EquationSimulator
 

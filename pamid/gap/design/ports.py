@@ -12,8 +12,9 @@ import numpy as np
 from ...effects.registry import effects_beside
 from ...errors import ExcitationError, ParameterError
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes, chosen
+from ...simulators.catalogue import chosen
 from ...simulators.play_runs import played
+from ...simulators.sizes import SignalSizes
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
 from ..residuals.ports import PortEvidence

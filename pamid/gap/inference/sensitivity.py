@@ -10,12 +10,13 @@ import numpy as np
 
 from ...effects import Effect, Parameter, all_effects
 from ..residuals.protocol import ResidualSource, Spec
-from .periods import peaks
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
 _POINTS = {1: 6, 2: 4}
 """Points of the grid by the number of nonlinear parameters; more than two get three each."""
+PEAKS = 4
+"""Periods that compete: a search among sets costs a power of their number, and a sine is not explained by others."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def laid(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
             top = min((p.upper for p in others if p.idle), default=np.inf)
             names = tuple(p.name for p in linear)
             found.append(Template(effect.name, fixed, names, D, lower, upper, top, effect.family))
-    return peaks(evidence, found, [p for p in others if p.spacing])
+    return _peaks(evidence, found, [p for p in others if p.spacing])
 
 
 def _columns(
@@ -154,3 +155,18 @@ def _small_change(evidence: ResidualSource, effect: type[Effect], p: Parameter) 
         return []
     bounds = np.array([p.lower]), np.array([p.upper])
     return [Template(effect.name, {}, (p.name,), D[:, None], *bounds, family=effect.family)]
+
+
+def _peaks(evidence: ResidualSource, found: list[Template], finely: Sequence[Parameter]) -> list[Template]:
+    """Return templates on a fine grid that close more than their neighbours, the best of them; others as they are."""
+    if not finely or len(found) <= PEAKS:
+        return found
+    Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(evidence.z0), 0))
+    left = evidence.z0 - Q @ (Q.T @ evidence.z0)
+    gains = np.empty(len(found))
+    for k, t in enumerate(found):
+        columns = t.columns - Q @ (Q.T @ t.columns)
+        gains[k] = float(np.sum((np.linalg.qr(columns)[0].T @ left) ** 2))
+    around = np.pad(gains, 1, constant_values=-np.inf)
+    highest = np.flatnonzero((gains >= around[:-2]) & (gains >= around[2:]))
+    return [found[k] for k in sorted(highest[np.argsort(-gains[highest])][:PEAKS])]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...effects import Effect, Parameter, Plant, all_effects, make_effect
+from ...equations.allowed import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.base import Equation, Residual
-from ...equations.evaluate import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.joined import joined
 from ...equations.log import BenchLog, columns_of
 from ...equations.run import Model, Run

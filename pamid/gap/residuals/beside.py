@@ -11,12 +11,13 @@ import numpy as np
 
 from ...effects import Effect
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes, placements
+from ...simulators.catalogue import placements
 from ...simulators.placement import Placement
+from ...simulators.sizes import SignalSizes
 from .remembered import Remembered
 
 if TYPE_CHECKING:
-    from .ports import Active
+    from .protocol import Active
 
 
 class Beside(ABC):

@@ -22,7 +22,7 @@ _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> list[str]:
     """Return notes on a log; raise where no effect could be ranked."""
-    from ...equations.evaluate import allowed_equations
+    from ...equations.allowed import allowed_equations
     from ...errors import MissingColumnError
 
     allowed, skipped = allowed_equations(log)

@@ -21,10 +21,10 @@ from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes
 from ...simulators.links import Link
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from ...simulators.sizes import SignalSizes
 from ...simulators.structure import (
     JointPort,
     fed_by,
@@ -41,7 +41,7 @@ from .between_rows import NOTE, after, driven, go_in_lines, timings
 from .derived import rounded_off, speed_slopes, with_what_lacks
 from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
-from .ports import Active
+from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
 from .tolerances import SMALL, rms
 from .turned import Instants, Turned, turned

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...signals.paths import play, reversals
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes
 from ...simulators.links import Link, links_of
 from ...simulators.port_log import PortLog
+from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
 from .states import integral
 

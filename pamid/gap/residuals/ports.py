@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -18,23 +17,19 @@ from ...simulators.between import ends_of
 from ...simulators.catalogue import placements, port_effects
 from ...simulators.commuting import commuting_paths, twins_of
 from ...simulators.of_parameters import FIXED
-from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
 from ..settings import DECIDED, LEAST_GAIN
 from .beside import Beside
 from .linked import Paths
 from .port_windows import PortWindows
-from .protocol import STATE, Spec
+from .protocol import STATE, Active, Spec
 from .remembered import Remembered
 from .repeats import pieces, repeats
 from .settled import Settled
 from .single import UNTURNED, memory_of
 from .tolerances import SMALL, Tolerances, differ, rms
 from .whitening import Whitening, smoothed
-
-Active = list[tuple[Placement, Any]]
-"""Effects with their values, made: what acts at which port."""
 
 REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""

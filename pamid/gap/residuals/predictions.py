@@ -14,7 +14,7 @@ from ...simulators.integrate import Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from .between_rows import drawn, driven
-from .ports import Active
+from .protocol import Active
 from .response import Drive, Response
 from .states import integral
 from .stretches import StretchEvidence

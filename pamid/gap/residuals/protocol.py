@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...effects import Parameter
+from ...simulators.placement import Placement
 
 Spec = Mapping[str, Mapping[str, float]]
 """Effects by name, with the values of their parameters."""
+
+Active = list[tuple[Placement, Any]]
+"""Effects with their values, made: what acts at which port."""
 
 STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
 """The state at the centre of a window: contraction ratio and its rate (1/s), absolute pressure (Pa) and its rate

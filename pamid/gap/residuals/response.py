@@ -22,7 +22,7 @@ from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
 from .between_rows import drawn
-from .ports import Active
+from .protocol import Active
 
 _TERMS, _SMALL = 8, 0.25
 _MOST = 1e12

@@ -24,16 +24,15 @@ from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes
 from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
+from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED
 from .between_rows import NOTE, go_in_lines, timings
 from .port_windows import PortWindows
-from .ports import Active
 from .predictions import MOST_RUNS, PredictedEvidence, named
-from .protocol import Spec
+from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, power

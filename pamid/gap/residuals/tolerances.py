@@ -20,7 +20,7 @@ from .protocol import Spec
 from .whitening import Whitening
 
 if TYPE_CHECKING:
-    from .ports import Active
+    from .protocol import Active
 
 LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
 """Most times that the tolerances are relinearised, how straight it must be not to need it, the

@@ -15,8 +15,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from .ports import Active, PortEvidence
-from .protocol import Spec
+from .ports import PortEvidence
+from .protocol import Active, Spec
 
 
 class UndoneEvidence(PortEvidence, ABC):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
 from ...simulators.base import Simulator
+from ..at_ports import diagnose_simulator
 from ..engine import diagnose
-from ..simulated import diagnose_simulator
 from .conditions import Conditions, conditions_of
 from .engine import diagnose_logs
 from .history import History

@@ -13,19 +13,18 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ...effects import all_effects
 from ...errors import IncompatibleError, LogFormatError, LogNotFoundError, PamidError
+from ...simulators.catalogue import effect_class
 from ...toml_files import TomlErrors, read_small_text
+from ..diagnosis.findings import Candidate, Cause
 from ..diagnosis.rivals import Rival
 from .conditions import Conditions
+from .per_log import main_parameter
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from ...effects import Effect
-    from ..diagnosis.result import Diagnosis
 
     AnySimulator = Any
     """A simulator of the bench, one with ports, or a system: anything with an identity."""
@@ -66,6 +65,18 @@ class Round:
     left: float
 
 
+class Answered(Protocol):
+    """What a history reads of a diagnosis, and sets."""
+
+    verdict: str
+    causes: list[Cause]
+    candidates: list[Candidate]
+    remainder: dict[str, Any]
+    rivals: list[Rival]
+    rounds: list[Round]
+    history: Any
+
+
 @dataclass
 class History:
     """The logs so far.
@@ -103,7 +114,7 @@ class History:
     rivals: list[Rival] = field(default_factory=list)
     page: str = ""
 
-    def add(self, found: Diagnosis, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
+    def add(self, found: Answered, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
         """Add further logs and the diagnosis of all of them.
 
         Parameters
@@ -283,14 +294,6 @@ def _rival(found: Mapping[str, Any]) -> Rival:
     return rival
 
 
-def effect_class(name: str) -> type[Effect]:
-    """Return the effect of a name: one of the library, or of those at ports with or without the port."""
-    from ...simulators.catalogue import port_effects
-
-    plain, known = name.partition("@")[0], all_effects()
-    return known[plain] if plain in known else port_effects()[plain][1]
-
-
 def _mark(state: Mapping[str, Any], logs: Path) -> str:
     """Return a hash of a state and its logs: an edited state is not a posterior."""
     text = json.dumps(state, sort_keys=True)
@@ -348,9 +351,7 @@ def seconds(logs: Any) -> float:
     return total
 
 
-def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
-    from .per_log import main_parameter
-
+def _round(found: Answered, logs: list[str], recorded: float) -> Round:
     parameters = {}
     for cause in found.causes:
         main = main_parameter(cause.effects[0], {k: p.value for k, p in cause.parameters.items()})
@@ -363,7 +364,7 @@ def _round(found: Diagnosis, logs: list[str], recorded: float) -> Round:
     return Round(logs, recorded, found.verdict, _confidences(found), parameters, left)
 
 
-def _confidences(found: Diagnosis) -> dict[str, float]:
+def _confidences(found: Answered) -> dict[str, float]:
     """Return the confidence of the likeliest candidates; each of several causes may be sure by itself."""
     sure = {_said(c.effect, c.where): c.confidence for c in found.candidates[:_SHOWN]}
     for cause in found.causes if found.verdict == "several" else []:

@@ -11,11 +11,13 @@ import numpy as np
 from ...effects.registry import effects_beside
 from ...errors import IncompatibleError, PamidError
 from ...simulators.base import Simulator
-from ...simulators.catalogue import SignalSizes, chosen
+from ...simulators.catalogue import chosen
+from ...simulators.sizes import SignalSizes
 from ..diagnosis.answer import untested
 from ..diagnosis.result import Diagnosis
 from ..readings import settled
 from ..residuals.ports import PortEvidence
+from ..simulated import evidence_of, learn, outward
 from .conditions import Conditions, conditions_of
 from .engine import explained, refuse_twice, sized
 from .stacked import Log, StackedEvidence
@@ -38,8 +40,6 @@ def diagnose_port_logs(
     Causes and the simulator's parameters are shared by all logs; clocks and offsets are each day's own.
     """
     from threadpoolctl import threadpool_limits
-
-    from ..simulated import learn, outward
 
     refuse_twice(logs)
     names, held = list(logs), conditions_of(list(logs), conditions)
@@ -73,8 +73,6 @@ def diagnose_port_logs(
 
 def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]) -> list[PortEvidence]:
     """Return the evidence of each log, computed in the same way; an error names its log."""
-    from ..simulated import evidence_of
-
     found: list[PortEvidence] = []
     longest = max(logs, key=lambda name: len(logs[name]))
     for (name, log), conditions in zip(logs.items(), held, strict=True):
