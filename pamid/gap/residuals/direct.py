@@ -38,16 +38,18 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .between_rows import NOTE, after, driven, go_in_lines, timings
-from .derived import rounded_off, speed_slopes, with_what_lacks
+from .derived import rounded_off, speed_slopes
 from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
 from .tolerances import SMALL, rms
 from .turned import Instants, Turned, turned
+from .turning import force_at_both_ends
 from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
 
+Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 MOST_ASKED = 12
 """Rates of the whole log that are kept: those of the latest parameters, and what inputs do to them."""
 
@@ -238,9 +240,9 @@ class DirectEvidence(UndoneEvidence):
     def _under(self, u: np.ndarray) -> np.ndarray:
         """Return the residuals under other inputs."""
         log, known = self.log, self.simulator.numbers
-        rates = self._total_rates(self._x, u, u, known, False)
+        rates = self._total_rates(self._x, u, np.hstack([u, self._ends(u)]), known, False)
         outputs = self._outputs(self._x, u, known)
-        return self._windowed([], log.channels, rates, np.zeros_like(self._x), outputs)
+        return self._windowed([], log.channels, rates, outputs)
 
     def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         log, simulator = self.log, self.simulator
@@ -326,50 +328,50 @@ class DirectEvidence(UndoneEvidence):
         for place, made in active:
             if place.enters == "parameter":
                 p = changed(p, list(simulator.parameters).index(place.at), made, log)
-        pushed = u.copy()
-        added = np.zeros_like(x)
         for place, made in active:
             if place.enters == "input" and not place.acts:
                 k = simulator.inputs.index(place.at)
                 u = u.copy()
                 u[k] = driven(place, made, u[k], log, self.held)
-                pushed[k] = u[k]
-        pushed = pushed + 0.0
+        shown, pushed = u.copy(), np.hstack([u, self._ends(u)])
+        added = np.zeros((len(x), 2 * log.n))
         for place, made in active:
             if place.acts:
-                place.push(made, self._force(place, made, table), simulator, (log.t, x, u, p), pushed, added)
+                rows, both = self._force(place, made, table)
+                place.push(made, both, simulator, self._both(x, u, self._ends(u), p), pushed, added)
+                if simulator.outputs:
+                    place.push(made, rows, simulator, (log.t, x, u, wide(p, log.n)), shown, np.zeros_like(x))
         if simulator.form == "algebraic":
-            return self._windowed(active, readings, np.zeros((0, 0)), x, self._outputs(x, pushed, p))
-        rates = self._total_rates(x, u, pushed, p, restored)
-        return self._windowed(active, readings, rates, added, self._outputs(x, pushed, p))
+            return self._windowed(active, readings, np.zeros((0, 0)), self._outputs(x, shown, p))
+        rates = self._total_rates(x, u, pushed, p, restored) + added
+        return self._windowed(active, readings, rates, self._outputs(x, shown, p))
 
-    def _force(self, place: Placement, made: Any, table: Mapping[str, np.ndarray]) -> np.ndarray:
+    def _both(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> Instant:
+        """Return times, states, inputs and parameters at both ends of each step."""
+        log, each = self.log, wide(p, self.log.n)
+        t = np.concatenate([log.t, log.t + log.dt])
+        return t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
+
+    def _force(self, place: Placement, made: Any, table: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the force of an effect at the rows, and at both ends of each step."""
         log, found = self.log, dict(table)
         if place.link is not None:
             found |= place.link.across(found)
         for role, name in place.follows.items():
             if role == "position" and (place.effect.path_dependent or name not in found):
                 found[name] = self._path(name, found, place.link)
-        s = place.signals(found, log.t)
-        memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
+        return force_at_both_ends(place, made, found, self._speed_of(place), self.derived, log)
 
-        def force(speed: np.ndarray) -> np.ndarray:
-            at = place.signals({**found, velocity: speed}, log.t) if velocity else s
-            return np.broadcast_to(place.force(made, at, memory), (log.n,)).astype(float)
-
-        velocity = place.follows.get("velocity", "")
-        position = next((q for q, v in self.derived.items() if v == velocity), "")
-        speed = found.get(velocity, log.t)
-        return with_what_lacks(force, found[position], speed, log) if position else force(speed)
+    def _speed_of(self, place: Placement) -> str:
+        """Return the speed at which the path goes that an effect follows."""
+        path = place.follows.get("position", "")
+        if place.link is not None:
+            return place.link.follows.get("velocity", "")
+        return next((j.velocity for j in self.joints if path in (j.position, f"{j.name}.path")), "")
 
     def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates at both ends of each step, under the inputs there, shape (n_states, 2 n_rows)."""
-        log = self.log
-        t = np.concatenate([log.t, log.t + log.dt])
-        each = wide(p, log.n)
-        return self.simulator.rate(
-            t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
-        )
+        return self.simulator.rate(*self._both(x, u0, u1, p))
 
     def _total_rates(
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
@@ -379,14 +381,14 @@ class DirectEvidence(UndoneEvidence):
         return lacking + self._rates_at(x, u, pushed, p, restored)
 
     def _rates_at(self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool) -> np.ndarray:
-        ends = self._ends(u) + after(pushed - u, self.log)
+        start, end = np.hsplit(pushed, 2)
         if restored or p.ndim != 1:
-            return self._rates(x, pushed, ends, p)
-        change = np.hstack([pushed - self._u, ends - self._ends(self._u)])
+            return self._rates(x, start, end, p)
+        change = pushed - np.hstack([self._u, self._ends(self._u)])
         moved = [k for k in range(len(change)) if np.any(change[k])]
         slopes = [self._slope(k, p) for k in moved]
         if any(s is None for s in slopes):
-            return self._rates(x, pushed, ends, p)
+            return self._rates(x, start, end, p)
         out = self._base(p)
         for k, slope in zip(moved, slopes, strict=True):
             out = out + slope * change[k]
@@ -436,9 +438,8 @@ class DirectEvidence(UndoneEvidence):
         return bool(np.all(np.abs(moved(-0.37) - (base - 0.37 * slope)) <= 1e-6 * size + 1e-12))
 
     def _windowed(
-        self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, added: np.ndarray,
-        outputs: np.ndarray,
-    ) -> np.ndarray:  # fmt: skip
+        self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, outputs: np.ndarray
+    ) -> np.ndarray:
         log = self.log
         modelled = {b.name: outputs[b.row] for b in self.balances if not b.order}
         for place, made in active:
@@ -449,11 +450,9 @@ class DirectEvidence(UndoneEvidence):
             y = b.rate(readings[b.channel][rows], log.dt)
             if not b.order:
                 return y - modelled[b.name][rows]
-            start, end = rates[b.row, rows] + added[b.row, rows], rates[b.row, log.n :][rows] + ends[b.row, rows]
-            y = y - b.mean(start, end)
+            y = y - b.mean(rates[b.row, rows], rates[b.row, log.n :][rows])
             return y + bent(readings[b.velocity][rows]) if b.velocity else y
 
-        ends = after(added, log) if len(added) else added
         parts = []
         for b, firsts in zip(self.balances, self._first, strict=True):
             runs = [(slice(a, e), first) for (a, e), first in zip(self.log.spans, firsts, strict=True)]
