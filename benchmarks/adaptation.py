@@ -1,4 +1,4 @@
-"""Adaptation from muscle A to B and C on the twin as in the study, and between measured Festo muscles.
+"""Adaptation from muscle A to B and C on the simulated bench as in the study, and between measured Festo muscles.
 
 Parts: ``table`` (parameters, loss, errors on target, triangles and steps, time, of pamid's own methods; the published
 ones stand in ``adaptation_published.py``), ``rates`` (errors where the rate of the pressure is taken with the valve's

@@ -1,4 +1,4 @@
-"""Table 2 and Figures 5 to 7 of the study on the twin: Algorithms 1 and 2 as printed, FFT, PFT and LoRA, to B and to C.
+"""Table 2 and Figures 5 to 7 of the study on the simulated bench: Algorithms 1 and 2 as printed, FFT, PFT and LoRA.
 
 A network is trained from scratch by Algorithm 1 on each of A, B and C; the one of A is the source of all adaptations,
 which take every hundredth sample of the target. Everything else is as printed (`pamid.training.Adam`). ``--scratch``

@@ -1,4 +1,4 @@
-"""Why the four published adaptations rank as they do: one thing at a time is changed, from the twin as it is.
+"""Why the four published adaptations rank as they do on the simulated bench: one setting is changed at a time.
 
 All adapt one source, trained on muscle A by second order to where Algorithm 1 ends, to every hundredth sample of B as
 printed (``--epochs`` of 10,000), and are judged on all sines of B as the study's target task. What is changed is named

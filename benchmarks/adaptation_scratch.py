@@ -1,4 +1,4 @@
-"""Algorithm 1 of the study in full, from scratch on a muscle of the twin, against pamid's training from scratch.
+"""Algorithm 1 of the study in full, from scratch on a simulated muscle, against pamid's training from scratch.
 
 Both take all the muscle's samples (31,464 of B) and the same seed. Algorithm 1 runs its 10,000 epochs in single
 precision, the quicker one for it, with pamid's own gradient, and is judged on the way. Times are CPU seconds of one

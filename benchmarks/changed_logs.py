@@ -1,4 +1,4 @@
-"""Causes that come between two days on withheld benches: how many are found, and how many changes are false.
+"""Causes that appear between two days on withheld benches: how many are found, and how many changes are false.
 
 Two logs of a bench, on two days: valve and damping differ within their tolerances. In half of the cases the second day
 has a cause that the first one lacks; in a quarter both have it; in a quarter neither has one. Run with

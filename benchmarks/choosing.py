@@ -1,4 +1,4 @@
-"""Held-out errors of all kinds of models in force, flow, inverse or free run, on the twin, on lifts or on logs."""
+"""Held-out errors of all kinds of models in force, flow, inverse or free run, on the bench, on lifts or on logs."""
 
 from __future__ import annotations
 

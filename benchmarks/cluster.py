@@ -1,4 +1,4 @@
-"""A search on two dask workers against loky with two jobs, and with one of the workers killed on the way."""
+"""A search on two dask workers against loky with two jobs, and with one of the workers killed during it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of damaged logs, simulator files, model files and streams: refused, told, or without effect.
+"""What becomes of damaged logs, simulator files, model files and streams: refused, reported, or without effect.
 
 Each damage is one step of a list, so that every run makes the same files. ``--out DIR`` keeps logs and simulators. What
 is done to model files and streams stands in ``damaged_models.py`` and ``damaged_streams.py``.

@@ -1,4 +1,4 @@
-"""What becomes of damaged and hostile model files: refused, predicting as the healthy one, or not at all.
+"""What becomes of damaged and hostile model files: refused, predicting as the healthy one, or unable to predict.
 
 Each damage is one step of a list, so that every run makes the same files.
 """

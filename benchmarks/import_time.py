@@ -1,4 +1,4 @@
-"""Time until pamid is there: ``import pamid``, the help of the command line, and what an import brings along.
+"""Import time of `import pamid` and of the help of the command line, and which heavy libraries an import loads.
 
 Every figure is the median over fresh processes, taken in turns. ``bare`` is Python itself, doing nothing. The last
 column names which of the heavy libraries a process of that kind has loaded at its end. Run with

@@ -1,4 +1,4 @@
-"""Simulators of users' own: right ones, effects that commute, libraries cut and doubled, more sensors, practice logs.
+"""Users' own simulators: correct ones, effects that commute, libraries cut and doubled, more sensors, practice logs.
 
 Every case runs in a process of its own with a time limit, prints as it ends and may be kept as a JSON line, so that two
 revisions of the library can be compared case by case with ``--compare``.

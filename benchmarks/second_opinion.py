@@ -1,4 +1,4 @@
-"""Second opinion on other fits: how often a number that absorbed a withheld cause is told, and clean ones accused.
+"""Second opinion on other fits: how often a parameter that absorbed a missing cause is found, and a right one accused.
 
 Four simulators (MuJoCo, two functions, an FMU) are fitted by least squares without bounds to logs of systems that have
 a cause the simulator lacks, or none. A fit absorbed its cause where a number is further from the truth than ten times

@@ -1,4 +1,4 @@
-"""What each number that the diagnosis decides by is worth: halved and doubled, on development cases.
+"""Sensitivity of the diagnosis to its thresholds: each is halved and doubled, on development cases.
 
 For every number of `pamid.gap.settings` the same cases are diagnosed again, and the share that is answered right is
 printed beside that of the numbers as they are, with the cases that the change wins and loses. Run with ``python

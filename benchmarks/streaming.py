@@ -1,4 +1,4 @@
-"""Streaming on the twin: time to name a leak or friction that appears, false alarms, samples a second, flat memory."""
+"""Streaming on the bench: time to name a leak or friction that appears, false alarms, samples per second, memory."""
 
 from __future__ import annotations
 

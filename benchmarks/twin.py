@@ -1,4 +1,4 @@
-"""How exact and how fast the twin of the bench is: step halving, balances, agreement with the laws, speed.
+"""Accuracy and speed of the simulated bench: step halving, balances, agreement with the laws.
 
 Run with ``python benchmarks/twin.py``; takes about a minute on one core.
 """

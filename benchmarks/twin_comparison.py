@@ -1,4 +1,4 @@
-"""Held-out error of all models on the twin with hysteresis and stretching threads, in force and in flow."""
+"""Held-out error of all models on the bench with hysteresis and stretching threads, in force and in flow."""
 
 from __future__ import annotations
 

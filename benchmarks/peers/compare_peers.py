@@ -1,4 +1,4 @@
-"""Held-out error and fit time of ours and of SysIdentPy and jax-sysid, these in their own environment, same folds."""
+"""Held-out error and fit time of pamid, SysIdentPy and jax-sysid (in their own environment) on the same folds."""
 
 from __future__ import annotations
 

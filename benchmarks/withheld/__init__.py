@@ -1,1 +1,1 @@
-"""The withheld check: logs of a bench of its own code path, keys apart, and what a diagnosis made of them."""
+"""The withheld check: which of the causes hidden from the diagnosis are named, and how much of the gap they close."""

@@ -1,4 +1,4 @@
-"""The withheld check of the diagnosis: which causes kept from it it names, and how much of the gap they close.
+"""The withheld check: which of the causes hidden from the diagnosis are named, and how much of the gap they close.
 
 Run with ``python benchmarks/withheld``; ``--short`` takes minutes, the whole of it hours. A stopped run goes on where
 it was, ``--report`` only prints what is there. Logs come from benches of other code than the library's, and rivals run
