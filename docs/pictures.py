@@ -37,7 +37,7 @@ def friction_log() -> pd.DataFrame:
 
 # --- the landing page ---------------------------------------------------------------------------------------
 def landing() -> Figure:
-    """A log and a simulator, where they part, which effect is the cause, how far the gap shrinks."""
+    """A log and a simulator, where they disagree, which effect is the cause, how far the gap shrinks."""
     with style():
         figure = Figure(figsize=(12, 3.0), layout="constrained")
         _four(figure, figure.subplots(1, 4, width_ratios=[1.05, 1.15, 0.85, 0.75]))
@@ -65,7 +65,7 @@ def _four(figure: Figure, axes: np.ndarray) -> None:
     _map(figure, where, found.windows[found.windows["equation"] == "force"])
     _ranking(which, found)
     _closure(how, next(c for c in found.closure if c.equation == "force"))
-    titles = ("1  Log and simulator", "2  Where they part", "3  Which effect is the cause", "4  How far it closes")
+    titles = ("1  Log and simulator", "2  Where they disagree", "3  Which effect is the cause", "4  How far it closes")
     for ax, word, colour in zip(axes, titles, (INK, BLUE, BLUE, BLUE), strict=True):
         ax.set_title(word, fontsize=11, fontweight="bold", color=colour, pad=8, x=-0.45 if ax is which else 0)
 

@@ -35,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=Path, default=Path("results/withheld"), metavar="DIR", help="where results go")
-    parser.add_argument("--no-rivals", action="store_true", help="ours alone")
+    parser.add_argument("--no-rivals", action="store_true", help="pamid only")
     parser.add_argument("--only-rivals", action="store_true", help="the rivals alone")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="write logs, simulators and keys there, too")
     parser.add_argument("--report", action="store_true", help="print what is there already, run nothing")

@@ -127,7 +127,7 @@ def table(results: Sequence[Mapping[str, Any]]) -> str:
         known = decidable(results)
         measured["ours, decidable"] = figures([r for r in results if r["name"] in known])["ours"]
     methods = list(measured)
-    lines = ["| figure | ask | n | " + " | ".join(methods) + " |", "| --- " * (len(methods) + 3) + "|"]
+    lines = ["| figure | target | n | " + " | ".join(m.replace("ours", "pamid") for m in methods) + " |", "| --- " * (len(methods) + 3) + "|"]
     for name, ask, _, met, style in ROWS:
         n = max((measured[k][name].n for k in methods), default=0)
         cells = []
@@ -145,7 +145,7 @@ def table_of_several(results: Sequence[Mapping[str, Any]]) -> str:
     """Return the table of cases of three to five effects, by how many they have and how they were drawn."""
     columns = {k: listed for k, listed in several.kinds(results).items() if listed}
     heads = [f"{k} ({len(listed)})" for k, listed in columns.items()]
-    lines = ["| figure | ask | n | " + " | ".join(heads) + " |", "| --- " * (len(heads) + 3) + "|"]
+    lines = ["| figure | target | n | " + " | ".join(heads) + " |", "| --- " * (len(heads) + 3) + "|"]
     for name, ask, measure, met, style in several.ROWS:
         measured = [measure(listed) for listed in columns.values()]
         cells = [shown(measured[0], style), *(shown(replace(f, low=math.nan), style) for f in measured[1:])]
