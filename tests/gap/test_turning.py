@@ -8,7 +8,7 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.between_rows import PIECES
-from pamid.gap.residuals.turning import Turns, lines
+from pamid.gap.residuals.turning import CutSteps, lines
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import PortLog
 
@@ -69,13 +69,13 @@ def test_only_the_steps_in_which_a_path_turns_are_cut_and_no_run_goes_on_into_th
     t = np.arange(0.0, 1.0, 0.01)
     path, velocity = (np.concatenate([x, x]) for x in (np.cos(7.0 * t), -7.0 * np.sin(7.0 * t)))
     log = PortLog({}, np.concatenate([t, t]), np.array([0, 100]), 0.01, ["one", "two"])
-    turns = Turns(path, velocity, log)
-    assert turns.cut.tolist() == [44, 89, 144, 189]
-    assert turns.starts.tolist() == [0, 100 + 2 * (PIECES - 1)]
-    inside = turns.path(path)[turns.first[44] + np.arange(PIECES)]
+    steps = CutSteps(path, velocity, log)
+    assert steps.cut.tolist() == [44, 89, 144, 189]
+    assert steps.starts.tolist() == [0, 100 + 2 * (PIECES - 1)]
+    inside = steps.path(path)[steps.first[44] + np.arange(PIECES)]
     assert np.allclose(inside, np.cos(7.0 * (0.44 + 0.01 * np.arange(PIECES) / PIECES)), atol=1e-6)
-    rows, start, end = turns.at_both_ends(np.sign(turns.along(velocity)))
-    plain = np.setdiff1d(np.arange(199), [*turns.cut, 99])
+    rows, start, end = steps.at_both_ends(np.sign(steps.along(velocity)))
+    plain = np.setdiff1d(np.arange(199), [*steps.cut, 99])
     assert np.array_equal(start[plain], rows[plain]) and np.array_equal(end[plain], rows[plain + 1])
     turned = np.pi / 7.0 / 0.01 - 44  # the share of the step at which it turns
     assert 0.5 * (start[44] + end[44]) == pytest.approx(1.0 - 2.0 * turned, abs=1.0 / PIECES)

@@ -24,7 +24,7 @@ Signals = Mapping[str, np.ndarray]
 _SHARES = np.arange(PIECES + 1) / PIECES
 
 
-class Turns:
+class CutSteps:
     """The rows of a log with further instants where a path turns between two of them.
 
     Parameters
@@ -98,11 +98,11 @@ def force_at_both_ends(
     step = log.dt * place.scales.time
     if made.path_dependent and speed in found:
         path = place.follows["position"]
-        turns = Turns(found[path], found[speed], log)
-        follows = {name: turns.along(found[name]) for name in place.follows.values()} | {path: turns.path(found[path])}
-        s = place.signals(follows, turns.times)
-        inside = place.force(made, s, made.trace(s, place.plant, step, turns.starts))
-        rows, start, end = turns.at_both_ends(np.broadcast_to(inside, turns.times.shape).astype(float))
+        steps = CutSteps(found[path], found[speed], log)
+        follows = {name: steps.along(found[name]) for name in place.follows.values()} | {path: steps.path(found[path])}
+        s = place.signals(follows, steps.times)
+        inside = place.force(made, s, made.trace(s, place.plant, step, steps.starts))
+        rows, start, end = steps.at_both_ends(np.broadcast_to(inside, steps.times.shape).astype(float))
         return rows, np.concatenate([start, end])
     velocity = place.follows.get("velocity", "")
     position = next((q for q, v in derived.items() if v == velocity), "")
