@@ -55,6 +55,12 @@ def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
     return x * decay + v0 * (mean - decay) + v1 * (1.0 - mean)
 
 
+def half_relaxed(stiffness: Sequence[float], taus: Sequence[float], seconds: float) -> bool:
+    """Return whether springs that relax lose at least half of their stiffness in a time."""
+    left = sum(k * np.exp(-seconds / tau) for k, tau in zip(stiffness, taus, strict=True))
+    return bool(left <= 0.5 * sum(stiffness))
+
+
 def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
     """Return `relax` along the runs of a log, at rest at the start of each; time is the first axis."""
     v = np.asarray(v, dtype=float)

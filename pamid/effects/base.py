@@ -357,6 +357,10 @@ class Effect(ABC):
         """
         return ()
 
+    def elastic(self, seconds: float) -> bool:
+        """Return whether it relaxes by less than half within a run of this length: a spring, whatever it is later."""
+        return False
+
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return what is added to the flow into the muscle, kg/s, as a + b Ṗ."""
         return FlowTerm(0.0, 0.0)

@@ -17,7 +17,8 @@ class EndCap(Effect):
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
         \Delta V = s \left(\frac{V(k\varepsilon) - V(0)}{k} - V(\varepsilon) + V(0)\right)
 
-    Force and volume follow from one another by virtual work if s = 1; what is filled or blocked at the ends lowers s.
+    Force and volume follow from one another by virtual work: s = 1 for ends of the assumed shape. Ends of another shape
+    change it by a part; a force without a volume (s = 0) would do work that no gas provides.
 
     Parameters
     ----------
@@ -44,7 +45,9 @@ class EndCap(Effect):
     source = "10.1109/37.833638"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("factor", "-", 0.7, 1.6, 1.1, "contraction of the active part over that of the whole"),
-        Parameter("swept", "-", 0.0, 1.0, 1.0, "share of the change of shape that the gas feels as volume"),
+        Parameter(
+            "swept", "-", 0.5, 1.0, 1.0, "share of the change of shape that the gas feels as volume", simplest=True
+        ),
     )
     factor: float
     swept: float

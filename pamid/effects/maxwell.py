@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import branches_along, branches_at, branches_relax
+from ._memory import branches_along, branches_at, branches_relax, half_relaxed
 from .base import Effect, Signals
 from .plant import Plant
 from .values import Parameter
@@ -71,6 +71,10 @@ class Maxwell(Effect):
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the branches along each run, without a loop over time."""
         return branches_along(s.position, dt, self._taus, starts)
+
+    def elastic(self, seconds: float) -> bool:
+        """Return whether the branches keep more than half of their stiffness."""
+        return not half_relaxed((self.fast, self.middle, self.slow), self._taus, seconds)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of the three branches, N."""

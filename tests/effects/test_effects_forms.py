@@ -204,3 +204,11 @@ def test_pressure_may_lift_a_lip() -> None:
     effect = make_effect("directional_friction", forward=9.0, backward=9.0, forward_per_pressure=-1e-5)
     s = Signals(pressure=PLANT.atmospheric_pressure + np.array([0.0, 4e5]))
     np.testing.assert_allclose(effect.force(s, np.ones((1, 2)), PLANT), [-9.0, -5.0])
+
+
+def test_what_does_not_relax_within_a_run_is_a_spring():
+    slow = make_effect("creep", stiffness=0.0, slow_stiffness=7.5, slow_time_constant=1000.0)
+    assert slow.elastic(2.6) and not slow.elastic(1000.0)
+    assert not make_effect("creep", slow_stiffness=7.5, slow_time_constant=1000.0).elastic(2.6)  # most of it is fast
+    assert make_effect("maxwell", time_constant=100.0).elastic(2.6)
+    assert not make_effect("coulomb_friction").elastic(2.6)

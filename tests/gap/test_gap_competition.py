@@ -246,8 +246,7 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
     competition.base = hypothesis({})
     monkeypatch.setattr(competition, "_shares", own)
     monkeypatch.setattr(competition, "_refined", hypothesis)
-    for module in ("worth", "competition"):
-        monkeypatch.setattr(f"pamid.gap.inference.{module}.degenerate", lambda *_: None)
+    monkeypatch.setattr(competition, "degenerate", lambda *_: False)
     monkeypatch.setattr(
         competition, "sensitivities", lambda fit: (np.zeros((4, len(fit.spec))), [(n, None) for n in fit.spec])
     )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..inference.competition import Competition
-from ..inference.hypotheses import Hypothesis, degenerate
+from ..inference.hypotheses import Hypothesis
 from ..settings import CLASS, CLASS_SHARE, DECIDED
 from .decide import Verdict
 
@@ -71,7 +71,7 @@ class Rival:
 def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     """Return the explanations that are not ruled out, the likeliest first."""
     outcome, best = verdict.outcome, verdict.outcome.best
-    standing = [h for h in [outcome.base, *outcome.refitted] if _stands(h, best)]
+    standing = [h for h in [outcome.base, *outcome.refitted] if _stands(competition, h, best)]
     scored = {h.names: (competition.comparable(h), h) for h in standing}
     scored[best.names] = (competition.comparable(best), best)
     ranked = sorted(scored.values(), key=lambda s: (s[1] is not best, -s[0]))
@@ -93,6 +93,8 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     ]
 
 
-def _stands(h: Hypothesis, best: Hypothesis) -> bool:
+def _stands(competition: Competition, h: Hypothesis, best: Hypothesis) -> bool:
     """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing."""
-    return not any(degenerate(h.fit, name) for name in h.names) and not (h.names > best.names and h.score < best.score)
+    return not any(competition.degenerate(h.fit, name) for name in h.names) and not (
+        h.names > best.names and h.score < best.score
+    )

@@ -14,7 +14,7 @@ from ..settings import CERTAIN, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, O
 from .discrepancy import has_form
 from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined
-from .hypotheses import Hypothesis, Outcome, Screen, Single, degenerate
+from .hypotheses import Hypothesis, Outcome, Screen, Single
 from .sensitivity import Template
 from .so_far import INTERRUPTED, causes_so_far, stopped
 from .subsets import Subset, Subsets
@@ -84,7 +84,7 @@ class Competition(FirstOrder):
         except KeyboardInterrupt as stop:
             stopped(stop)
             self.interrupted = True
-            usable = [h for h in self._done.values() if not any(degenerate(h.fit, n) for n in h.fit.spec)]
+            usable = [h for h in self._done.values() if not any(self.degenerate(h.fit, n) for n in h.fit.spec)]
             some = sorted(usable, key=self.comparable)[-KEPT:]
             best = max([*some, self._told], key=self._ranked)
             alternatives = {name: self._in_place(best, name) for name in best.fit.spec}
@@ -296,10 +296,10 @@ class Competition(FirstOrder):
         if len(h.fit.spec) < 2:
             return h
         for name in h.fit.spec:
-            if degenerate(h.fit, name):  # replaced by what it has turned into
+            if self.degenerate(h.fit, name):  # replaced by what it has turned into
                 rest = self._refined({k: v for k, v in h.fit.spec.items() if k != name}, h)
                 others = [o for o in self._neighbours(h, frozenset({name}), 2) if name not in o.names]
-                settled = [o for o in (rest, *others) if not any(degenerate(o.fit, n) for n in o.fit.spec)]
+                settled = [o for o in (rest, *others) if not any(self.degenerate(o.fit, n) for n in o.fit.spec)]
                 return max((self._purged(o) for o in settled or [rest]), key=self._ranked)
         if min(shares := self._own_shares(h)) >= OF_ITS_OWN:
             return h
@@ -367,7 +367,7 @@ class Competition(FirstOrder):
         """Return the refitted sets with one effect of the best set replaced, and that set."""
         others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
-        found = [h for h in found if h is best or not any(degenerate(h.fit, n) for n in h.fit.spec)]
+        found = [h for h in found if h is best or not any(self.degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)
 
 

@@ -131,25 +131,28 @@ ALMOST = 0.1
 """Share of the others below which a part that an effect is about is not there."""
 
 
-def degenerate(fit: Fit, name: str) -> str | None:
-    """Return the parameter at whose bound an effect of a fit has turned into another one; None if it has not."""
+def degenerate(fit: Fit, name: str, seconds: float) -> bool:
+    """Return whether an effect of a fit has turned into another one, on runs of at most so many seconds."""
     if name not in fit.spec:
-        return None
-    values, parameters = fit.spec[name], all_effects()[name].parameters
+        return False
+    values, effect = fit.spec[name], all_effects()[name]
+    parameters = effect.parameters
+    if effect(**values).elastic(seconds):
+        return True
     pairs = [(values[p.name], values[p.unlike]) for p in parameters if p.unlike]
     if pairs and all(abs(a - b) <= ALMOST * max(abs(a), abs(b)) for a, b in pairs):
-        return next(p.name for p in parameters if p.unlike)
+        return True
     for p in parameters:
         value = values[p.name]
         if p.simplest and value <= 1.02 * p.lower:
-            return p.name
+            return True
         if not p.essential:
             continue
         if p.linear:
             others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
             if abs(value) < ALMOST * others:
-                return p.name
+                return True
         # A lower bound far below typical values means zero, the ideal form of the same effect.
         elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
-            return p.name
-    return None
+            return True
+    return False

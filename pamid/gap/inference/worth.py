@@ -32,6 +32,7 @@ class Worth:
         self.evidence, self.fitter = evidence, Fitter(evidence)
         self.further = 0.0
         self.discrepancy = Discrepancy(evidence)
+        self._longest = _longest_run(evidence)
         self._jacobians: dict[str, np.ndarray] = {}
         self.base = self.hypothesis(self.fitter.base())
 
@@ -97,7 +98,7 @@ class Worth:
 
     def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
         """Return the sort key of sets of different size: whether each effect is distinct, then the score."""
-        own = not any(degenerate(h.fit, name) for name in h.fit.spec)
+        own = not any(self.degenerate(h.fit, name) for name in h.fit.spec)
         own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
         return own, self.comparable(h) - self._crowded(h)
 
@@ -135,6 +136,10 @@ class Worth:
         mine = np.array([equation in touched for equation in self.evidence.equations])
         return gain * float(gained[mine].sum() / gained.sum()) if gained.sum() > 0.0 else gain
 
+    def degenerate(self, fit: Fit, name: str) -> bool:
+        """Return whether an effect of a fit has turned into another one on this log."""
+        return degenerate(fit, name, self._longest)
+
     def _own_shares(self, h: Hypothesis) -> list[float]:
         if h.own is None:
             h.own = self._shares(h.fit, *self.sensitivities(h.fit)) if len(h.fit.spec) > 1 else []
@@ -157,6 +162,11 @@ class Worth:
             D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
             self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
         return self._jacobians[key], slots_of(fit.spec)
+
+
+def _longest_run(evidence: ResidualSource) -> float:
+    """Return the time from the first to the last window of the longest run, s."""
+    return max((float(np.ptp(evidence.time[evidence.run == run])) for run in np.unique(evidence.run)), default=0.0)
 
 
 def _filters(spec: Spec) -> bool:
