@@ -7,7 +7,7 @@ the lowest at which
 
 .. math:: (\text{wrong names that pass} + 1) / (\text{names that pass}) \le \alpha
 
-with cases weighted such that one gap in five has a cause beyond the library. As conformal selection has it, of the
+with cases weighted such that one gap in five has a cause outside the library. As conformal selection has it, of the
 names said on new cases of that mixture at most α are expected to be wrong. Cases that even the oracle cannot decide do
 not count for the bar.
 
@@ -43,14 +43,14 @@ from __future__ import annotations
 
 ALONE = {{
 {alone}}}
-"""Weights of the signs of a cause beyond the library, see `pamid.gap.diagnosis.signs`, for one that explains alone."""
+"""Weights of the signs of a cause outside the library, see `pamid.gap.diagnosis.signs`, for one that explains alone."""
 BESIDE = {{
 {beside}}}
 """The same for causes that explain together."""
 TRUSTED = 0.5
-"""Probability from which a name is said: it is then more likely right than not."""
+"""Probability from which a name is reported: it is then more likely right than not."""
 SURE = {bar:.2f}
-"""Probability from which at most one name in twenty is wrong, where one gap in five has a cause beyond the library."""
+"""Probability from which at most one name in twenty is wrong, where one gap in five has a cause outside the library."""
 '''
 
 
