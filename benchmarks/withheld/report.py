@@ -127,7 +127,10 @@ def table(results: Sequence[Mapping[str, Any]]) -> str:
         known = decidable(results)
         measured["ours, decidable"] = figures([r for r in results if r["name"] in known])["ours"]
     methods = list(measured)
-    lines = ["| figure | target | n | " + " | ".join(m.replace("ours", "pamid") for m in methods) + " |", "| --- " * (len(methods) + 3) + "|"]
+    lines = [
+        "| figure | target | n | " + " | ".join(m.replace("ours", "pamid") for m in methods) + " |",
+        "| --- " * (len(methods) + 3) + "|",
+    ]
     for name, ask, _, met, style in ROWS:
         n = max((measured[k][name].n for k in methods), default=0)
         cells = []

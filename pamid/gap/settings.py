@@ -1,4 +1,4 @@
-"""All numbers that the diagnosis decides by: twenty, and what follows from them.
+"""All numbers that the diagnosis decides by, and what follows from them.
 
 Each is a judgement of how exact models of pneumatic muscles are, or of how much is searched; ``python
 benchmarks/settings.py`` halves and doubles each and prints what that changes. The weights behind trust in names are
@@ -50,6 +50,8 @@ INCLUDED = 0.95
 """Posterior probability of a cause, or of a class, from which it is said beside others: one in twenty is wrong."""
 CLASS, CLASS_SHARE = 2.0, 0.004
 """Difference in score that the form of a candidate is worth: nats, and share of the gain."""
+MATERIAL = 0.1
+"""Share, of a gap or of what is predictable or could be learned, from which it is worth a word; it affects no name."""
 FAR, FEW = 8.0, 4
 """Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
 

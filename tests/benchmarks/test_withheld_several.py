@@ -138,7 +138,8 @@ def test_the_table_has_a_column_for_each_number_of_effects() -> None:
     results = [result(k, [["a"]], a=0.6, b=0.3, c=0.1, **({"d": 0.1} if k > 1 else {})) for k in range(4)]
     text = report.report(results, "command")
     assert (
-        "| figure | target | n | all (4) | 3 effects (2) | 4 effects (2) | over equations (2) | within one (2) |" in text
+        "| figure | target | n | all (4) | 3 effects (2) | 4 effects (2) | over equations (2) | within one (2) |"
+        in text
     )
     assert "| effects of ≥ 5 % of the gap of an equation, named | ≥ 85 % | 14 | 28.6 % " in text
     assert "false alarms" not in text

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,8 +21,7 @@ def moved(k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return 0.02 * np.sin(w * T), 0.02 * w * np.cos(w * T), 2e5 + 5e4 * k + 8e4 * np.sin(0.6 * w * T + k)
 
 
-@pytest.fixture
-def cylinder() -> pd.DataFrame:
+def _cylinder() -> pd.DataFrame:
     rng, runs = np.random.default_rng(0), []
     for k in range(3):
         x, v, p = moved(k)
@@ -30,9 +32,14 @@ def cylinder() -> pd.DataFrame:
 
 
 @pytest.fixture
-def files(cylinder, tmp_path):
-    """A log and a page of each kind."""
-    cylinder.to_csv(tmp_path / "cylinder.csv", index=False)
+def cylinder() -> pd.DataFrame:
+    return _cylinder()
+
+
+@pytest.fixture(scope="session")
+def written_once(tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("systems")
+    _cylinder().to_csv(tmp_path / "cylinder.csv", index=False)
     (tmp_path / "cylinder.toml").write_text('kind = "cylinder"\n[cylinder]\nbore = "25 mm"\n')
     page = Muscle(rest_length=0.2, rest_diameter=0.02)
     muscle, joint = [], []
@@ -51,3 +58,9 @@ def files(cylinder, tmp_path):
     )
     (tmp_path / "joint.toml").write_text('kind = "joint"\n[joint]\ninertia = "fit"\n')
     return tmp_path
+
+
+@pytest.fixture
+def files(written_once, tmp_path):
+    """A log and a page of each kind, in a folder of the test's own."""
+    return Path(shutil.copytree(written_once, tmp_path, dirs_exist_ok=True))

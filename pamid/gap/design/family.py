@@ -11,6 +11,7 @@ import numpy as np
 
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError, UnknownParameterError
+from .tones import TONES, multisine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
 """A sine, a triangle, square steps, four sines, the joint held, a sine during which one muscle stays at constant
 pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
-TONES = np.array([1.0, 1.9, 3.1, 4.3])
-"""Frequencies of a multisine, as multiples of the lowest."""
 LEAST_PRESSURE = 1e3
 """Pa: a smaller change of pressure moves nothing, and was stated in bar or kPa."""
 
@@ -200,8 +199,7 @@ class DesignedRun:
         if self.kind == "steps":
             return a * np.where(np.sin(w * np.maximum(t, 0.0)) > 0.0, 1.0, 0.0) * np.where(t > 0.0, 1.0, 0.0)
         if self.kind == "multisine":
-            phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * math.pi, len(TONES))
-            x = (np.sin(w * TONES[:, None] * t + phases[:, None]) / np.sqrt(TONES)[:, None]).sum(axis=0)
+            x = multisine(w * t, self.seed)
             return np.asarray(a * x / np.max(np.abs(x)))
         return np.zeros(len(t))
 

@@ -11,14 +11,13 @@ import numpy as np
 
 from ...errors import ParameterError
 from ...simulators.port_log import PortLog
+from .tones import TONES, multisine
 
 if TYPE_CHECKING:
     import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "chirp", "hold")
 """What an input does: a sine, a triangle, steps back and forth, four sines, a sine that becomes faster, or nothing."""
-TONES = np.array([1.0, 1.9, 3.1, 4.3])
-"""Frequencies of a multisine, as multiples of the lowest."""
 STEPS = 20.0
 """Samples in a period of the fastest sine, so that a log shows it."""
 STILL = 0.3
@@ -151,8 +150,7 @@ class Wave:
         elif self.kind == "steps":
             x = a * np.where(np.sin(w * t) > 0.0, 1.0, -1.0) * (t > 0.0)
         elif self.kind == "multisine":
-            phases = np.random.default_rng(self.seed).uniform(0.0, 2.0 * math.pi, len(TONES))
-            x = (np.sin(w * TONES[:, None] * t + phases[:, None]) / np.sqrt(TONES)[:, None]).sum(axis=0)
+            x = multisine(w * t, self.seed)
             x = a * x / max(float(np.max(np.abs(x))), 1e-300)
         elif self.kind == "chirp":
             x = a * np.sin(w * t * (1.0 + 2.0 * t / max(float(t[-1]), 1e-300)))

@@ -41,11 +41,11 @@ import numpy as np
 
 from ..inference.gauss_newton import slots_of
 from ..residuals.bench import Evidence
-from ..settings import CLASS, FORM_SMOOTH
+from ..settings import CLASS, FORM_SMOOTH, INCLUDED
 from .expected_cost import counts_for, expected_cost
 from .known import Known, cleaned, form_of, sensitivities
 
-HELD = 0.05
+HELD = 1.0 - INCLUDED
 """Least probability of an explanation: those that are kept are not ruled out."""
 ROUNDS = 3
 """Rounds of refitting a rival, each window weighted by its residual there."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
+from ..settings import MATERIAL
 from .plan import AS_IT_IS, TELLS, Plan
-
-EVEN = 0.1
-"""Relative difference in information of runs that is worth mentioning; it decides nothing."""
 
 
 def summary(plan: Plan) -> str:
@@ -82,11 +80,11 @@ def headroom(plan: Plan) -> str:
             f"The right one is then expected to come first in {plan.right:.0%} of cases, after a run at random in "
             f"{plan.right_usual:.0%}."
         )
-    if best - usual < EVEN * best:
+    if best - usual < MATERIAL * best:
         said.append("The choice of the run hardly matters: any with as much motion would do.")
     others = {words: nats for words, nats in plan.changed.items() if words != AS_IT_IS}
     most = max(others, key=lambda words: others[words], default="")
-    if others and others[most] - best > EVEN * best:
+    if others and others[most] - best > MATERIAL * best:
         said.append(f"With {most} the best gives {others[most]:.2g} nats{': change the system' if plan.rig else ''}.")
         said += [] if plan.rig else ["If this change of the system is possible, declare it (--change)."]
     elif others:

@@ -14,7 +14,7 @@ from ..inference.gauss_newton import Fit, Fitter
 from ..inference.significance import excess
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
-from ..settings import FALSE_ALARM
+from ..settings import FALSE_ALARM, MATERIAL
 from .belief import candidates
 from .closure import Clusters, closures, main_equation
 from .decide import Verdict
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 MOST = 12
 """Number of sets of effects that a diagnosis reports."""
-MATERIAL = 0.1
-"""Share of a gap from which an equation gets regions, bands and a sentence; it does not affect names."""
 
 
 def answer(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..inference.competition import Competition
-from ..settings import FALSE_ALARM, NONE_SURE
+from ..settings import FALSE_ALARM, INCLUDED, NONE_SURE
 from .decide import Verdict
 from .findings import Candidate
 
@@ -33,7 +33,7 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
     for name in {**scores, **dict.fromkeys(("none", "unknown"))}:
         sure = belief.get(name, 0.0) / total
         reason = ""
-        if name in scores and name not in named and sure <= 0.05:
+        if name in scores and name not in named and sure <= 1.0 - INCLUDED:
             reason = _reason(competition, verdict, scores[name], best)
         if named and name in verdict.trust and name not in named:
             reason = "fits together with the named causes, but more likely compensates for their inexact forms"

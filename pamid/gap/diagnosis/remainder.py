@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..residuals.protocol import ResidualSource
+from ..settings import MATERIAL
 from .localise import regions
 
 _TERMS = 3
@@ -86,8 +87,8 @@ def _learned(state: dict[str, np.ndarray], y: np.ndarray, block: np.ndarray, exc
         mixed = X.copy()
         mixed[:, k] = mixed[rng.permutation(len(X)), k]
         loss[name] = float(np.mean((y - learner.predict(mixed)) ** 2)) - whole
-    names = [n for n in sorted(loss, key=lambda n: -loss[n]) if loss[n] > 0.1 * max(loss.values())]
-    return {"predictable_share": float(np.clip(share, 0.0, 1.0)), "depends_on": names if share > 0.1 else []}
+    names = [n for n in sorted(loss, key=lambda n: -loss[n]) if loss[n] > MATERIAL * max(loss.values())]
+    return {"predictable_share": float(np.clip(share, 0.0, 1.0)), "depends_on": names if share > MATERIAL else []}
 
 
 def _rhythm(y: np.ndarray, evidence: ResidualSource, part: slice) -> dict[str, Any]:

@@ -129,6 +129,8 @@ def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
 
 ALMOST = 0.1
 """Share of the others below which a part that an effect is about is not there."""
+AT_BOUND = 0.02
+"""How near to a bound a parameter is at it, as a share; a bound below that share of a typical value means zero."""
 
 
 def degenerate(fit: Fit, name: str, seconds: float) -> bool:
@@ -144,7 +146,7 @@ def degenerate(fit: Fit, name: str, seconds: float) -> bool:
         return True
     for p in parameters:
         value = values[p.name]
-        if p.simplest and value <= 1.02 * p.lower:
+        if p.simplest and value <= (1.0 + AT_BOUND) * p.lower:
             return True
         if not p.essential:
             continue
@@ -153,6 +155,8 @@ def degenerate(fit: Fit, name: str, seconds: float) -> bool:
             if abs(value) < ALMOST * others:
                 return True
         # A lower bound far below typical values means zero, the ideal form of the same effect.
-        elif value >= 0.98 * p.upper or (p.lower > 0.02 * p.nominal and value <= 1.02 * p.lower):
+        elif value >= (1.0 - AT_BOUND) * p.upper or (
+            p.lower > AT_BOUND * p.nominal and value <= (1.0 + AT_BOUND) * p.lower
+        ):
             return True
     return False

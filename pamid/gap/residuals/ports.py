@@ -265,7 +265,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         for pair in repeats(self.log, self.simulator.inputs):
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
-                    memory = memory_of(spread, np.zeros(len(spread), int)) if len(spread) > 8 else 1.0
+                    memory = memory_of(spread, np.zeros(len(spread), int))
                     found[k].append((float(np.mean(np.square(spread))), memory, len(spread)))
         for k, (part, some) in enumerate(zip(self.parts, found, strict=True)):
             if some:

@@ -14,6 +14,7 @@ from ..diagnosis.rivals import Rival
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit
 from ..inference.hypotheses import Hypothesis
+from ..settings import INCLUDED
 from .per_log import estimates, fitted_alone, main_parameter
 from .result import Change, LogFinding
 from .stacked import StackedEvidence
@@ -124,7 +125,7 @@ def _candidates(candidates: Sequence[Candidate], variants: Variants) -> list[Can
             score=max(first.score, c.score),
             closed_share=max(first.closed_share, c.closed_share),
         )
-    out = [replace(c, ruled_out="" if c.confidence > 0.05 else c.ruled_out) for c in found.values()]
+    out = [replace(c, ruled_out="" if c.confidence > 1.0 - INCLUDED else c.ruled_out) for c in found.values()]
     return sorted(out, key=lambda c: -c.confidence)  # a stable sort: causes of one belief keep their order
 
 
