@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,39 +12,11 @@ from ..signals.headers import read_header
 from ..signals.unit_names import unit_name
 from ..signals.units import UNITS
 from .ports import Port
+from .words import ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
 
 EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
 """Weights of the clues: a port's own name outweighs all others together."""
-_COMMANDED = frozenset(
-    ("cmd", "command", "commanded", "commands", "des", "desired", "ref", "reference", "target", "ctrl", "control",
-     "setpoint", "goal", "action", "actions", "soll", "sollwert", "wanted", "sp", "d")
-)  # fmt: skip
-_MEASURED = frozenset(
-    ("actual", "measured", "meas", "feedback", "fb", "observation", "obs", "present", "ist", "istwert", "encoder",
-     "estimated", "est")
-)  # fmt: skip
-_QUANTITIES = {
-    "velocity": {"dq", "qd", "qdot", "qvel", "dpos", "vel", "velocity", "velocities", "speed", "omega", "rate"},
-    "position": {"q", "qpos", "pos", "position", "positions", "angle", "angles", "theta", "encoder"},
-    "effort": {"tau", "torque", "torques", "effort", "efforts", "trq", "current", "pwm"},
-    "acceleration": {"ddq", "qdd", "qacc", "acc", "accel", "acceleration"},
-    "temperature": {"temp", "temperature", "temperatures"},
-}
-_BY_DIMENSION = {
-    "angle": "position", "length": "position", "angular rate": "velocity", "speed": "velocity", "torque": "effort",
-    "temperature": "temperature", "acceleration": "acceleration", "angular acceleration": "acceleration",
-}  # fmt: skip
-_SYMBOLS = {
-    "voltage": {"u", "v", "volt", "voltage", "spannung"}, "current": {"i", "iq", "current", "strom"},
-    "pressure": {"p", "pressure", "druck"}, "force": {"f", "force", "kraft"},
-    "torque": {"tau", "torque", "moment", "drehmoment"}, "length": {"x", "y", "z", "position", "pos", "weg", "hub"},
-    "angle": {"phi", "theta", "q", "angle", "winkel", "encoder"},
-    "angular rate": {"w", "omega", "n", "speed", "drehzahl"}, "speed": {"v", "velocity", "speed"},
-    "mass flow": {"mdot", "flow"}, "temperature": {"temp", "temperature", "temperatur"},
-}  # fmt: skip
-"""Names for quantities without a unit."""
-_FILLING = frozenset(("state", "states", "joint", "joints", "motor", "motors", "dof"))
-_TOGETHER = {("q", "dot"): "dq", ("d", "q"): "dq", ("dd", "q"): "ddq"}
+
 
 
 @dataclass(frozen=True)
@@ -58,37 +29,39 @@ class Column:
         The header.
     words : tuple of str
         Words of its name, without role, quantity and unit.
-    commanded, measured : bool
-        Whether it is marked as a command, or a reading.
-    quantity : str
-        ``"position"``, ``"velocity"``, ``"effort"``, or another; empty where it says none.
+    commanded, measured, apart : bool
+        Whether it is marked as a command, a reading, or as an error or a setting, which is neither.
+    dimensions : frozenset of str
+        Dimensions that its unit or its words say; empty where they say none.
     unit : str
         Its unit as `pamid.signals.UNITS` names it; empty where it states none.
     certain : bool
         Whether the unit is unambiguous.
     series, number : str, int
         Its name with a mark for the last number in it, and that number; -1 where it has none.
+    symbols : frozenset of str
+        Dimensions that its letters often stand for.
+    leads : bool
+        Whether its samples lead those of another column, as a command leads its reading.
     """
 
     name: str
     words: tuple[str, ...]
     commanded: bool
     measured: bool
-    quantity: str
+    apart: bool
+    dimensions: frozenset[str]
     unit: str
     certain: bool
     series: str
     number: int
+    symbols: frozenset[str]
+    leads: bool = False
 
     @property
     def dimension(self) -> str:
         """Dimension of its unit; empty where it states none."""
         return UNITS[self.unit].dimension if self.unit else ""
-
-    def may_be(self, kind: str) -> bool:
-        """Return whether its unit, or without one its words, are of a dimension."""
-        said = {*tokens(self.name)}
-        return self.dimension == kind or (not self.certain and bool(said & _SYMBOLS.get(kind, set())))
 
 
 @dataclass(frozen=True)
@@ -101,13 +74,13 @@ class Place:
         The port.
     words : tuple of str
         What it names, without role and quantity.
-    quantity : str
-        As for a column.
+    dimensions : frozenset of str
+        Dimensions that a column of it may have; empty where any may be.
     """
 
     port: Port
     words: tuple[str, ...]
-    quantity: str
+    dimensions: frozenset[str]
 
     @property
     def commanded(self) -> bool:
@@ -126,59 +99,40 @@ def dimension(unit: str) -> str:
     return UNITS[found].dimension if found else ""
 
 
-def tokens(name: str) -> list[str]:
-    """Return the words and numbers of a name in small letters."""
-    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name)
-    found: list[str] = []
-    for word in (w for w in re.split(r"[\W_]+", spaced.casefold()) if w):
-        pair = (found[-1], word) if found else ()
-        if pair in _TOGETHER:
-            found[-1] = _TOGETHER[pair]
-        elif word == "q" and found and found[-1] in ("i", "u", "v"):  # the axis of a field, not an angle
-            found[-1] += word
-        else:
-            found.append(word)
-    return found
-
-
 def column_of(name: str) -> Column:
     """Return the content of a header."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
+    if unit and not header.bracketed and tokens(name)[-1] in ROLE_OF:  # kp is a gain
+        unit = ""
     certain = bool(unit) and (header.bracketed or not letters)
     words = tokens(" ".join(header.words) if certain else name)
     numbers = [k for k, w in enumerate(words) if w.isdigit()]
     series = " ".join("#" if numbers and k == numbers[-1] else w for k, w in enumerate(words))
-    said = set(words)
-    quantity = next((q for q, known in _QUANTITIES.items() if said & known), "")
-    if not quantity and certain:
-        quantity = _BY_DIMENSION.get(UNITS[unit].dimension, "")
+    roles = roles_of(words)
     return Column(
         name,
-        tuple(w for w in words if not _speaks_of_role(w)),
-        bool(said & _COMMANDED),
-        bool(said & _MEASURED),
-        quantity,
+        tuple(w for w in words if names_itself(w)),
+        "command" in roles,
+        "reading" in roles,
+        "error" in roles,
+        frozenset((UNITS[unit].dimension,)) if certain else dimensions_of(words),
         unit,
         certain,
         series if numbers else "",
         int(words[numbers[-1]]) if numbers and len(words[numbers[-1]]) < 7 else -1,
+        frozenset().union(*(SYMBOLS_OF.get(w, ()) for w in words)),
     )
 
 
-def place_of(port: Port) -> Place:
-    """Return a port as it may appear in a log."""
+def place_of(port: Port, drives: bool = False) -> Place:
+    """Return a port as it may appear in a log; what drives a joint and has no unit is an effort of any kind."""
     words = tokens(port.name)
-    quantity = _BY_DIMENSION.get(dimension(port.unit), "")
-    if not quantity and port.unit in ("", "-"):
-        quantity = next((q for q, known in _QUANTITIES.items() if set(words) & known), "")
-    named = tuple(w for w in words if not _speaks_of_role(w))
-    return Place(port, named or tuple(words), quantity)
-
-
-def _speaks_of_role(word: str) -> bool:
-    return word in _COMMANDED or word in _MEASURED or any(word in known for known in _QUANTITIES.values())
+    found = frozenset((dimension(port.unit),)) if dimension(port.unit) else dimensions_of(words)
+    if drives and not found:
+        found = dimensions_of(("effort",))
+    return Place(port, tuple(w for w in words if names_itself(w)) or tuple(words), found)
 
 
 def is_named(place: Place, column: Column) -> bool:
@@ -195,23 +149,25 @@ def letters(name: str) -> str:
 def role_score(place: Place, column: Column) -> float:
     """Return how well role, quantity and unit agree; minus infinity where one forbids it."""
     never = -math.inf
+    if column.apart and not set(tokens(place.port.name)) & {w for w in tokens(column.name) if ROLE_OF.get(w) == "error"}:
+        return never
     if column.certain and place.dimension and column.dimension != place.dimension:
         return never
     if (place.commanded and column.measured and not column.commanded) or (not place.commanded and column.commanded):
         return never
-    score = 0.0
-    if column.quantity and place.quantity:
-        if column.quantity != place.quantity:
+    score, moves = 0.0, bool(place.dimensions & {"angle", "length", "angular rate", "speed"})
+    if column.dimensions and place.dimensions:
+        if not column.dimensions & place.dimensions:
             return never
         score += QUANTITY
-    elif place.quantity == "position" and not column.quantity:
+    elif place.dimensions & {"angle", "length"} and not column.dimensions:
         score += 0.2 * QUANTITY  # by default a position rather than its derivative
     if place.commanded and column.commanded:
         score += ROLE
-    elif place.commanded and column.quantity in ("position", "velocity") and place.quantity:
+    elif place.commanded and (moves or column.dimensions) and not column.leads:
         score -= 0.5 * ROLE  # by default the reading rather than the command
-    elif not place.commanded and column.measured:
-        score += 0.5 * ROLE
+    elif not place.commanded and (column.measured or column.leads):
+        score += 0.5 * ROLE if column.measured else -0.5 * ROLE
     if column.unit and column.dimension == place.dimension != "":
         score += UNIT
     return score
@@ -239,7 +195,7 @@ class Names:
 
     def _weight(self, word: str, counts: Mapping[str, int], n: int) -> float:
         share = math.log((n + 1) / counts.get(word, 1)) if n else 0.0
-        return 0.25 * share if word in _FILLING else share
+        return 0.25 * share if ROLE_OF.get(word) == "filler" else share
 
     def score(self, place: Place, column: Column) -> float:
         """Return the likeness of two names, 0 to 1."""
@@ -254,7 +210,7 @@ class Names:
             mine += weight
             if not word.isdigit():
                 common += weight * best
-                spoken |= best > 0.0 and weight > 0.0 and word not in _FILLING
+                spoken |= best > 0.0 and weight > 0.0 and ROLE_OF.get(word) != "filler"
         for word in set(column.words):
             theirs += self._weight(word, self._of_columns, self._m) if self._m > 1 else 0.5
         if spoken:  # numbers alone are no clue where ports have names

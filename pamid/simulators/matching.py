@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -25,8 +26,9 @@ from .likeness import (
     place_of,
     role_score,
 )
-from .motion import follows, rate_between
+from .motion import follows, is_rate_of, led_by, rate_between
 from .ports import Port
+from .words import EITHER, FAINT, roles_of, tokens
 
 _LEAST = 1.2
 """Score that a pair needs: more than a role or a unit alone."""
@@ -35,6 +37,7 @@ _LEAD = 0.3
 _SLACK = 0.05
 """Share of its range by which a joint may be driven against its stop, or read beyond it."""
 
+_MOVES, _RATES = frozenset(("angle", "length")), frozenset(("angular rate", "speed"))
 _FAR = math.log(1.5)
 """Logarithm of the factor up to which a rate is in the nearest unit: the nearest two, deg/s and rpm, are 6 apart."""
 
@@ -81,11 +84,12 @@ class _Matcher:
         given: Mapping[str, tuple[str, str]],
     ) -> None:  # fmt: skip
         self.given = given
-        self.places = [place_of(p) for p in ports]
+        self.ranges, self.driven = simulator.ranges(), simulator.driven()
+        self.places = [place_of(p, p.name in self.driven) for p in ports]
         self.columns = [column_of(name) for name in frame]
         self.frame, self.t = frame, t
+        self.columns = self._by_motion()
         self.names = Names(self.places, self.columns)
-        self.ranges, self.driven = simulator.ranges(), simulator.driven()
         joints = [p for p in simulator.ports if p.kind == "joint"]
         self.place_under = {p.velocity: p.position for p in joints if p.velocity}
         self.supposed_under = {} if joints else _only_pair(self.places)
@@ -94,6 +98,32 @@ class _Matcher:
         self.base = np.array(
             [[self._score(p, c, r) for c, r in zip(self.columns, ranks, strict=True)] for p in self.places]
         ).reshape(len(self.places), len(self.columns))
+
+    def _by_motion(self) -> list[Column]:
+        """Return the columns with what the samples say of those whose names say nothing, or one of two things."""
+        rates = is_rate_of(self.t, self.frame)
+        under = set(rates.values())
+        open_ = {c.name for c in self.columns if not c.dimensions or set(tokens(c.name)) & EITHER and not c.certain}
+        moving = [c for c in self.columns if c.dimensions & _MOVES or (c.name in open_ and c.name not in rates)]
+        leads = led_by({c.name: self.frame[c.name] for c in moving})
+        said: dict[str, tuple[frozenset[str], bool]] = {}
+        for c in self.columns:
+            dims = c.dimensions
+            if c.name in open_:
+                told = c.name in under or leads.get(c.name) in under or c.name in leads.values()
+                dims = _RATES if c.name in rates else _MOVES if told else dims
+            said[c.name] = (dims, c.name in leads and not (c.commanded or c.measured or c.name in rates))
+        found = []
+        for c in self.columns:  # of a series all or none
+            family = [said[o.name] for o in self.columns if o.series == c.series != ""] or [said[c.name]]
+            dims, ahead = Counter(d for d, _ in family).most_common(1)[0][0], sum(a for _, a in family)
+            wanted = c.name in open_ and bool(c.dimensions) and dims == _MOVES
+            faint = dims == _RATES and roles_of(set(tokens(c.name)) - FAINT) != roles_of(tokens(c.name))
+            found.append(replace(
+                c, dimensions=dims if c.name in open_ else c.dimensions, leads=2 * ahead > len(family),
+                commanded=(c.commanded or wanted) and not faint,
+            ))  # fmt: skip
+        return found
 
     # --- scores ---------------------------------------------------------------------------------------------
     def _ranks(self, column: Column) -> dict[str, bool]:
@@ -145,7 +175,7 @@ class _Matcher:
                     out[k, j] += _sign(self._rate(position, column.name)[0])
                 if velocity and velocity != column.name:
                     out[k, j] += _sign(self._rate(column.name, velocity)[0])
-                if actual and actual != column.name and place.quantity == "position":
+                if actual and actual != column.name and place.dimensions & _MOVES:
                     r = follows(self.frame[column.name], self.frame[actual])
                     out[k, j] += 0.0 if math.isnan(r) else r if r > 0.0 else 2.0 * r
         return out
@@ -177,16 +207,15 @@ class _Matcher:
         """Match the unmatched of a kind in order, where both sides have equal numbers."""
         found: dict[str, str] = {}
         free = [c for c in self.columns if c.name not in pairs.values()]
-        left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimension]
-        for kind in dict.fromkeys((p.commanded, p.dimension) for p in left):
-            ports = [p for p in left if (p.commanded, p.dimension) == kind]
-            columns = [
-                c for c in free
-                if c.may_be(kind[1]) and c.commanded <= kind[0] and not (c.measured and kind[0])
-            ]  # fmt: skip
-            unsaid = not kind[0] and any((True, kind[1]) == (p.commanded, p.dimension) for p in left)
-            if len(ports) == len(columns) and not unsaid:
-                found |= {p.port.name: c.name for p, c in zip(ports, columns, strict=True)}
+        left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimensions]
+        for kind in dict.fromkeys((p.commanded, p.dimensions) for p in left):
+            ports = [p for p in left if (p.commanded, p.dimensions) == kind]
+            columns = [c for c in free if c.name not in found.values() and role_score(ports[0], c) > -math.inf]
+            said = [c for c in columns if c.commanded] if kind[0] else []
+            said = said or [c for c in columns if (c.dimensions or c.symbols) & kind[1]]
+            unsaid = not kind[0] and any((True, kind[1]) == (p.commanded, p.dimensions) for p in left)
+            if len(ports) == len(said) and not (unsaid and not any(c.measured for c in said)):
+                found |= {p.port.name: c.name for p, c in zip(ports, said, strict=True)}
         open_ = [p for p in self.places if p.commanded and p.port.name not in {**pairs, **found, **self.rivals}]
         rest = [c for c in free if c.name not in found.values()]
         if len(open_) == 1 == len(rest) and role_score(open_[0], rest[0]) > -math.inf:
@@ -254,7 +283,7 @@ class _Matcher:
         angles = {
             p: c
             for p, c in pairs.items()
-            if places[p].dimension == "angle" and not columns[c].unit and p not in self.given
+            if places[p].dimension == "angle" and columns[c].dimension != "angle" and p not in self.given
         }
         beyond = [text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))]
         still = [p for p, c in angles.items() if self._beyond(p, columns[c], UNITS["deg"].factor)]
