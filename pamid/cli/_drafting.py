@@ -321,8 +321,7 @@ def tell(
     guessed = list(draft.supposed)
     assumed = list(draft.assumed())
     options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
-    command, out = ("diagnose", " --out diagnosis") if draft.ports else ("check", "")
-    follow = f"pamid {command} {quoted(args.log)} {options}{out}"
+    follow = following(args.log, options) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
     if args.json:
         print_json(
             {
@@ -334,7 +333,8 @@ def tell(
                 "rows": len(log),
                 "trajectories": [str(name) for name in log["trajectory"].unique()],
                 "doubts": [doubt] if doubt else [],
-                "next": "" if missing else follow,
+                "next": "" if missing else follow[-1],
+                **({"commands": follow} if not missing else {}),
             }
         )
         return
@@ -355,7 +355,18 @@ def tell(
     if missing:
         print("\nThis log and simulator cannot be compared yet:", *missing, sep="\n  ")
         return
-    print(f"\nnext: {follow}")
+    print()
+    show_commands(follow)
+
+
+def following(logs: Sequence[str | Path], options: str) -> list[str]:
+    """Return what to run on logs and a simulator with ports: first how far off it is, then why."""
+    return [f"pamid evaluate {quoted(logs)} {options}", f"pamid diagnose {quoted(logs)} {options} --out diagnosis"]
+
+
+def show_commands(commands: Sequence[str]) -> None:
+    for command in commands:
+        print(f"next: {command}")
 
 
 def shown_unit(draft: Draft, name: str) -> str:

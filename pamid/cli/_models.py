@@ -119,13 +119,24 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
     ]
 
 
+def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]) -> str:
+    """Return which ports have no column although one is named like them, and why; empty where there is none."""
+    open_ = {p.source: doubts[p.name] for p in _signals(simulator) if p.name in doubts and draft.of(p.source) is None}
+    return "; ".join(
+        f"{port} has no signal: {why}. If it is one, say which and in which unit or factor: --signal "
+        f"'{port}=COLUMN:UNIT' or '{port}=COLUMN*FACTOR'"
+        for port, why in open_.items()
+    )
+
+
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     """Return whether a simulator file alone describes the columns of a log: its clock and runs need no mapping."""
     clock, run = draft.of("time"), draft.of("trajectory")
     ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
     converted = any(m.unit and m.unit != (draft.unit_of(m.port) or m.unit) for m in found)
-    return ticks and not given and not converted and (run is None or run.column == "trajectory")
+    marked = any(m.named and m.why for m in found)
+    return ticks and not given and not converted and not marked and (run is None or run.column == "trajectory")
 
 
 def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, mapped: bool) -> str:

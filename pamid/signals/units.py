@@ -103,7 +103,7 @@ UNITS_OF: dict[str, dict[str, float]] = {
         "km": 1e3,
     },
     "angle": {"rad": 1, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "gon": 0.9 * _DEGREE, "rev": 360 * _DEGREE},
-    "angular rate": {"rad/s": 1, "deg/s": _DEGREE, "°/s": _DEGREE, "rpm": 6 * _DEGREE},
+    "angular rate": {"rad/s": 1, "deg/s": _DEGREE, "°/s": _DEGREE, "rpm": 6 * _DEGREE, "rev/s": 360 * _DEGREE},
     "ratio": {"-": 1, "1": 1, "%": 1e-2, "percent": 1e-2, "‰": 1e-3},
     "ratio rate": {"1/s": 1, "%/s": 1e-2},
     "pressure rate": {"Pa/s": 1, "kPa/s": 1e3, "bar/s": 1e5, "MPa/s": 1e6},

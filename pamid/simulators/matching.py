@@ -37,6 +37,10 @@ _LEAD = 0.3
 _SLACK = 0.05
 """Share of its range by which a joint may be driven against its stop, or read beyond it."""
 
+_SAME = 0.7
+"""Correlation below which a guessed rate is none of its position."""
+_USUAL = {"angle": 2.0 * math.pi, "length": 10.0, "voltage": 1e3, "current": 1e3, "temperature": 3e3}
+"""What quantities without a unit and a range seldom exceed in SI: a turn; counts and degrees do."""
 _MOVES, _RATES = frozenset(("angle", "length")), frozenset(("angular rate", "speed"))
 _FAR = math.log(1.5)
 """Logarithm of the factor up to which a rate is in the nearest unit: the nearest two, deg/s and rpm, are 6 apart."""
@@ -208,12 +212,14 @@ class _Matcher:
         found: dict[str, str] = {}
         free = [c for c in self.columns if c.name not in pairs.values()]
         left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimensions]
-        for kind in dict.fromkeys((p.commanded, p.dimensions) for p in left):
+        for kind in dict.fromkeys((p.commanded, p.dimensions) for p in sorted(left, key=lambda p: p.commanded)):
             ports = [p for p in left if (p.commanded, p.dimensions) == kind]
             columns = [c for c in free if c.name not in found.values() and role_score(ports[0], c) > -math.inf]
             said = [c for c in columns if c.commanded] if kind[0] else []
             said = said or [c for c in columns if (c.dimensions or c.symbols) & kind[1]]
-            unsaid = not kind[0] and any((True, kind[1]) == (p.commanded, p.dimensions) for p in left)
+            unsaid = not kind[0] and any(
+                (True, kind[1]) == (p.commanded, p.dimensions) and p.port.start == 0.0 for p in left
+            )
             if len(ports) == len(said) and not (unsaid and not any(c.measured for c in said)):
                 found |= {p.port.name: c.name for p, c in zip(ports, said, strict=True)}
         open_ = [p for p in self.places if p.commanded and p.port.name not in {**pairs, **found, **self.rivals}]
@@ -242,7 +248,8 @@ class _Matcher:
             if port in self.given:
                 found.append(replace(match, unit=self.given[port][1] or _own(place)))
                 continue
-            found.append(self._with_unit(match, place, column, degrees, {m.port: m for m in found}, doubts))
+            if (one := self._with_unit(match, place, column, degrees, {m.port: m for m in found}, doubts)) is not None:
+                found.append(one)
         order = list(by_port)
         new = [m for m in found if m.port not in self.given]
         return sorted(new, key=lambda m: order.index(m.port)), doubts
@@ -250,7 +257,7 @@ class _Matcher:
     def _with_unit(
         self, match: Match, place: Place, column: Column, degrees: str, known: Mapping[str, Match],
         doubts: dict[str, str],
-    ) -> Match:  # fmt: skip
+    ) -> Match | None:  # fmt: skip
         stated = column.unit if column.dimension == place.dimension else ""
         under = known.get(self.place_under.get(place.port.name, ""))
         below = known.get(self.supposed_under.get(place.port.name, ""))
@@ -260,6 +267,8 @@ class _Matcher:
                 return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
         if under is not None and place.dimension in ("angular rate", "speed"):
             unit, why = self._unit_of_rate(under, column, place, stated)
+            if unit is None and not match.named and self._rate(under.column, column.name)[0] < _SAME:
+                return None
             if unit is None:
                 doubts[match.port] = why
                 return replace(match, unit=stated or _own(place), named=bool(match.named and stated), why=why)
@@ -271,10 +280,14 @@ class _Matcher:
             return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
         if place.dimension == "angle" and degrees:
             return replace(match, unit="deg", why=degrees)
+        if unread := read_header(column.name).unread:
+            doubts[match.port] = f"{unread} is no unit that is known: say which it is"
         beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
         if beyond:
             doubts[match.port] = f"{beyond}: say its unit"
             return replace(match, unit=_own(place), why=beyond)
+        if place.dimension and match.port not in self.ranges and (far := self._far(column, place)):
+            return replace(match, unit=_own(place), why=far)
         what = f", read in {place.port.unit}" if place.dimension else ""
         return replace(match, unit=_own(place) if column.unit else "", why="" if match.named else f"{basis}{what}")
 
@@ -301,6 +314,13 @@ class _Matcher:
             return ""
         return f"{column.name} goes from {x.min():.4g} to {x.max():.4g} and {port} from {low:.4g} to {high:.4g}"
 
+    def _far(self, column: Column, place: Place) -> str:
+        """Return that a column without a unit is larger than such quantities usually are; empty where it is not."""
+        x = self.frame[column.name]
+        most = float(np.max(np.abs(x[np.isfinite(x)]), initial=0.0))
+        usual = _USUAL.get(place.dimension, math.inf)
+        return f"read in {place.port.unit}, though it reaches {most:.3g}: say its unit" if most > usual else ""
+
     def _unit_of_rate(self, under: Match, column: Column, place: Place, stated: str) -> tuple[str | None, str]:
         """Return the unit under which a rate is the derivative of its position, or None, and what was found."""
         r, slope = self._rate(under.column, column.name)
@@ -308,7 +328,7 @@ class _Matcher:
             return stated or _own(place), f"its name, read in {stated or place.port.unit}"
         position = UNITS[under.unit].factor if under.unit in UNITS else 1.0
         factor = position * slope
-        if r < 0.7:
+        if r < _SAME:
             return None, f"{column.name} is not the derivative of {under.column} (correlation {r:.2g})"
         units = [u for u, unit in UNITS.items() if unit.dimension == place.dimension and unit.factor > 0.0]
         near = min(

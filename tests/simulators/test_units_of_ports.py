@@ -128,13 +128,8 @@ def quick(name: str) -> bool:
     return name.startswith(QUICK)
 
 
-LEFT_OUT = "init leaves a state in % out and lists it without a signal, and the state is then taken as hidden"
-
-
 def case(name: str):
     marks = [] if quick(name) else [pytest.mark.slow]
-    if "[%]" in name and CASES[name][0] in ("phi", "omega", "x"):
-        marks.append(pytest.mark.xfail(reason=LEFT_OUT, strict=True))
     return pytest.param(name, marks=marks)
 
 

@@ -14,6 +14,7 @@ from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ...json_data import json_ready
+from .._drafting import quoted, show_commands
 from .._progress import progress
 from .._several import HISTORY, add_options, diagnosed, judged_after, simulator_before
 from .._simulators import CORRECTED, add_trust_option, write_corrected
@@ -137,13 +138,30 @@ def run(args: argparse.Namespace) -> int:
     if d.candidates:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
-    if d.gap and len(d.rivals) > 1:
-        print(_paragraph("next", f"'pamid next {folder}' designs the run that distinguishes the explanations."))
     print()
     for file in files:
         print(f"wrote {file}")
+    print()
+    show_commands(_following(args, folder, simulator))
     note(args, f"took {time.perf_counter() - started:.0f} s")
     return DONE if d.tested else UNTESTED
+
+
+def _following(args: argparse.Namespace, folder: Path, simulator: Any) -> list[str]:
+    """Return what to run after a diagnosis: the corrected simulator on the log, and the design of the next run."""
+    from ...systems import System
+
+    trust = " --trust" if args.trust else ""
+    columns = "".join(
+        f" --{name} {quoted([value])}" for name in ("columns", "encoding") if (value := getattr(args, name))
+    )
+    found = []
+    if (folder / "corrected.toml").exists():
+        corrected = f"--sim {quoted([folder / 'corrected.toml'])}"
+        found.append(f"pamid evaluate {quoted(args.log)}{columns} {corrected}{trust}")
+    if (folder / HISTORY[0]).exists() and not isinstance(simulator, System):
+        found.append(f"pamid next {quoted([folder])}{trust}")
+    return found
 
 
 def write(

@@ -22,12 +22,14 @@ from .._drafting import (
     assign,
     checked_folder,
     disagreement,
+    following,
     hold,
     names,
     pairs,
     quoted,
     refer,
     show,
+    show_commands,
     tell,
     tried,
     trusted,
@@ -136,7 +138,7 @@ def _of_model(args: argparse.Namespace) -> int:
     """Write the mapping of a log where names, units or the clock need one, and the page of a model that has none."""
     from ...simulators.page import MODELS, bare_model
     from ...systems.draft import draft_for
-    from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take
+    from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take, without_column
     from .._simulators import outline
 
     model = Path(args.sim)
@@ -170,7 +172,8 @@ def _of_model(args: argparse.Namespace) -> int:
         draft.page = model_page(simulator, known, folder, mapped=True)
     if not args.json:
         show(draft)
-    tell(args, draft, log, write(draft, folder), "", missing)
+    doubt = "" if missing else without_column(draft, simulator, doubts)
+    tell(args, draft, log, write(draft, folder), doubt, missing)
     return 0
 
 
@@ -185,16 +188,17 @@ def _page_alone(args: argparse.Namespace, draft: Draft, columns: dict[str, str],
     tried(draft, draft.read)
     with replacing_together(folder, ("sim.toml",)) as stage:
         write_whole(stage / "sim.toml", model_page(simulator, columns, folder, mapped=False))
-    follow = f"pamid diagnose {quoted(args.log)} --sim {quoted([page])}{trusted(draft)} --out diagnosis"
+    follow = following(args.log, f"--sim {quoted([page])}{trusted(draft)}")
     unknown = [port.name for port in draft.ports if port.name not in columns]
     if args.json:
         files = {"sim.toml": str(page)}
-        print_json({"files": files, "columns": columns, "without_column": unknown, "next": follow})
+        more = {"next": follow[-1], "commands": follow}
+        print_json({"files": files, "columns": columns, "without_column": unknown, **more})
         return 0
     rows = [[port, column] for port, column in columns.items()] + [[port, "-"] for port in unknown]
     print(table(["port", "column"], rows))
     print(f"\nwrote {page}: correct what is ASSUMED, and give tolerances")
-    print(f"next: {follow}")
+    show_commands(follow)
     return 0
 
 
