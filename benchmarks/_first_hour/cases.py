@@ -72,7 +72,7 @@ def robot(
         real = model.replace(*change)
         assert real != model
         m = mujoco.MjModel.from_xml_string(real)
-        d, rng, t = mujoco.MjData(m), np.random.default_rng(len(name)), np.arange(0.0, 15.0, DT)
+        d, rng, t = mujoco.MjData(m), np.random.default_rng(len(name)), np.arange(0.0, 12.0 if len(own.joints) < 5 else 8.0, DT)
         u = np.stack([multisine(rng, t, command) for _ in range(m.nu)])
         rows = np.zeros((len(t), m.nu + 2 * m.nv))
         for k in range(len(t)):
@@ -111,7 +111,7 @@ def cart() -> Case:
 
         (folder / "cartpole.xml").write_text(CARTPOLE)
         m = mujoco.MjModel.from_xml_string(CARTPOLE.replace('damping="1"', 'damping="1" frictionloss="0.8"'))
-        d, rng, t = mujoco.MjData(m), np.random.default_rng(5), np.arange(0.0, 20.0, DT)
+        d, rng, t = mujoco.MjData(m), np.random.default_rng(5), np.arange(0.0, 12.0, DT)
         wanted, rows = multisine(rng, t, 0.5), []
         for k in range(len(t)):
             u = float(np.clip(3.0 * (wanted[k] - d.qpos[0]) - 0.5 * d.qvel[0], -1, 1))

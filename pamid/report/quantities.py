@@ -151,6 +151,19 @@ def effect(name: str) -> str:
     return " ".join(w.capitalize() if w in NAMES else w for w in words)
 
 
+_SAID = {
+    "settled": "share by which the springs had relaxed when a run begins",
+    "unknown": "share of the state before a run that nobody knows",
+    "carried": "share of its excess of temperature with which gas leaves",
+}
+"""Parameters whose names alone say nothing."""
+
+
+def parameter(name: str) -> str:
+    """Return the name of an effect's parameter in words."""
+    return _SAID.get(name, name.replace("_", " "))
+
+
 def placed(name: str, port: str) -> str:
     """Return an effect as words, with the port of a simulator at which it acts, or the two between which it does."""
     return said_at(effect(name), port)

@@ -18,6 +18,7 @@ from .quantities import (
     listed,
     names_of,
     of_port,
+    parameter,
     percent,
     placed,
     places,
@@ -313,7 +314,7 @@ def _brief(cause: Cause) -> str:
     for name, p in _sized(cause):
         known = all(math.isfinite(end) for end in p.ci90)
         told.append(
-            f"{name.replace('_', ' ')} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else "")
+            f"{parameter(name)} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else "")
         )
     return ", ".join(told)
 
@@ -323,7 +324,7 @@ def _sizes(cause: Cause) -> str:
     for name, p in _sized(cause):
         bound = ", at its physical limit" if p.at_bound else ""
         told.append(
-            f"{name.replace('_', ' ')} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
+            f"{parameter(name)} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
         )
     return f": {', '.join(told)}" if told else ""
 

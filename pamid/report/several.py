@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from .quantities import amount, effect
+from .quantities import amount, effect, parameter
 
 if TYPE_CHECKING:
     from ..gap.several.result import Change
@@ -15,7 +15,7 @@ def changed(change: Change) -> str:
     """Return how a cause changed between logs, as a sentence."""
     name = f"{effect(change.effect)} at {change.where}" if change.where else effect(change.effect)
     name = name[:1].upper() + name[1:]
-    what = change.parameter.replace("_", " ")
+    what = parameter(change.parameter)
     values = [amount(v, change.unit) for v in (change.before, change.after) if math.isfinite(v)]
     said = {
         "appears": f"{name} appears with {change.log}: {what} {values[-1] if values else 'unknown'}",

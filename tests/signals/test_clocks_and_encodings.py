@@ -11,6 +11,7 @@ import pytest
 from pamid.cli import main
 from pamid.errors import MappingError, ReadingWarning
 from pamid.signals import read_log
+from pamid.signals.formats._encoding import encoding_of
 
 T = 0.01 * np.arange(100)
 X = 0.1 * np.sin(5 * T)
@@ -73,3 +74,20 @@ def test_a_sampling_rate_beside_a_table_is_its_clock(name: str, value: float, tm
     scipy.io.savemat(tmp_path / "log.mat", {name: value, "q": X, "F": 10 * X})
     with pytest.warns(ReadingWarning, match=f"counted from {name} = {value:g}, 0.01 s per row"):
         assert np.allclose(read_log(tmp_path / "log.mat")["time"], T)
+
+
+@pytest.mark.parametrize(
+    "header", ["时间,位置,压力", "時間,長度 [mm],壓力", "軸位置(mm),關節角度,轉矩", "t,电压V,电流A", "鎔值,囧值,力", "𠀀值,位移,力"]
+)
+def test_chinese_beyond_gb2312_and_beside_latin_letters_is_found_unaided(header: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_bytes((header + "\n" + "1.0,2.0,3.0\n" * 50).encode("gb18030"))
+    assert encoding_of(tmp_path / "log.csv") == "gb18030"
+
+
+@pytest.mark.parametrize(
+    "header", ["Zeit,Länge,Überdruck", "Größe,Übergrößen,Maß", "vitesse mesurée,créée,°", "Länge [µm],Fläche [m²],°C",
+               "posición,ángulo,presión", "åäö,öåä,naïve"]
+)  # fmt: skip
+def test_western_letters_stay_latin(header: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_bytes((header + "\n" + "1.0,2.0,3.0\n" * 50).encode("latin-1"))
+    assert encoding_of(tmp_path / "log.csv") == "latin-1"

@@ -212,7 +212,8 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
         found = [name.strip() for name in text.split(",") if name.strip()]
         for name in found:
             if name.partition("@")[0] not in known:
-                close = difflib.get_close_matches(name, known, n=3)
+                like = [k for k in known if k.partition("_")[2] == name.partition("_")[2] != ""]
+                close = sorted(like)[:3] if at_ports and like else difflib.get_close_matches(name, known, n=3)
                 raise UnknownOptionError(
                     f"{option} names {name!r}, which is not an effect.",
                     f"one of {', '.join(sorted(known))}",

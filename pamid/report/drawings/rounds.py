@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, SKY, new_figure, style
-from ..quantities import effect
+from ..quantities import effect, parameter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,5 +53,5 @@ def _interval(d: Diagnosis, seconds: np.ndarray, ax: object) -> None:
             ax.plot([t, t], [p["low"], p["high"]], color=FAINT, linewidth=5, solid_capstyle="butt")  # type: ignore[attr-defined]
     ax.plot([t for t, _ in rows], [p["value"] for _, p in rows], "o-", color=BLUE)  # type: ignore[attr-defined]
     unit = rows[-1][1]["unit"]
-    words = rows[-1][1]["parameter"].replace("_", " ")
+    words = parameter(rows[-1][1]["parameter"])
     ax.set(ylabel=f"{words} / {unit}" if unit != "-" else words)  # type: ignore[attr-defined]

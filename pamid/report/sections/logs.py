@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..quantities import amount, effect, span
+from ..quantities import amount, effect, parameter, span
 from ..several import changed
 from .base import Section
 
@@ -31,7 +31,7 @@ class LogsSection(Section):
                             "log": log.log,
                             "day": log.day,
                             "effect": effect(name),
-                            "parameter": word.replace("_", " "),
+                            "parameter": parameter(word),
                             "value": amount(p.value, p.unit),
                             "ci": span(*p.ci90, p.unit),
                         }

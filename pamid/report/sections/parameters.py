@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..quantities import amount, effect, percent, share_span, span
+from ..quantities import amount, effect, parameter, percent, share_span, span
 from .base import Section
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class ParametersSection(Section):
 def _rows(parameters: Mapping[str, ParameterEstimate]) -> list[dict[str, str]]:
     return [
         {
-            "name": name.replace("_", " "),
+            "name": parameter(name),
             "value": amount(p.value, p.unit),
             "ci": span(*p.ci90, p.unit) + (", at its physical limit" if p.at_bound else ""),
         }
