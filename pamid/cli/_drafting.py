@@ -321,7 +321,7 @@ def tell(
     guessed = list(draft.supposed)
     assumed = list(draft.assumed())
     options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
-    follow = following(args.log, options) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
+    follow = following(args.log, options, files[0].parent) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
     if args.json:
         print_json(
             {
@@ -359,9 +359,10 @@ def tell(
     show_commands(follow)
 
 
-def following(logs: Sequence[str | Path], options: str) -> list[str]:
+def following(logs: Sequence[str | Path], options: str, folder: Path) -> list[str]:
     """Return what to run on logs and a simulator with ports: first how far off it is, then why."""
-    return [f"pamid evaluate {quoted(logs)} {options}", f"pamid diagnose {quoted(logs)} {options} --out diagnosis"]
+    given = f"{quoted(logs)} {options}"
+    return [f"pamid evaluate {given}", f"pamid diagnose {given} --out {quoted([folder / 'diagnosis'])}"]
 
 
 def show_commands(commands: Sequence[str]) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
@@ -30,9 +31,11 @@ def events_at_ports(
         raise UnknownParameterError(
             "--model or --muscle is given with a simulator with ports.", "neither", "Leave it out: they are of muscles."
         )
+    convert = _in_si(args, simulator) if args.columns else None
     first, source = _first_sample(source)
-    columns = [c for p in simulator.ports if p.kind != "joint" and (c := p.column or p.name) in first]
-    samples = Samples(columns, interval=args.interval, block=20)
+    first = convert(first) if convert else first
+    columns = [p.source for p in simulator.ports if p.kind != "joint" and p.source in first]
+    samples = Samples(columns, interval=args.interval, block=20, convert=convert)
     effects = [e.strip() for e in args.effects.split(",")] if args.effects else "all"
     watch = SimulatorWatch(
         simulator, effects, false_alarms=min(args.false_alarms * 600.0 / 3600.0, 0.5), random_state=args.seed
@@ -79,6 +82,28 @@ def events_at_ports(
             f"more than {args.learn:g} s of samples with time and {', '.join(columns) or 'columns of the ports'}",
             "Correct the stream, or learn for less time with --learn.",
         )
+
+
+def _in_si(args: argparse.Namespace, simulator: Simulator) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Return what turns a sample under a log's names into one of the ports, in their units."""
+    import numpy as np
+
+    from ..signals import LogMapping
+    from ..signals._tidy import to_si
+
+    mapping = LogMapping.load(args.columns, own=[port.source for port in simulator.ports])
+    path = Path(args.stream)
+
+    def convert(row: dict[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for signal, how in mapping.signals.items():
+            column = str(how.column or signal)
+            if column in row:
+                raw = np.asarray(np.nan if row[column] is None else float(row[column]))
+                found[signal] = float(to_si(raw, signal, how, {}, mapping.ambient_pressure, path))
+        return found
+
+    return convert
 
 
 def _first_sample(source: Iterator[bytes | None]) -> tuple[dict[str, Any], Iterator[bytes | None]]:

@@ -87,7 +87,7 @@ def tidy(
         if how.own or not how.check:
             unchecked.add(signal)
         zero = _zero(zero_run, position, signal, path, mapping) if how.subtract_zero_run else 0.0
-        columns[signal] = _to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
+        columns[signal] = to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
     read = set(columns)
     _add_constants(columns, constants, len(raw))
     if "time" not in columns:
@@ -245,9 +245,10 @@ def _zero(zero_run: pd.DataFrame | None, position: int, signal: str, path: Path,
     return float(np.nanmean(zero_run.iloc[:, position].to_numpy(dtype=float)))
 
 
-def _to_si(
+def to_si(
     values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], ambient: float, path: Path
 ) -> np.ndarray:
+    """Return a column's values in SI, as its mapping says."""
     unit = how.si_unit(signal)
     if how.offset:
         values = values + how.offset

@@ -66,7 +66,8 @@ def spec_text(spec: Any) -> str:
 def spec_item(spec: Any, m: Any, what: str, name: str) -> Any:
     """Return a joint, a body or an actuator of a model as it is written, by its name; ``m`` is the model compiled."""
     if _version() >= (3, 3):
-        return getattr(spec, what)(name)
+        item = getattr(spec, what)(name)
+        return _unnamed(spec, m, what, name) if item is None else item
     if what == "actuator":
         return next(a for a in spec.actuators if a.name == name)
     import mujoco
@@ -84,6 +85,17 @@ def spec_item(spec: Any, m: Any, what: str, name: str) -> Any:
             "Install MuJoCo 3.3 or newer.",
         )
     return item
+
+
+def _unnamed(spec: Any, m: Any, what: str, name: str) -> Any:
+    """Return what the model gives no name and pamid names by its number."""
+    items = list({"body": spec.bodies, "joint": spec.joints, "actuator": spec.actuators}[what])
+    count, k = {"body": m.nbody, "joint": m.njnt, "actuator": m.nu}[what], name.removeprefix(what)
+    if len(items) != count or not k.isdigit() or items[int(k)].name:  # static bodies are fused, say
+        raise SimulatorRunError(
+            f"The {what} {name!r} is not found in the model as it is written.", "a name for each", "Name it in the model."
+        )
+    return items[int(k)]
 
 
 def geoms_of(body: Any, m: Any) -> list[Any]:

@@ -55,15 +55,27 @@ def test_a_watch_learns_before_it_watches() -> None:
         SimulatorWatch(piston()).update(stream(0, 5e-4))
 
 
+MAPPING = """[signals]
+time = { column = "t", unit = "ms" }
+P = { column = "Druck", unit = "bar", gauge = false }
+F = { column = "Kraft", unit = "N" }
+"""
+
+
 @pytest.mark.slow
-def test_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("mapped", [False, True])
+def test_from_the_command_line(mapped: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "piston.toml").write_text(page_text(piston()))
     log = stream(2, 6e-4).drop(columns="trajectory")
+    if mapped:
+        (tmp_path / "columns.toml").write_text(MAPPING)
+        log = pd.DataFrame({"t": 1e3 * log["time"], "Druck": 1e-5 * log["P"], "Kraft": log["F"]})
     lines = [json.dumps(row) for row in log.to_dict("records")]
     lines[7000] = "not a sample"
     (tmp_path / "samples.jsonl").write_text("\n".join(lines) + "\n")
     argv = ["watch", str(tmp_path / "samples.jsonl"), "--sim", str(tmp_path / "piston.toml"), "--learn", "100"]
     argv += ["--effects", ",".join(LIBRARY)]
+    argv += ["--columns", str(tmp_path / "columns.toml")] if mapped else []
     assert main([*argv, "--json"]) == 0
     learnt, change, end = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (learnt["event"], change["event"], end["event"]) == ("learnt", "change", "end")

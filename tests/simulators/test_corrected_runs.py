@@ -64,3 +64,27 @@ def test_two_values_for_one_state_are_told(cart, capsys):
     assert main(COMMAND) != 0
     told = capsys.readouterr().err
     assert "rates returned 2 values" in told and "inside pamid" not in told
+
+
+NAMELESS = """<mujoco><worldbody><geom size=".1"/><body><joint axis="0 1 0"/><geom size=".1" pos="0 0 -.3"/>
+<body name="tip"><geom size=".02"/><body><joint axis="0 1 0" damping="1"/><geom size=".05" pos="0 0 -.2"/></body></body>
+</body></worldbody><actuator><motor joint="hinge"/></actuator></mujoco>"""
+
+
+def test_a_model_whose_parts_have_no_names_is_corrected(tmp_path):
+    pytest.importorskip("mujoco")
+    import mujoco
+
+    from pamid.simulators import MujocoSimulator
+    from pamid.simulators.mujoco_versions import _version
+
+    if _version() < (3, 3):
+        pytest.skip("an older MuJoCo asks for names")
+    (tmp_path / "arm.xml").write_text(NAMELESS.replace("<joint axis", '<joint name="hinge" axis', 1))
+    before = MujocoSimulator(tmp_path / "arm.xml")
+    numbers = before.own_numbers()
+    heavier = MujocoSimulator(tmp_path / "arm.xml", parameters={n: 1.5 * p.value for n, p in numbers.items()})
+    text, rest = heavier.with_({}, [("coulomb_friction", "hinge", {"amplitude": 0.3})]).corrected_xml()
+    after = mujoco.MjModel.from_xml_string(text)
+    assert not rest and after.dof_frictionloss[0] == 0.3
+    assert np.allclose(after.body_mass, 1.5 * before._m.body_mass) and np.allclose(after.dof_damping, [0.0, 1.5])

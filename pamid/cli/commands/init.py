@@ -188,7 +188,7 @@ def _page_alone(args: argparse.Namespace, draft: Draft, columns: dict[str, str],
     tried(draft, draft.read)
     with replacing_together(folder, ("sim.toml",)) as stage:
         write_whole(stage / "sim.toml", model_page(simulator, columns, folder, mapped=False))
-    follow = following(args.log, f"--sim {quoted([page])}{trusted(draft)}")
+    follow = following(args.log, f"--sim {quoted([page])}{trusted(draft)}", folder)
     unknown = [port.name for port in draft.ports if port.name not in columns]
     if args.json:
         files = {"sim.toml": str(page)}

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
+from .._drafting import quoted
 from .._progress import progress
 from .._simulators import add_trust_option
 from ..common import DONE, add_command, note, number, print_json, table, wrapped
@@ -135,6 +136,11 @@ def run(args: argparse.Namespace) -> int:
     print()
     for file in files:
         print(f"wrote {file}")
+    if plan.runs:
+        trust = " --trust" if args.trust else ""
+        second = quoted([Path(args.folder).with_name("second")])
+        print(f"\nonce recorded as LOG: pamid diagnose LOG --since {quoted([args.folder])}{trust} --out {second}, with the "
+              "--columns of before")  # fmt: skip
     note(args, f"took {time.perf_counter() - started:.0f} s, {plan.designs} designs looked at")
     return DONE
 

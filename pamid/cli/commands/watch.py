@@ -50,6 +50,7 @@ _EXAMPLES = """\
   logger | pamid watch - --sim sim.toml --false-alarms 0.1 --json
   pamid watch samples.jsonl --follow --sim sim.toml --model joint.pamid
   pamid watch samples.jsonl --sim arm.xml --learn 120
+  pamid watch samples.jsonl --sim setup/sim.toml --columns setup/columns.toml --learn 120
 """
 
 
@@ -62,6 +63,10 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--sim", metavar="SIM", required=True,
         help="simulator: file of the bench, page of the muscle, or one with ports (MuJoCo, FMU, page)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--columns", metavar="MAPPING.toml",
+        help="columns and units of the samples for a simulator with ports, as 'pamid init' writes them of a log",
     )  # fmt: skip
     add_trust_option(parser)
     parser.add_argument("--model", metavar="MODEL", help="fitted hybrid model whose volume is the healthy one")
@@ -95,6 +100,10 @@ def run(args: argparse.Namespace) -> int:
     else:
         source = lines(args.stream, follow=args.follow, patience=args.patience)
     ported = port_simulator_of(args)
+    if args.columns and ported is None:
+        raise ParameterError(
+            "--columns is given for a muscle or a bench.", "samples in SI under pamid's names", "Leave it out."
+        )
     for event in _events(args, source) if ported is None else events_at_ports(args, source, ported):
         if args.json:
             print(json.dumps(json_ready(event), allow_nan=False), flush=True)

@@ -1,0 +1,55 @@
+"""The benchmark of the first hour: names of drivers are matched, and printed commands run to a correction."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+if not (ROOT / "benchmarks" / "_first_hour").is_dir():
+    pytest.skip("needs the repository", allow_module_level=True)
+sys.path.append(str(ROOT))
+
+from benchmarks._first_hour import mapped  # noqa: E402
+from benchmarks._first_hour.cases import cases  # noqa: E402
+from benchmarks._first_hour.styles import OTHERS, STYLES  # noqa: E402
+from benchmarks._first_hour.walk import signals, walk  # noqa: E402
+
+QUICK = ("lerobot", "franka, desired qd", "g1, sdk2", "kuka rsi", "twincat", "Chinese, degrees", "Korean", "one letter")
+"""Words, units by ranges, a position called ``qd``, gains beside commands, and two whose samples alone tell."""
+EITHER_UNIT = ("odrive", "moteus", "vesc", "arduino")
+"""Turns without a unit or a range, electrical turns, and a drive beside its set point: nothing in the log tells."""
+ALL = {**STYLES, **OTHERS}
+
+
+@pytest.mark.parametrize("style", [pytest.param(s, marks=[] if s in QUICK else [pytest.mark.slow]) for s in ALL])
+def test_columns_of_a_driver_are_found_with_their_units(style: str) -> None:
+    pytest.importorskip("mujoco")
+    found = mapped.mapped(ALL[style])
+    assert not found.unmarked
+    if style in STYLES and style not in EITHER_UNIT:
+        assert not found.marked and not found.missed
+
+
+@pytest.mark.parametrize("case", [pytest.param(c, id=c.name, marks=pytest.mark.slow) for c in cases()])
+def test_signals_of_the_twelve_are_right(case, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    pytest.importorskip("fmpy")
+    pytest.importorskip("control")
+    case.write(tmp_path)
+    found = mapped.judged(signals(case, tmp_path), case.truth)
+    assert found.right == len(case.truth) and not (found.marked or found.unmarked)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["Python: stage, function", "Go1 leg, low-level state", "FMU: motor, German"])
+def test_printed_commands_run_to_a_correction(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    pytest.importorskip("fmpy")
+    case = next(c for c in cases() if c.name == name)
+    case.write(tmp_path)
+    done = walk(case, tmp_path)
+    assert done.ran, done.failed
+    assert min(done.after[k] / b for k, b in done.before.items()) < 0.5
