@@ -28,7 +28,9 @@ from benchmarks._first_hour.walk import signals, walk
 def counted(title: str, found: Mapping[str, Mapped], every: bool) -> None:
     """Print how many signals are right, and what is not."""
     for name, m in found.items():
-        wrong = [("marked", t) for t in m.marked] + [("UNMARKED", t) for t in m.unmarked] + [("open", t) for t in m.missed]
+        wrong = (
+            [("marked", t) for t in m.marked] + [("UNMARKED", t) for t in m.unmarked] + [("open", t) for t in m.missed]
+        )
         for word, text in wrong if every else wrong[:1]:
             print(f"  {name}: {word}, {text}")
     right, marked, unmarked, missed = (
@@ -53,7 +55,9 @@ def walked(case: Case, limit: float) -> tuple[bool, Mapped]:
         found = judged(signals(case, folder), case.truth)
         done = walk(case, folder, limit)
     errors = ", ".join(
-        f"{k} {b:.3g} -> {done.after[k]:.3g}" for k, b in done.before.items() if k in done.after and done.after[k] < 0.9 * b
+        f"{k} {b:.3g} -> {done.after[k]:.3g}"
+        for k, b in done.before.items()
+        if k in done.after and done.after[k] < 0.9 * b
     )
     print(f"{case.name}: {'ran' if done.ran else 'FAILED'}, {len(done.commands)} commands, {done.cpu:.0f} s; "
           f"{done.verdict or done.failed}; {errors}", flush=True)  # fmt: skip
@@ -81,7 +85,7 @@ def main(argv: list[str] | None = None) -> int:
         results = {c.name: walked(c, args.limit) for c in chosen}
         counted("simulators", {name: m for name, (_, m) in results.items()}, args.every)
         unmarked += sum(len(m.unmarked) for _, m in results.values())
-        print(f"simulators: {sum(r for r, _ in results.values())} of {len(results)} ran to a correction that was evaluated")
+        print(f"simulators: {sum(r for r, _ in results.values())} of {len(results)} ran")
         ran = all(r for r, _ in results.values())
     return int(unmarked > 0 or not ran)
 

@@ -72,7 +72,11 @@ def robot(
         real = model.replace(*change)
         assert real != model
         m = mujoco.MjModel.from_xml_string(real)
-        d, rng, t = mujoco.MjData(m), np.random.default_rng(len(name)), np.arange(0.0, 12.0 if len(own.joints) < 5 else 8.0, DT)
+        d, rng, t = (
+            mujoco.MjData(m),
+            np.random.default_rng(len(name)),
+            np.arange(0.0, 12.0 if len(own.joints) < 5 else 8.0, DT),
+        )
         u = np.stack([multisine(rng, t, command) for _ in range(m.nu)])
         rows = np.zeros((len(t), m.nu + 2 * m.nv))
         for k in range(len(t)):
@@ -163,7 +167,9 @@ def plant(
     return Case(name, sim, ports, write)
 
 
-def fmu(name: str, rates: Callable, states: dict, inputs: dict, numbers: dict, outputs: Callable, units: dict) -> Callable:
+def fmu(
+    name: str, rates: Callable, states: dict, inputs: dict, numbers: dict, outputs: Callable, units: dict
+) -> Callable:
     """Return what writes an FMU."""
 
     def files(folder: Path) -> None:
@@ -227,9 +233,10 @@ y0 = { kind = "output", unit = "rad/s" }
 
 def cases() -> list[Case]:
     """Return the twelve."""
-    dry = 'armature="0.02" damping="0.1"'
-    more = lambda joint, what: (f'<joint name="{joint}" axis=', f'<joint name="{joint}" {what} axis=')  # noqa: E731
-    assert dry
+
+    def more(joint: str, what: str) -> tuple[str, str]:
+        return f'<joint name="{joint}" axis=', f'<joint name="{joint}" {what} axis='
+
     return [
         robot("SO-101, LeRobot", "so101", ("action.{short}.pos", "observation.state.{short}.pos", ""),
               more("elbow_flex", 'frictionloss="0.25"'), DEG),
@@ -267,7 +274,8 @@ def cases() -> list[Case]:
               lambda t, x, u: [x[1], (u[0] - 10.0 * x[1] - 4.0 * np.tanh(x[1] / 2e-3)) / 5.0],
               lambda rng, t: [multisine(rng, t, 20.0)], [0.0, 0.0], [2e-5, 1e-3]),
         plant("Python: stage, function", "stage.toml", texts(stage__py=SPRING, stage__toml=SPRING_PAGE),
-              {"force": ("Kraft_soll [N]", 1.0), "pos": ("Weg_ist [mm]", 1e3), "pos_vel": ("Geschwindigkeit_ist [mm/s]", 1e3)},
+              {"force": ("Kraft_soll [N]", 1.0), "pos": ("Weg_ist [mm]", 1e3),
+               "pos_vel": ("Geschwindigkeit_ist [mm/s]", 1e3)},
               lambda t, x, u: [x[1], (u[0] - 4 * x[1] - 50 * x[0] - 2.0 * np.tanh(x[1] / 2e-3)) / 2.0],
               lambda rng, t: [multisine(rng, t, 12.0)], [0.0, 0.0], [2e-5, 1e-3]),
         plant("Python: oven, equations", "oven.toml", texts(oven__toml=OVEN_PAGE),

@@ -67,6 +67,7 @@ _SO = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"
 _UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _FR = ("FR_hip", "FR_thigh", "FR_calf")
 _ANYMAL = ("LF_HAA", "LF_HFE", "LF_KFE", "RF_HAA", "RF_HFE", "RF_KFE")
+_LEAP = ("if_mcp", "if_rot", "if_pip", "if_dip")
 _G1 = tuple(f"{side}_{part}_joint" for side in ("left", "right") for part in ("hip_pitch", "hip_roll", "knee"))
 
 ROBOTS = {
@@ -81,7 +82,7 @@ ROBOTS = {
     "kuka": Robot(numbered("joint_a{}", 6), numbered("joint_a{}", 6)),
     "anymal": Robot(_ANYMAL, _ANYMAL, "motor"),
     "g1": Robot(_G1, _G1, "motor"),
-    "leap finger": Robot(("if_mcp", "if_rot", "if_pip", "if_dip"), tuple(f"if_{n}_act" for n in ("mcp", "rot", "pip", "dip"))),
+    "leap finger": Robot(_LEAP, tuple(f"{n}_act" for n in _LEAP)),
     "scara": Robot(("axis1", "axis2"), ("servo1", "servo2"), "velocity"),
     "drive": Robot(("shaft",), ("motor",), "motor", (0.0, 0.0)),
     "pendulum": Robot(("hinge",), ("torque",), "motor", (0.0, 0.0)),

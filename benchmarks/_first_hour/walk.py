@@ -57,7 +57,9 @@ def walk(case: Case, folder: Path, limit: float = 900.0) -> Walk:
         output = said(command, folder, done, limit)
         waiting += [c for c in re.findall(r"^next: (pamid .*)$", output, re.M) if c not in done.commands]
         if " evaluate " in f" {command}":
-            errors = {r[0]: float(r[1]) for r in re.findall(r"^(\S+)\s+(\S+)\s+\S+\s+\S+\s+\S+\s+\S+", output, re.M)[1:]}
+            errors = {
+                r[0]: float(r[1]) for r in re.findall(r"^(\S+)\s+(\S+)\s+\S+\s+\S+\s+\S+\s+\S+", output, re.M)[1:]
+            }
             (done.after if "corrected" in command else done.before).update(errors)
         if " diagnose " in f" {command}":
             done.verdict = output.partition("\n")[0]

@@ -321,7 +321,9 @@ def tell(
     guessed = list(draft.supposed)
     assumed = list(draft.assumed())
     options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
-    follow = following(args.log, options, files[0].parent) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
+    follow = (
+        following(args.log, options, files[0].parent) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
+    )
     if args.json:
         print_json(
             {

@@ -313,9 +313,7 @@ def _brief(cause: Cause) -> str:
     told = []
     for name, p in _sized(cause):
         known = all(math.isfinite(end) for end in p.ci90)
-        told.append(
-            f"{parameter(name)} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else "")
-        )
+        told.append(f"{parameter(name)} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else ""))
     return ", ".join(told)
 
 
@@ -323,9 +321,7 @@ def _sizes(cause: Cause) -> str:
     told = []
     for name, p in _sized(cause):
         bound = ", at its physical limit" if p.at_bound else ""
-        told.append(
-            f"{parameter(name)} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})"
-        )
+        told.append(f"{parameter(name)} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})")
     return f": {', '.join(told)}" if told else ""
 
 

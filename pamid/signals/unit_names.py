@@ -43,7 +43,8 @@ gon: gradian neugrad
 rev: turn turns revolution revolutions umdrehung umdrehungen u umdr
 rad/s: rad/sec
 deg/s: deg/sec degree/s degrees/s grad/s
-rpm: u/min 1/min upm umin rev/min r/min umdr/min min-1 turn/min turns/min umdrehungen/min tr/min giri/min об/мин 转/分 转/分钟 転/分
+rpm: u/min 1/min upm umin rev/min r/min umdr/min min-1 turn/min turns/min umdrehungen/min tr/min giri/min об/мин
+rpm: 转/分 转/分钟 転/分
 rev/s: rps turn/s turns/s turn/sec turns/sec u/s umdr/s tr/s
 -: ratio dimensionless dimensionslos einheitenlos unitless none ohne m/m mm/mm n/a
 %: pct prozent percent %fs

@@ -18,7 +18,6 @@ EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
 """Weights of the clues: a port's own name outweighs all others together."""
 
 
-
 @dataclass(frozen=True)
 class Column:
     """Content of a column's header.
@@ -149,7 +148,9 @@ def letters(name: str) -> str:
 def role_score(place: Place, column: Column) -> float:
     """Return how well role, quantity and unit agree; minus infinity where one forbids it."""
     never = -math.inf
-    if column.apart and not set(tokens(place.port.name)) & {w for w in tokens(column.name) if ROLE_OF.get(w) == "error"}:
+    if column.apart and not set(tokens(place.port.name)) & {
+        w for w in tokens(column.name) if ROLE_OF.get(w) == "error"
+    }:
         return never
     if column.certain and place.dimension and column.dimension != place.dimension:
         return never

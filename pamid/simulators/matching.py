@@ -107,7 +107,7 @@ class _Matcher:
         """Return the columns with what the samples say of those whose names say nothing, or one of two things."""
         rates = is_rate_of(self.t, self.frame)
         under = set(rates.values())
-        open_ = {c.name for c in self.columns if not c.dimensions or set(tokens(c.name)) & EITHER and not c.certain}
+        open_ = {c.name for c in self.columns if not c.dimensions or (set(tokens(c.name)) & EITHER and not c.certain)}
         moving = [c for c in self.columns if c.dimensions & _MOVES or (c.name in open_ and c.name not in rates)]
         leads = led_by({c.name: self.frame[c.name] for c in moving})
         said: dict[str, tuple[frozenset[str], bool]] = {}

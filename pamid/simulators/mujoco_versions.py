@@ -93,7 +93,9 @@ def _unnamed(spec: Any, m: Any, what: str, name: str) -> Any:
     count, k = {"body": m.nbody, "joint": m.njnt, "actuator": m.nu}[what], name.removeprefix(what)
     if len(items) != count or not k.isdigit() or items[int(k)].name:  # static bodies are fused, say
         raise SimulatorRunError(
-            f"The {what} {name!r} is not found in the model as it is written.", "a name for each", "Name it in the model."
+            f"The {what} {name!r} is not found in the model as it is written.",
+            "a name for each",
+            "Name it in the model.",
         )
     return items[int(k)]
 

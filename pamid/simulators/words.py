@@ -6,16 +6,17 @@ import re
 from collections.abc import Iterable, Iterator
 
 _ROLES = {
-    "command": "cmd command commanded commands des desired ref reference references target targets tgt trg ctrl control "
-    "setpoint setpoints set goal action actions sp d plan planned demand demanded desire wanted soll sollwert vorgabe "
-    "ziel führung stell stellgrösse wunsch leader master consigne commande cible désiré désirée deseado deseada objetivo comando riferimento "
+    "command": "cmd command commanded commands des desired ref reference references target targets tgt trg ctrl "
+    "control setpoint setpoints set goal action actions sp d plan planned demand demanded desire wanted leader master "
+    "soll sollwert vorgabe ziel führung stell stellgrösse wunsch consigne commande cible désiré désirée deseado "
+    "deseada objetivo comando riferimento rif desejado desejada gewenst gewenste "
     "目标 目標 期望 指令 设定 設定 给定 給定 命令 参考 控制",
     "reading": "actual act measured meas mes feedback fbk fb observation obs present ist istwert encoder estimated est "
-    "read gemessen mess gemeten follower puppet slave mesure mesuré mesurée réel réelle medido medida misurato 实际 實際 实测 实测 反馈 测量 当前 现在 "
-    "現在 実 実測 実際 測定 計測",
+    "read follower puppet slave gemessen mess mesure mesuré mesurée réel réelle medido medida misurato gemeten "
+    "实际 實際 实测 反馈 测量 当前 现在 現在 実 実測 実際 測定 計測",
     "error": "error errors err diff deviation dev abweichung regelabweichung regeldifferenz schleppfehler fehler écart "
     "erreur kp kd ki gain gains stiffness battery bus vbus supply versorgung batterie 误差 偏差 誤差",
-    "filler": "state states joint joints motor motors dof axis axes servo servos actuator achse gelenk motoren axe axes "
+    "filler": "state states joint joints motor motors dof axis axes servo servos actuator achse gelenk motoren axe "
     "articulation eje articulación asse giunto 关节 關節 関節 轴 軸 电机 モータ 值 値",
 }
 """What a signal is to the system. What errors, gains and supplies name is seldom a port."""
@@ -26,7 +27,10 @@ _DIMENSIONS = {
     ("acceleration", "angular acceleration"): "ddq qdd qacc acc accel acceleration beschleunigung accélération "
     "aceleración 加速度 角加速度",
     ("angular rate",): "omega ω winkelgeschwindigkeit drehzahl rpm gyro 角速度 转速 回転数 回転速度 dtheta dphi",
-    ("angular rate", "speed"): "dq qd qdot qvel dpos vel velo spd velocity velocities speed speeds rate geschwindigkeit "
+    (
+        "angular rate",
+        "speed",
+    ): "dq qd qdot qvel dpos vel velo spd velocity velocities speed speeds rate geschwindigkeit "
     "vitesse velocidad velocità velocidade snelheid hoeksnelheid 速度",
     ("speed",): "dx dy dz",
     ("angle",): "q theta θ phi φ angle angles winkel angolo ángulo hoek 角度 角",
@@ -117,4 +121,4 @@ def _key(dims: frozenset[str]) -> tuple[str, ...]:
 
 def names_itself(word: str) -> bool:
     """Return whether a word names a thing, rather than its role or quantity."""
-    return word not in ROLE_OF and word not in DIMENSIONS_OF or ROLE_OF.get(word) == "filler"
+    return (word not in ROLE_OF and word not in DIMENSIONS_OF) or ROLE_OF.get(word) == "filler"

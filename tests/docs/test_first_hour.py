@@ -1,4 +1,4 @@
-"""The first hour of an arm and of an FMU: the page's commands are those that the commands print, and they close the gap."""
+"""The first hour of an arm and an FMU: the page has the commands that are printed, and they close the gap."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def test_printed_commands_alone_lead_from_a_raw_log_to_a_correction_that_runs(
         said = capsys.readouterr().out
         printed += re.findall(r"^next: (.*)$", said, re.M)
         if " evaluate " in command:
-            errors["corrected" in command] = max(float(r) for r in re.findall(r"^\w+ +\S+ +\S+ +\S+ +\S+ +(\S+) ", said, re.M)[1:])
+            errors["corrected" in command] = max(
+                float(r) for r in re.findall(r"^\w+ +\S+ +\S+ +\S+ +\S+ +(\S+) ", said, re.M)[1:]
+            )
     assert set(printed) == set(commands[k][1:])
     folder = tmp_path / ("arm", "motor")[k] / "diagnosis"
     found = json.loads((folder / "diagnosis.json").read_text())

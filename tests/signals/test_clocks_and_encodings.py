@@ -77,7 +77,15 @@ def test_a_sampling_rate_beside_a_table_is_its_clock(name: str, value: float, tm
 
 
 @pytest.mark.parametrize(
-    "header", ["时间,位置,压力", "時間,長度 [mm],壓力", "軸位置(mm),關節角度,轉矩", "t,电压V,电流A", "鎔值,囧值,力", "𠀀值,位移,力"]
+    "header",
+    [
+        "时间,位置,压力",
+        "時間,長度 [mm],壓力",
+        "軸位置(mm),關節角度,轉矩",
+        "t,电压V,电流A",
+        "鎔值,囧值,力",
+        "𠀀值,位移,力",
+    ],
 )
 def test_chinese_beyond_gb2312_and_beside_latin_letters_is_found_unaided(header: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_bytes((header + "\n" + "1.0,2.0,3.0\n" * 50).encode("gb18030"))

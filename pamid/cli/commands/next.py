@@ -139,8 +139,8 @@ def run(args: argparse.Namespace) -> int:
     if plan.runs:
         trust = " --trust" if args.trust else ""
         second = quoted([Path(args.folder).with_name("second")])
-        print(f"\nonce recorded as LOG: pamid diagnose LOG --since {quoted([args.folder])}{trust} --out {second}, with the "
-              "--columns of before")  # fmt: skip
+        since = f"--since {quoted([args.folder])}{trust} --out {second}"
+        print(f"\nonce recorded as LOG: pamid diagnose LOG {since}, with the same --columns")
     note(args, f"took {time.perf_counter() - started:.0f} s, {plan.designs} designs looked at")
     return DONE
 
