@@ -39,6 +39,8 @@ _SLACK = 0.05
 
 _SAME = 0.7
 """Correlation below which a guessed rate is none of its position."""
+_ROWS = 20_000
+"""Rows by which columns are compared all with all."""
 _USUAL = {"angle": 2.0 * math.pi, "length": 10.0, "voltage": 1e3, "current": 1e3, "temperature": 3e3}
 """What quantities without a unit and a range seldom exceed in SI: a turn; counts and degrees do."""
 _MOVES, _RATES = frozenset(("angle", "length")), frozenset(("angular rate", "speed"))
@@ -105,11 +107,12 @@ class _Matcher:
 
     def _by_motion(self) -> list[Column]:
         """Return the columns with what the samples say of those whose names say nothing, or one of two things."""
-        rates = is_rate_of(self.t, self.frame)
+        t, frame = self.t[:_ROWS], {name: x[:_ROWS] for name, x in self.frame.items()}
+        rates = is_rate_of(t, frame)
         under = set(rates.values())
         open_ = {c.name for c in self.columns if not c.dimensions or (set(tokens(c.name)) & EITHER and not c.certain)}
         moving = [c for c in self.columns if c.dimensions & _MOVES or (c.name in open_ and c.name not in rates)]
-        leads = led_by({c.name: self.frame[c.name] for c in moving})
+        leads = led_by({c.name: frame[c.name] for c in moving})
         said: dict[str, tuple[frozenset[str], bool]] = {}
         for c in self.columns:
             dims = c.dimensions

@@ -15,11 +15,11 @@ _ROLES = {
     "read follower puppet slave gemessen mess mesure mesuré mesurée réel réelle medido medida misurato gemeten "
     "实际 實際 实测 反馈 测量 当前 现在 現在 実 実測 実際 測定 計測",
     "error": "error errors err diff deviation dev abweichung regelabweichung regeldifferenz schleppfehler fehler écart "
-    "erreur kp kd ki gain gains stiffness battery bus vbus supply versorgung batterie 误差 偏差 誤差",
+    "erreur kp kd ki gain gains stiffness battery batterie vbus 误差 偏差 誤差",
     "filler": "state states joint joints motor motors dof axis axes servo servos actuator achse gelenk motoren axe "
     "articulation eje articulación asse giunto 关节 關節 関節 轴 軸 电机 モータ 值 値",
 }
-"""What a signal is to the system. What errors, gains and supplies name is seldom a port."""
+"""What a signal is to the system. What errors and gains name is seldom a port."""
 FAINT = frozenset(("d", "sp"))
 """Marks of a command that samples of a speed outweigh."""
 _EFFORT = ("torque", "force", "current", "voltage", "ratio")
