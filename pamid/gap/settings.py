@@ -1,9 +1,8 @@
-"""All numbers that the diagnosis decides by, and what follows from them.
+"""All thresholds of the diagnosis, and those that follow from them.
 
-Each is a judgement of how exact models of pneumatic muscles are, or of how much is searched; ``python
-benchmarks/settings.py`` halves and doubles each and prints what that changes. The weights behind trust in names are
-fitted, in `pamid.gap.diagnosis.trusted`. The accuracy of computations (rounds of a solver, draws, frequencies) is set
-where they are.
+Each states how exact models of pneumatic muscles are, or how much is searched; ``python benchmarks/settings.py`` halves
+and doubles each and prints what changes. The weights behind the confidence in names are fitted, in
+`pamid.gap.diagnosis.trusted`. Numerical accuracy (rounds of a solver, draws, frequencies) is set where it is used.
 """
 
 from __future__ import annotations
@@ -12,63 +11,63 @@ from math import log
 
 # --- how much is searched ----------------------------------------------------------------------------------------
 MAX_ROWS = 160_000
-"""Most rows that a diagnosis looks at; longer logs are thinned to whole runs."""
+"""Maximum rows of a diagnosis; longer logs are thinned to whole runs."""
 SEARCH_ROWS = 40_000
-"""Most rows in which causes are searched; what is found is fitted to all."""
+"""Maximum rows in which causes are searched; the result is fitted to all."""
 MOST_CAUSES = 6
-"""Most effects of one answer."""
+"""Maximum effects in one answer."""
 KEPT = 5
-"""Sets of effects that are followed at each size, and that are refitted exactly."""
+"""Sets of effects kept at each size, and refitted exactly."""
 CLOSE, CLOSE_SHARE = 12.0, 0.08
-"""How far below the best a set may score to first order and still be refitted: nats, and share of the best's gain."""
+"""Largest first-order deficit at which a set is still refitted: nats, and share of the best set's gain."""
 GRID = 0.3
-"""Share of what an effect explains that a point of its grid explains at least: ``python benchmarks/grids.py``."""
+"""Smallest share of an effect's gain that a point of its grid explains: ``python benchmarks/grids.py``."""
 
 # --- how inexact noise and forms are ----------------------------------------------------------------------------
 NU = 5.0
-"""Degrees of freedom of Student's t: tails heavy enough for windows in which a model of first order fails."""
+"""Degrees of freedom of Student's t: heavy enough tails for windows in which the linearisation fails."""
 NOISE_KNOWN = 0.04
-"""How well the noise of an equation is known from its own signals, as a share."""
+"""Relative uncertainty of an equation's noise, as estimated from its own signals."""
 FORM_LOCAL = 0.015
-"""Standard deviation of an effect's form, as a share of what it adds in a window."""
+"""Standard deviation of the error of an effect's form, relative to its contribution in a window."""
 FORM_SMOOTH = 0.3
-"""The same where it goes smoothly with the state."""
+"""The same for the part that is smooth in the state."""
 FORM_ROUGH = 3.0
-"""How many times that a rough form may be, if the log speaks for it."""
+"""Factor on it for a rough form, if the log supports one."""
 FORM_ELSEWHERE = 0.01
-"""What an effect may add in windows and equations of which the library's form says nothing, as a share of its size."""
+"""Possible contribution in windows and equations where the library's form has none, relative to the effect's size."""
 OF_ITS_OWN = 0.05
-"""Size of a further effect, and of what it explains, from which it is one of its own: a share of those beside which it
-acts, whose inexact forms could call for it; and how near to one of two forms a share between them is expected."""
+"""Smallest size of a further effect, and of what it explains, relative to the effects beside it: a smaller one may
+compensate for their inexact forms. Also how near to one of two forms a share between them is expected."""
 
 # --- what is reported -------------------------------------------------------------------------------------------
 FALSE_ALARM = 0.01
-"""Probability at which the evidence of an effect or of an excess counts as a gap."""
+"""Probability below which an effect or an excess residual counts as a gap."""
 OTHER_SYSTEMS = 10.0
-"""Evidence, in nats, that an effect of other systems needs beyond its price."""
+"""Additional evidence, in nats, that an effect of other kinds of systems needs."""
 INCLUDED = 0.95
-"""Posterior probability of a cause, or of a class, from which it is said beside others: one in twenty is wrong."""
+"""Smallest posterior probability at which a cause or a class is named beside others: one in twenty is wrong."""
 CLASS, CLASS_SHARE = 2.0, 0.004
-"""Difference in score that the form of a candidate is worth: nats, and share of the gain."""
+"""Score difference that an inexact form can explain: nats, and share of the gain."""
 MATERIAL = 0.1
-"""Share, of a gap or of what is predictable or could be learned, from which it is worth a word; it affects no name."""
+"""Smallest share of a gap, or of what is predictable in it, that a report mentions; it affects no name."""
 FAR, FEW = 8.0, 4
-"""Residuals beyond so many of their noise, in so many windows, are a gap by themselves."""
+"""Residuals beyond this multiple of their noise, in this many windows, are a gap by themselves."""
 
-# --- what follows -----------------------------------------------------------------------------------------------
+# --- derived -----------------------------------------------------------------------------------------------
 TOLERANCE = 12.0 / (1.0 + 1.0) ** 2
 """Precision of a parameter within its tolerance: that of a uniform distribution from −1 to 1."""
 FORM_EXACT = FORM_LOCAL / 5.0
-"""The inexactness of faults of sensors and wrong parameters, whose forms are known."""
+"""The same for sensor faults and wrong parameters, whose forms are known."""
 FORM_TIMES = 0.0, 1.0, FORM_ROUGH
-"""Multiples of the inexactness of forms that a log may support: none, the usual, a rough form."""
+"""Multiples of the inexactness that a log may support: exact, usual, rough."""
 CERTAIN = log(INCLUDED / (1.0 - INCLUDED))
-"""The same as the logarithm of odds."""
+"""`INCLUDED` as log odds."""
 NONE_SURE = 1.0 - FALSE_ALARM
-"""Confidence in no gap where there is no sign of one; half where evidence is only just missing."""
+"""Confidence in "no gap" without any sign of one; it falls to one half where the evidence just fails the test."""
 LEAST_GAIN = -log(2.0 * FALSE_ALARM)
-"""Gain in log-likelihood that a first effect must bring at least: that of a false alarm, there being two tests."""
+"""Smallest gain in log-likelihood of a first effect: that of a false alarm, with two tests."""
 EXCESS = 2.0 * NOISE_KNOWN
-"""Excess of a residual over its noise, as a share, that is a gap, or a sign, by itself."""
+"""Relative excess of a residual over its noise that is a gap, or a sign, by itself."""
 DECIDED = 2.0 * OTHER_SYSTEMS
-"""Difference in score, in nats, beyond which a rival is ruled out: no further run is designed for it."""
+"""Score difference, in nats, beyond which a candidate is ruled out: no further run is designed for it."""
