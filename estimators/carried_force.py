@@ -69,7 +69,7 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     max_samples : int, default=600
-        Most samples that are fitted, evenly spaced; the cost grows with their cube.
+        Maximum number of samples that are fitted, evenly spaced; the cost grows with their cube.
     signals : dict, optional
         Column of X for each signal.
 

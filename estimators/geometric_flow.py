@@ -45,7 +45,7 @@ class GeometricFlow(GeometricRegressor):
     temperature : float, default=293
         T, K.
     max_iter : int, default=200
-        Most evaluations of the model.
+        Maximum number of evaluations of the model.
     signals : mapping of str to (str or int), optional
         Which column holds which signal.
 

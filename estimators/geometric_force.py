@@ -49,7 +49,7 @@ class GeometricForce(GeometricRegressor):
     atmospheric_pressure : float, default=101325
         Pa, absolute.
     max_iter : int, default=200
-        Most evaluations of the model.
+        Maximum number of evaluations of the model.
     signals : mapping of str to (str or int), optional
         Which column holds which signal.
 

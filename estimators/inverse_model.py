@@ -95,7 +95,7 @@ class InverseModel(OneLayerRegressor):
     alpha : float, default=0.01
         Weight decay: factor of the squared weights in the sum of squares of the standardised target, dimensionless.
     max_iter : int, default=200
-        Most Levenberg–Marquardt steps.
+        Maximum number of Levenberg–Marquardt steps.
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3

@@ -59,10 +59,10 @@ class JointPIHM(HybridModel):
         ``trainer="adam"``, which as printed keeps its last epoch.
     effects : sequence of str or Effect, or dict of str to dict, optional
         Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
-        memory, friction, leaks; a dict holds the values at which the search for them begins. Geometry and
-        effects are identified in turns; the network learns what both leave and reads what the effects remember. X is
-        then a DataFrame of whole runs in order of time, with ``time`` (s) and ``trajectory``; rows that
-        only carry the memory get a sample weight of 0.
+        memory, friction, leaks; a dict gives their start values. Geometry and effects are identified alternately; the
+        network learns the remainder, with the states of the effects as inputs. X is then a DataFrame of whole runs in
+        order of time, with ``time`` (s) and ``trajectory``; rows that only advance these states get a sample weight of
+        0.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
     dtype : {"float64", "float32"}, default="float64"

@@ -38,7 +38,7 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
     order : int or "auto", default="auto"
         Number of states.
     max_order : int, default=8
-        Most states that "auto" considers.
+        Largest number of states that "auto" considers.
     block_rows : int, default=20
         Rows of past and of future that the projection uses; more than the order.
     start : str, optional

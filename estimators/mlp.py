@@ -58,7 +58,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     batch_size : int, default=256
         Rows of a mini-batch. If there are no more rows than that, every step uses them all.
     max_iter : int, default=200
-        Most epochs (Adam) or iterations (L-BFGS).
+        Maximum number of epochs (Adam) or iterations (L-BFGS).
     alpha : float, default=0.0
         Weight decay: factor of the sum of squared weights in the loss, dimensionless.
     early_stopping : bool, default=False

@@ -46,7 +46,7 @@ class NNARX(NARXRegressor):
     margin : float, default=0.2
         Share of the range of the outputs of the fit by which a free run may leave it, dimensionless.
     max_iter : int, default=60
-        Most Levenberg–Marquardt steps.
+        Maximum number of Levenberg–Marquardt steps.
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
     one_trajectory : bool, default=False

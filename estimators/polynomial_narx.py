@@ -32,7 +32,7 @@ class PolynomialNARX(NARXRegressor):
     degree : int, default=3
         Highest degree of a monomial.
     n_terms : int, default=12
-        Most terms.
+        Maximum number of terms.
     threshold : float, default=1e-6
         Share of the step's variance that a term must explain to enter, dimensionless.
     horizon : int, default=50
@@ -45,7 +45,7 @@ class PolynomialNARX(NARXRegressor):
     margin : float, default=0.2
         Share of the range of the outputs of the fit by which a free run may leave it, dimensionless.
     max_iter : int, default=60
-        Most Levenberg–Marquardt steps.
+        Maximum number of Levenberg–Marquardt steps.
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
     one_trajectory : bool, default=False

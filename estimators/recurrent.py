@@ -65,7 +65,7 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     batch_size : int, default=32
         Segments that run side by side.
     max_iter : int, default=50
-        Most epochs.
+        Maximum number of epochs.
     early_stopping : bool, default=False
         Whether to hold out whole runs, keep the weights that do best on them, and stop when they cease to
         improve. Otherwise the training loss decides.

@@ -47,7 +47,7 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     alpha : float, default=0.3
         Weight decay: factor of the squared weights in the sum of squares of the standardised residual, dimensionless.
     max_iter : int, default=100
-        Most Levenberg–Marquardt steps.
+        Maximum number of Levenberg–Marquardt steps.
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3

@@ -45,7 +45,7 @@ class SINDyRegressor(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     alpha : float, default=1e-6
         Ridge penalty in the scaled problem, dimensionless; no effect for "sr3".
     max_iter : int, default=20
-        Most iterations; for "frols" the most terms.
+        Maximum number of iterations; for "frols", of terms.
     target : str, default="y"
         Name of the target in `equations_`, for instance ``"F"`` or ``"mdot"``.
     signals : mapping of str to str or int, optional

@@ -60,7 +60,7 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     alpha : float, default=1e-6
         Ridge penalty in the scaled problem, dimensionless.
     max_iter : int, default=20
-        Most iterations; for "frols" the most terms.
+        Maximum number of iterations; for "frols", of terms.
     sampling_period : float, optional
         Time between rows, s. Without it the time is read from a column.
     time : str or int, default="time"

@@ -116,7 +116,7 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
     trusted : sequence of type or str, optional
         Further types that you know to be safe, such as an estimator class of your own.
     max_bytes : int, default=2**29
-        Most memory that loading may take, in bytes. The contents of the file may be a quarter of it.
+        Memory limit of loading, in bytes. The contents of the file may be a quarter of it.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     path : path-like
         The model file.
     max_bytes : int, default=2**29
-        Most memory that loading may take, in bytes. The contents of the file may be a quarter of it.
+        Memory limit of loading, in bytes. The contents of the file may be a quarter of it.
 
     Returns
     -------

@@ -120,7 +120,7 @@ def prepare(
     rows : array_like of bool, shape (n_rows,), optional
         Rows that count; the others serve only to take rates from.
     score_rows : int, default=50000
-        Most rows on which everything is scored.
+        Maximum number of rows scored.
     tuning : "auto", float or sequence of float, default="auto"
         Cut-off frequency of the rates, Hz, see `pamid.estimators.RateTransformer`.
     method : {"savgol", "spline", "kalman"}, default="savgol"

@@ -70,9 +70,9 @@ def compare(
     rows : array_like of bool, shape (n_rows,), optional
         Rows that count, such as those in which a muscle is not slack.
     fit_rows : int, default=5000
-        Most rows of a fit.
+        Maximum number of rows of a fit.
     score_rows : int, default=50000
-        Most rows scored.
+        Maximum number of rows scored.
     parameters : mapping of str to float, optional
         Geometry and gas for all estimators that take them: ``rest_length`` (m), ``rest_diameter`` (m),
         ``atmospheric_pressure`` (Pa), ...; ``BenchParameters.values()`` will do.

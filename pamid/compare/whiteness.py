@@ -125,7 +125,7 @@ def residual_test(
     groups : array_like, shape (n_samples,), optional
         Run of each row, contiguous; without it all rows are one run.
     lags : int, default=25
-        Most rows between the two.
+        Maximum number of rows between the two.
     interval : float, default=1.0
         Time between rows, s.
     level : float, default=0.99

@@ -56,7 +56,7 @@ def read_log_pieces(
     mapping : LogMapping, dict, path of a TOML file, optional
         Names, units, references and constants of the log.
     rows : int, default=1000000
-        Most rows of a piece of several runs.
+        Maximum number of rows of a piece of several runs.
     nan, time_order, duplicates, sampling, check_units, ambient_pressure : optional
         As for `read_log`; the warning on sampling comes after the last piece.
     max_bytes : int, default=16 GiB
@@ -98,7 +98,7 @@ def read_log_part(
     check_units: bool = True,
     max_bytes: int = MAX_BYTES,
 ) -> tuple[pd.DataFrame, int]:
-    """Read whole runs, evenly spread over a log, up to so many rows.
+    """Read whole runs, evenly spread over a log, up to a maximum number of rows.
 
     The result equals `whole_trajectories` of what `read_log` returns. Of a parquet file, or an HDF5 file of one table
     of vectors, nothing else is read or kept in memory.
@@ -110,7 +110,7 @@ def read_log_part(
     mapping : LogMapping, dict, path of a TOML file, optional
         Names, units, references and constants of the log.
     most : int
-        Most rows.
+        Maximum number of rows.
     nan, check_units, max_bytes : optional
         As for `read_log`.
 

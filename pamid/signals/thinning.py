@@ -123,7 +123,7 @@ def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | Non
     log : DataFrame
         Tidy frame with a column ``trajectory``.
     most : int
-        Most rows; the last run is cut there, and so is a single run that is longer.
+        Maximum number of rows; the last run is cut there, and so is a single run that is longer.
     rows : sequence of slice, optional
         Rows of each run, where they are known.
 

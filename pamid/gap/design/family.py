@@ -32,7 +32,7 @@ class Limits:
     seconds : float, default=4
         Time of all runs together, s.
     runs : int, default=1
-        Most runs, 1 to 5.
+        Maximum number of runs, 1 to 5.
     angle : float, default=25
         Largest wanted angle, degrees to either side.
     rate : float, default=200

@@ -39,7 +39,7 @@ class PortLimits:
     seconds : float, default=10
         Time of all runs together, s.
     runs : int, default=1
-        Most runs, 1 to 5.
+        Maximum number of runs, 1 to 5.
     fastest : float, optional
         Largest frequency, rad/s; by default that of a period of 20 samples.
     columns : dict of str to str
