@@ -26,8 +26,8 @@ class QAdapter(AdaptedModel):
     .. math:: V_\mathrm{target} = Q\,V(\cdot;\theta), \qquad
         Q_0 = \left(\frac{D_\mathrm{target}}{D_\mathrm{source}}\right)^2 \frac{L_\mathrm{target}}{L_\mathrm{source}}
 
-    The laws are linear in the volume, so with the default trainer Q is solved for exactly, Q₀ with its uncertainty
-    being its prior; then the network is adapted by `base`. With ``trainer="adam"`` both are trained together by
+    The laws are linear in the volume, so the default trainer solves for Q exactly, with Q₀ and its uncertainty as
+    prior; then the network is adapted by `base`. With ``trainer="adam"`` both are trained together by
     Algorithm 2 as printed, Q at 0.2 of the rate, on a source with ``volume_model="neural"``.
 
     It is a regressor that predicts what the source predicts, and a transformer that appends the adapted volume and its
@@ -36,7 +36,7 @@ class QAdapter(AdaptedModel):
     Parameters
     ----------
     source : estimator
-        The fitted hybrid model of the muscle whose data are plenty, best in a `sklearn.frozen.FrozenEstimator`, so that
+        The fitted hybrid model of the muscle with plenty of data, best in a `sklearn.frozen.FrozenEstimator`, so that
         clones keep its fit. It stays untouched.
     initial : float or "geometry", default="geometry"
         Q₀. ``"geometry"`` takes it from the sizes of both muscles; where neither `rest_length` nor `rest_diameter` is
@@ -49,8 +49,8 @@ class QAdapter(AdaptedModel):
     rest_length, rest_diameter : float, optional
         L₀ and D₀ of the target muscle, m; those of the source by default.
     trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is Algorithm 2 as printed, with its hyperparameters; an anchored source is refused, whose volume is
-        not the network's alone, so that a factor on its output is not Q.
+        ``"adam"`` is Algorithm 2 as printed, with its hyperparameters. It refuses an anchored source: a factor on
+        the network's output is not Q where the volume is not the network's alone.
     max_iter, batch_size : int, optional
         Override those of the trainer.
     weight_decay : float or "auto", default="auto"

@@ -55,8 +55,8 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer, default="stlsq"
         Sparse regression, as in `SINDyRegressor`.
     threshold : float, default=0.02
-        Terms whose coefficient is smaller are dropped; in units of a rate's root mean square for a term scaled to
-        root mean square one (dimensionless).
+        Terms with a smaller coefficient are dropped. Dimensionless: terms and rates are scaled to a root mean square of
+        one.
     alpha : float, default=1e-6
         Ridge penalty in the scaled problem, dimensionless.
     max_iter : int, default=20

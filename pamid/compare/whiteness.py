@@ -107,7 +107,7 @@ def residual_test(
     interval: float = 1.0,
     level: float = 0.99,
 ) -> ResidualTest:
-    r"""Test whether a residual is white and unrelated to inputs; no correlation reaches from one run into another.
+    r"""Test whether a residual is white and uncorrelated with inputs; correlations stay within runs.
 
     .. math::
 
@@ -121,11 +121,11 @@ def residual_test(
     residual : array_like, shape (n_samples,)
         Measured less modelled, evenly sampled within each run.
     inputs : mapping of str to array_like, shape (n_samples,)
-        Signals that the model reads; one that is constant or hardly known is left out.
+        Signals that the model reads; constant or mostly missing ones are left out.
     groups : array_like, shape (n_samples,), optional
         Run of each row, contiguous; without it all rows are one run.
     lags : int, default=25
-        Maximum number of rows between the two.
+        Largest lag, rows.
     interval : float, default=1.0
         Time between rows, s.
     level : float, default=0.99

@@ -36,7 +36,7 @@ def evaluate_simulator(
     Returns
     -------
     LogEvaluation
-        For each equation its root mean square residual, the same over the standard deviation of what was measured, and
+        For each equation its root mean square residual, the same relative to the standard deviation of the target, and
         the noise floor that the sensors' own noise leaves, over all and by run.
 
     Raises

@@ -67,7 +67,7 @@ class ResidualTestDisplay:
         groups : array_like, shape (n_samples,), optional
             Run of each row; a column ``trajectory`` serves too.
         lags : int, default=25
-            Maximum number of rows between the two.
+            Largest lag, rows.
         interval : float, default=1.0
             Time between rows, s.
 
