@@ -69,8 +69,8 @@ class NonlinearElastic(EmpiricalForce):
 
     Notes
     -----
-    The stiffness is taken from later papers; the original was not available. The form has no physical basis: the force at
-    zero gauge pressure is what the rubber gives, and it need not rise with the pressure outside the data.
+    The stiffness is taken from later papers; the original was not available. The form has no physical basis: the
+    force at zero gauge pressure is what the rubber gives, and it need not rise with the pressure outside the data.
 
     References
     ----------
