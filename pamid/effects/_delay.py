@@ -10,7 +10,7 @@ from ..signals.state import Array
 
 
 def shift(x: Array, value: Array, samples: float) -> Array:
-    """Push ``value`` into the memory (entry 0: output, entries 1…: newest first) and renew the output."""
+    """Push ``value`` into the memory (entry 0: output, entries 1…: newest first) and update the output."""
     out = np.empty_like(x)
     out[1] = value
     out[2:] = x[1:-1]

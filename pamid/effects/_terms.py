@@ -58,7 +58,7 @@ class Terms(NamedTuple):
 
 
 def acts_on(effect: Effect, equations: Collection[str]) -> bool:
-    """Return whether a model of force or flow can hold an effect: as a term of it, or as a fault of its pressure."""
+    """Return whether a model of force or flow can include an effect: as a term, or as a fault of its pressure."""
     sensor = effect.channel == "P" and "measure" in effect.hooks()
     return sensor or bool(set(equations) & set(effect.hooks()) & {"force", "flow"})
 
@@ -149,7 +149,7 @@ def fit_effects(
     plant: Plant,
     shares: Sequence[tuple[str, Callable[[WholeLog], np.ndarray], np.ndarray, np.ndarray]],
 ) -> list[Effect]:
-    """Fit all parameters of the effects to what a base model leaves."""
+    """Fit all parameters of the effects to the residual of a base model."""
     some, rows = log.thinned(max(1, round(len(np.asarray(log.signals.pressure)) / ROWS)))
     free = [(i, p) for i, e in enumerate(effects) for p in e.parameters if not p.linear]
     scale = [p.upper - p.lower if p.lower <= 0 else np.log(p.upper / p.lower) for _, p in free]
@@ -190,7 +190,7 @@ def fit_effects(
 def _weighted(
     effects: list[Effect], parts: Sequence[tuple[np.ndarray, np.ndarray, Terms]]
 ) -> tuple[list[Effect], np.ndarray]:
-    """Solve for the weights of all equations together; return the effects with them, and what is left."""
+    """Solve for the weights of all equations together; return the effects with them, and the residual."""
     names = list(dict.fromkeys((i, p.name) for _, _, terms in parts for i, p in terms.of))
     known = {(i, p.name): p for _, _, terms in parts for i, p in terms.of}
     target = np.concatenate([root * left for root, left, _ in parts])

@@ -56,7 +56,7 @@ class Compliance(Effect):
         return np.stack([F, np.zeros_like(F)])
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Swing towards the load."""
+        """Oscillate about the load."""
         return carried(x, s0.force, s1.force, self.frequency, self.damping, dt, ramp=True)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:

@@ -61,7 +61,7 @@ class Creep(Effect):
     unknown: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return springs on their way from the neutral contraction to the first one."""
+        """Return springs relaxing from the neutral contraction to the first one."""
         x = self._began(s.position, plant)
         return np.stack([x, x])
 
@@ -86,7 +86,7 @@ class Creep(Effect):
         return rest
 
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
-        """Return the decay of either spring from anywhere within the range of contraction."""
+        """Return the decay of each spring from an initial contraction within the range."""
         off = self.unknown * spans.get("position", 0.0)
         springs = (self.time_constant, self.stiffness), (self.slow_time_constant, self.slow_stiffness)
         return tuple(("force", tau, stiffness * off) for tau, stiffness in springs if stiffness * off > 0.0)

@@ -100,7 +100,7 @@ class HeatTransfer(Effect):
         return _along(drive, decay, starts)[None]
 
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
-        """Return the decay of gas that was compressed or expanded from anywhere within the range of pressure."""
+        """Return the decay of gas compressed or expanded from an initial pressure within the range."""
         volume = float(max(plant.volume(0.0), plant.volume(spans.get("position", 0.0))))
         missing = float(self._gained(0.0, spans.get("pressure", 0.0), volume, plant))
         size = self.unknown * missing / self.time_constant

@@ -1,4 +1,4 @@
-"""The numbers of a bench as effects see them."""
+"""The parameters of a bench that effects read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An effect with its numbers, as it goes from a simulator file to the object that acts and back."""
+"""An effect with its values: from a simulator file to the effect object and back."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class SupplyDroop(Effect):
         return np.asarray(plant.sonic_conductance * plant.reference_density * np.maximum(u, 0.0) * psi)
 
     def _settling(self, d: Array, u: Array, P: Array, plant: Plant, muscles: int) -> tuple[Array, Array]:
-        """Return where held commands take the fall of pressure (Pa), and how fast (1/s), with muscles along an axis."""
+        """Return the final fall of pressure under held commands (Pa) and its rate (1/s), muscles along an axis."""
         k = self._conductance(u, P, plant.supply_pressure - d, plant)
         k = k / (1.0 + self.resistance * k)
         if k.ndim > muscles:

@@ -49,7 +49,7 @@ class TransportDelay(Effect):
     delay: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return as many past commands as the delay spans; the first entry is what the valve gets."""
+        """Return the past commands within the delay; the first entry is what the valve receives."""
         n = math.ceil(self.delay / dt) + 1
         return np.broadcast_to(np.asarray(s.command, dtype=float), (n + 1, *np.shape(s.command))).copy()
 

@@ -1,4 +1,4 @@
-"""A parameter of an effect, and whether a value can be one of it."""
+"""A parameter of an effect, and whether a value is valid for it."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Parameter:
 
     @property
     def skew(self) -> bool:
-        """Whether it says how far an effect differs between two directions, from not at all on."""
+        """Whether it is the difference of an effect between two directions, 0 for none."""
         return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
 
 

@@ -1,4 +1,4 @@
-"""What the rows of a log must satisfy: finite values, time that goes on, contiguous runs, steady sampling."""
+"""What the rows of a log must satisfy: finite values, increasing time, contiguous runs, steady sampling."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _GAP = 20.0
 
 @dataclass
 class Notes:
-    """What was bridged or doubted while reading, to be told."""
+    """What was bridged or doubted while reading, for a warning."""
 
     duplicates: dict[str, int] = field(default_factory=dict)
     gaps: dict[str, float] = field(default_factory=dict)
@@ -42,11 +42,11 @@ class Notes:
     lost: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def losses(self) -> list[str]:
-        """Word what was lost, one sentence without its full stop a file."""
+        """Return what was lost, one clause per file."""
         return [f"{name}: {'; '.join(said)}" for name, said in self.lost.items()]
 
     def sentences(self) -> list[str]:
-        """Word the notes."""
+        """Return the notes as text."""
         said = []
         if self.duplicates:
             count, name = sum(self.duplicates.values()), next(iter(self.duplicates))
@@ -70,7 +70,7 @@ class Notes:
 
 
 def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
-    """Go through the blocks of equal names."""
+    """Iterate over the blocks of equal names."""
     if len(names) == 0:
         return
     edges = np.flatnonzero(names[1:] != names[:-1]) + 1
@@ -80,7 +80,7 @@ def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
 
 
 def free_name(wanted: str, taken: Container[str]) -> str:
-    """Return a name that no run has yet: the one wanted, or that with a number behind it."""
+    """Return a name that no run has yet: the wanted one, with a number if necessary."""
     numbered = (f"{wanted}#{k}" for k in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
 
@@ -118,7 +118,7 @@ def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
 
 
 def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, notes: Notes) -> pd.DataFrame:
-    """Make time increase within contiguous runs, as the policies say, or raise."""
+    """Make time increase within contiguous runs, according to the policies, or raise."""
     names = frame["trajectory"].to_numpy(dtype=object)
     if order == "sort":
         rank = {name: i for i, name in enumerate(dict.fromkeys(names.tolist()))}
@@ -215,7 +215,7 @@ def _mean_of_duplicates(frame: pd.DataFrame, keep: np.ndarray) -> pd.DataFrame:
 
 
 def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
-    """Return a tidy frame with its run and time first, the sampling of it noted."""
+    """Return a tidy frame with run and time first, and note its sampling."""
     first = ["trajectory", "time"]
     frame = frame[[*first, *[c for c in frame.columns if c not in first]]]
     note_sampling(frame, notes)
@@ -238,7 +238,7 @@ def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
 
 
 def sampling_error(sentences: list[str]) -> SamplingError:
-    """Word an error for sampling that the caller does not accept."""
+    """Return the error for sampling that the caller does not accept."""
     return SamplingError(
         "; ".join(sentences) + ".",
         "steady sampling at one rate",

@@ -1,4 +1,4 @@
-"""From a table as it stands in a file to a tidy frame: the mapping is applied here."""
+"""From a table as it is in a file to a tidy frame: the mapping is applied here."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def tidy(
 
 
 def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
-    """Return the table with the single numbers beside it that the mapping names, as columns that stand still."""
+    """Return the table with the scalars that the mapping names as constant columns."""
     wanted = [m.column for m in mapping.signals.values() if isinstance(m.column, str)]
     found = {
         name: float(table.head[name])
@@ -126,7 +126,7 @@ def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> in
 
 
 def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
-    """Say which columns hold words, such as remarks: they are left out."""
+    """Note which columns hold text, such as remarks: they are left out."""
     import pandas as pd
 
     at = names_column(raw.columns, mapping)
@@ -140,7 +140,7 @@ def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
 def _by_own_names(
     table: RawTable, raw: pd.DataFrame, skip: int | None, mapping: LogMapping, path: Path
 ) -> dict[str, SignalMapping]:
-    """Without a mapping: every column under its own name, with the unit in brackets where it has one."""
+    """Without a mapping: return every column under its own name, converted from the unit in brackets, if any."""
     import pandas as pd
 
     if not table.named:
@@ -170,7 +170,7 @@ def _by_own_names(
 
 
 def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str, str]:
-    """Return the columns whose name in front of a bracket is a signal's, and whose unit in it is none."""
+    """Return the columns with the name of a signal and an unknown unit in brackets."""
     if mapping.signals:
         return {}
     found = {name: match for name in signals if (match := _NAME_WITH_UNIT.match(name))}
@@ -281,7 +281,7 @@ def to_si(
 
 
 def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], n: int) -> None:
-    """Add constants as columns; from ``length`` and ``rest_length`` follows ``eps``."""
+    """Add constants as columns; ``length`` and ``rest_length`` give ``eps``."""
     constants = dict(constants)
     rest, length = constants.pop("rest_length", None), constants.pop("length", None)
     if rest is not None and length is not None:
@@ -295,7 +295,7 @@ def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], 
 
 
 def _period(table: RawTable, mapping: LogMapping) -> tuple[float | None, tuple[str, ...]]:
-    """Return the sampling period that the mapping gives, or a number beside the table; and that it was taken."""
+    """Return the sampling period from the mapping or a scalar of the file, and a note that it was used."""
     if mapping.sampling_period is not None:
         return mapping.sampling_period, ()
     for name, value in table.head.items():
@@ -350,7 +350,7 @@ def _names(
 
 
 def as_names(column: pd.Series) -> pd.Series:
-    """Turn what names runs into text, exactly as written; numbers keep all their digits."""
+    """Turn names of runs into text, exactly as written; numbers keep all digits."""
     import pandas as pd
 
     if pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:
@@ -380,7 +380,7 @@ def _as_name(value: Any) -> str:
 
 
 def _clock_to_run_time(frame: pd.DataFrame) -> pd.DataFrame:
-    """Times of day or since 1970 become times from the start of each run."""
+    """Convert times of day or since 1970 to times from the start of each run."""
     time = frame["time"].to_numpy(dtype=float)
     if not len(time) or not np.nanmin(np.abs(time), initial=np.inf) > _CLOCK:
         return frame

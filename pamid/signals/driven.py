@@ -1,4 +1,4 @@
-"""Rates of signals that a known input drives: the input takes the jumps of the rate, a smoother takes the rest."""
+"""Rates of signals driven by a known input: the input explains the jumps of the rate, a smoother the rest."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _likeliest_gains(
 def differentiate_driven(
     y: Any, inputs: Any, t: Any, gains: Any, *, cutoff: float, method: str = "savgol"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth one run of a driven signal and give its rate, from the instant of each sample on."""
+    """Smooth one run of a driven signal and return its rate just after each sample."""
     y, t, gains = (np.asarray(v, dtype=float) for v in (y, t, gains))
     g = _checked(inputs, len(y))
     driven = held_integral(g, t) @ gains

@@ -1,4 +1,4 @@
-"""Readings that stand exactly at the end of a sensor's range."""
+"""Readings exactly at the end of a sensor's range."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class End(NamedTuple):
 
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the end of a sensor's range, where readings that hardly ever repeat each other stand exactly there."""
+    """Return the end of a sensor's range, if readings that otherwise hardly repeat are exactly there."""
     size = np.abs(x)
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)

@@ -1,4 +1,4 @@
-"""Data frames of other libraries: those of polars and pyarrow become pandas', lazy ones are refused in a sentence."""
+"""Data frames of other libraries: those of polars and pyarrow are converted to pandas, lazy ones refused."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def is_foreign(table: Any) -> bool:
 
 
 def as_pandas(table: Any) -> Any:
-    """Return a data frame of polars or pyarrow as one of pandas; anything else comes back as it is."""
+    """Return a data frame of polars or pyarrow as one of pandas, and anything else unchanged."""
     if not is_foreign(table):
         return table
     convert = getattr(table, "to_pandas", None)
@@ -31,7 +31,7 @@ def as_pandas(table: Any) -> Any:
 
 
 def logs_as_pandas(log: Any) -> Any:
-    """Return a log, or several by name, with the data frames of polars and pyarrow as those of pandas."""
+    """Return a log, or several by name, with data frames of polars and pyarrow converted to pandas."""
     if isinstance(log, Mapping):
         return {name: as_pandas(table) for name, table in log.items()}
     return as_pandas(log)

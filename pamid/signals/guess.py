@@ -95,7 +95,7 @@ class Guess:
 def guess_columns(
     frame: pd.DataFrame, named: bool = True, kind: str = "", every: Callable[[str | int], pd.Series] | None = None
 ) -> list[Guess]:
-    """Say what each column of a raw table probably is."""
+    """Guess what each column of a raw table is."""
     if not named:
         return _nameless(frame)
     headers = [read_header(str(column)) for column in frame.columns]
@@ -118,7 +118,7 @@ def guess_columns(
 
 
 def guess_kind(signals: set[str]) -> str:
-    """Say what a log is of by its signals; empty where they do not tell."""
+    """Guess the kind of system from a log's signals; empty if they do not show it."""
     if "q" in signals and {"P1", "P2"} & signals:
         return "bench"
     if {"eps", "P"} <= signals:
@@ -131,7 +131,7 @@ def guess_kind(signals: set[str]) -> str:
 
 
 def with_unit(guess: Guess, column: pd.Series) -> Guess:
-    """Return a guess with the unit that its column's values look like, where its name does not say one."""
+    """Return a guess with the unit that its column's values suggest, if its name has none."""
     values = _numbers(column)
     if not values.size:
         return guess
@@ -154,7 +154,7 @@ def with_unit(guess: Guess, column: pd.Series) -> Guess:
 
 # --- by name ------------------------------------------------------------------------------------------------
 def _nameless(frame: pd.DataFrame) -> list[Guess]:
-    """Return guesses for columns without names: the first that grows steadily is the clock."""
+    """Return guesses for columns without names: the first that increases steadily is the clock."""
     found: list[Guess] = []
     for position in range(frame.shape[1]):
         column, values = frame.iloc[:, position], _numbers(frame.iloc[:, position])
@@ -198,7 +198,7 @@ def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Se
 
 
 def _of_another_dimension(guess: Guess, header: Header, every: pd.Series) -> Guess:
-    """Return what a column is whose unit does not belong to the signal of its name."""
+    """Return the guess for a column whose unit contradicts the signal of its name."""
     dimension = UNITS[str(header.unit)].dimension
     if dimension == "time" and header.bracketed:  # whatever its name: a column that counts seconds is the clock
         return with_unit(replace(guess, signal="time", unit=header.unit, source="value"), every)
@@ -257,7 +257,7 @@ def _by_kind(signal: str, header: Header, kind: str) -> str:
 
 
 def _rank(guess: Guess, header: Header, column: pd.Series) -> tuple[bool, bool, bool, int]:
-    """Return how badly a column is described as its signal; the lowest takes it."""
+    """Return how poorly a column matches its signal; the lowest gets it."""
     treated = "treated" in kinds_of(header.words)
     if guess.signal == "time":
         return (not _is_clock(column), treated, header.unit is None, 0)

@@ -80,7 +80,7 @@ def read_header(name: str) -> Header:
 
 
 def _out_of_brackets(name: str) -> tuple[str, str | None, str, list[str]]:
-    """Return what is left of a name, the unit in its brackets, what is none, and the words that stand in brackets."""
+    """Return the rest of a name, the unit in its brackets, an invalid unit, and other words in brackets."""
     unit, unread, asides = None, "", []
     for mark, inside in _BRACKETS.findall(name):
         inside = inside.strip()
@@ -103,7 +103,7 @@ def _out_of_brackets(name: str) -> tuple[str, str | None, str, list[str]]:
 
 
 def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
-    """Return what stands before a slash, a comma or "in", the unit behind it, and what is no unit."""
+    """Return the part before a slash, a comma or "in", the unit after it, and an invalid unit."""
     for mark in re.finditer(r"\s+in\s+|[/,;:]", name):
         left, right = name[: mark.start()].strip(), name[mark.end() :].strip()
         if left and right and (unit := unit_name(right)) is not None and not right.isdigit():
@@ -118,7 +118,7 @@ def _tokens(text: str) -> list[str]:
 
 
 def _last_word(tokens: list[str]) -> tuple[list[str], str | None]:
-    """Take a unit from the end of a name, before words of side, reference or treatment."""
+    """Find a unit at the end of a name, before words for side, reference or treatment."""
     end = len(tokens)
     while end > 1 and _is_tail(tokens[end - 1]):
         end -= 1

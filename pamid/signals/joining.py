@@ -1,4 +1,4 @@
-"""Commands and readings that lie in files of their own, each with its own stamps: one run, joined by time."""
+"""Commands and readings in separate files, each with its own time stamps, joined by time to one run."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def is_joined(files: Sequence[Path], mapping: LogMapping, max_bytes: int) -> boo
 
 
 def sentence(told: Sequence[Joined]) -> str:
-    """Say how files were joined, and the delay between them; empty where none were."""
+    """Return how files were joined and the delay between them; empty if none were."""
     if not told:
         return ""
     first = told[0]
@@ -96,7 +96,7 @@ def sentence(told: Sequence[Joined]) -> str:
 
 # --- which files belong together -----------------------------------------------------------------------------
 def _parts(files: list[Path], mapping: LogMapping, max_bytes: int) -> dict[str, pd.DataFrame] | None:
-    """Return the tables of one run by file; None where the files are runs of their own."""
+    """Return the tables of one run by file; None if each file is a run."""
     if len(files) < 2 or any(format_of(f, mapping.encoding).name not in _TABLES for f in files) or _same_header(files):
         return None
     tables: dict[str, pd.DataFrame] = {}
@@ -115,7 +115,7 @@ def _parts(files: list[Path], mapping: LogMapping, max_bytes: int) -> dict[str, 
 
 
 def _same_header(files: list[Path]) -> bool:
-    """Return whether files begin with the same line, as runs of one recorder do."""
+    """Return whether files begin with the same line, like runs of one recorder."""
     first = set()
     for path in files:
         with path.open("rb") as stream:
@@ -139,7 +139,7 @@ def _of_one_run(tables: dict[str, pd.DataFrame], mapping: LogMapping) -> bool:
 
 
 def _overlap(tables: dict[str, pd.DataFrame], mapping: LogMapping) -> bool:
-    """Return whether clocks have most of the time in common."""
+    """Return whether clocks share most of their time."""
     ends = []
     for frame in tables.values():
         t = frame[_clock(frame, mapping)].to_numpy(dtype=float)
@@ -180,7 +180,7 @@ def _commands(stem: str) -> bool:
 
 # --- joining -------------------------------------------------------------------------------------------------
 def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, told: list[Joined]) -> RawTable:
-    """Return one table in steps of the readings: values that are held of commands, interpolated ones of others."""
+    """Return one table at the times of the readings: commands are held, other signals interpolated."""
     import pandas as pd
 
     clocks = {stem: str(_clock(frame, mapping)) for stem, frame in tables.items()}
@@ -231,7 +231,7 @@ def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, 
 
 
 def _seconds(t: np.ndarray, clock: str, mapping: LogMapping) -> float:
-    """Return what a clock's unit is in seconds: as the mapping says, else the one in which it ticks 1 to 10,000 Hz."""
+    """Return a clock's unit in seconds: from the mapping, else the one that gives a rate of 1 to 10,000 Hz."""
     given = mapping.signals.get("time")
     if given is not None and given.unit:
         return float(find_unit(given.unit).factor)
@@ -240,7 +240,7 @@ def _seconds(t: np.ndarray, clock: str, mapping: LogMapping) -> float:
 
 
 def delay_of(t: np.ndarray, pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float | None:
-    """Return by how much later readings are most like commands."""
+    """Return the delay at which readings are most similar to commands."""
     found = []
     lags = np.linspace(0.0, min(_FARTHEST, 0.2 * float(np.ptp(t))), _LAGS + 1)
     inside = t >= t[0] + lags[-1]

@@ -142,7 +142,7 @@ def _smooth_one(y: np.ndarray, m: Smoother, gains: Steady, start: int) -> np.nda
 def _smooth_start(
     result: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, m: Smoother, start: int, last: np.ndarray | None
 ) -> np.ndarray:
-    """Run the RTS recursion with changing gains over the first stretch."""
+    """Run the RTS recursion with varying gains over the first stretch."""
     if last is None:
         result[start - 1] = filtered[start - 1]
         begin = start - 2
@@ -158,7 +158,7 @@ def _smooth_start(
 
 
 def _initial(y: np.ndarray, m: Smoother) -> tuple[np.ndarray, np.ndarray]:
-    """A parabola through the first samples, as a prior so wide that it only keeps digits: the data alone speak."""
+    """A parabola through the first samples, with a prior so wide that the data decide; it only keeps precision."""
     k = np.arange(min(len(y), _LONGEST_START, int(np.ceil(2.0 / m.omega)) + 4)) * m.omega
     value, rate, half = np.linalg.lstsq(np.vander(k, 3, increasing=True), y[: len(k)], rcond=None)[0]
     return np.array([value, rate, 2.0 * half]), np.eye(3) * _WIDE

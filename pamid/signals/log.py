@@ -139,7 +139,7 @@ def read_with_notes(
     check_units: bool = True,
     max_bytes: int = MAX_BYTES,
 ) -> tuple[pd.DataFrame, Notes]:
-    """Read logs as `read_log` does, and return what there is to tell about them instead of warning."""
+    """Read logs as `read_log` does, and return notes instead of warning."""
     import pandas as pd
 
     files = find_logs(paths)
@@ -159,7 +159,7 @@ def log_settings(
     ambient_pressure: float | None,
     encoding: str | None = None,
 ) -> LogMapping:
-    """Return a mapping with what the arguments of `read_log` override, checked."""
+    """Return a checked mapping with the overrides of `read_log`'s arguments."""
     _require(nan, "nan", ("raise", "drop", "keep"))
     _require(sampling, "sampling", ("warn", "raise", "ignore"))
     settings = LogMapping.load(mapping)
@@ -183,7 +183,7 @@ def tidy_tables(
     check_units: bool,
     notes: Notes,
 ) -> list[pd.DataFrame]:
-    """Bring the tables of a file into tidy frames, with missing values, time and units looked after."""
+    """Convert the tables of a file to tidy frames, with missing values, time and units checked."""
     if not tables:
         raise EmptyLogError(f"{path.name} holds no table of samples.", "a table of samples", "Check the export.")
     lost = [text for table in tables for text in table.lost]
@@ -227,7 +227,7 @@ def _not_empty(frame: pd.DataFrame, part: Part, path: Path) -> pd.DataFrame:
 
 
 def _require_units(part: Part, settings: LogMapping, path: Path) -> None:
-    """Hold the readings against their units, those aside that a few faults of a sensor have left."""
+    """Compare the readings with their units, ignoring a few faulty readings of a sensor."""
     ambient = settings.ambient_pressure
     checked = {}
     for name in (c for c in part.frame.columns if c not in part.unchecked and c != "trajectory"):
@@ -238,7 +238,7 @@ def _require_units(part: Part, settings: LogMapping, path: Path) -> None:
 
 
 def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
-    """Warn or raise about what was bridged while reading, as asked; warn of readings in doubt."""
+    """Warn or raise, as requested, about what was bridged while reading; warn of doubtful readings."""
     if doubts := notes.readings.summary():
         warnings.warn(doubts, ReadingWarning, stacklevel=stacklevel)
     for text in notes.losses():
@@ -436,7 +436,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
 
 
 def _storable(names: pd.Series) -> pd.Series:
-    """Raise on names that no file can hold, or that would not be read back."""
+    """Raise on names that no file can contain, or that would not be read back."""
     for name in names.unique():
         if not name or "\0" in name:
             raise ColumnTypeError(

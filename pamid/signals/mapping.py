@@ -126,7 +126,7 @@ class SignalMapping:
         return mapping
 
     def validate(self, signal: str) -> None:
-        """Raise where settings of a signal contradict each other."""
+        """Raise if settings of a signal contradict each other."""
         _require_kinds(self, f"{signal}.")
         unit = self.si_unit(signal)
         known = self.dimension(signal)
@@ -168,7 +168,7 @@ class SignalMapping:
         return find_unit(self.unit, signal if self.source == "value" else "length")
 
     def dimension(self, signal: str) -> str | None:
-        """Name the physical dimension of the source column; None where the signal's name says nothing."""
+        """Return the physical dimension of the source column; None if the signal's name does not show it."""
         if self.own:
             return None
         return dimension_of(signal) if self.source == "value" else "length"
@@ -363,7 +363,7 @@ class LogMapping:
         return mapping
 
     def validate(self) -> None:
-        """Raise where an option is unknown."""
+        """Raise if an option is unknown."""
         _require_kinds(self)
         for name, mark in (("decimal", self.decimal), ("thousands", self.thousands)):
             if mark is not None and len(mark) != 1:
@@ -408,7 +408,7 @@ class LogMapping:
 
 
 def _move_names(signals: dict[str, Any], settings: dict[str, Any]) -> None:
-    """Take the column that names the runs out of the signals: it is read as text, and counts in no unit."""
+    """Remove the column of run names from the signals: it is text without a unit."""
     if "trajectory" not in signals:
         return
     entry = signals.pop("trajectory")
@@ -454,7 +454,7 @@ _KINDS = {
 
 
 def _require_kinds(of: Any, where: str = "") -> None:
-    """Raise where a setting is not of the kind that its field declares."""
+    """Raise if a setting does not have the type of its field."""
     for name, hint in get_type_hints(type(of)).items():
         value, offered = getattr(of, name), get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
         kinds = [get_origin(kind) or kind for kind in offered if kind is not types.NoneType]

@@ -1,4 +1,4 @@
-"""How noisy a signal is, told from the signal itself."""
+"""The noise of a signal, estimated from the signal itself."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many suc
 
 
 def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
-    """Return the third differences of samples, or what takes their place where steps are not equal."""
+    """Return the third differences of samples, or their substitute for unequal steps."""
     if at is None:
         return np.diff(x, 3)
     span = at[3:] - at[:-3]
@@ -33,7 +33,7 @@ def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray
 def white_noise(differences: np.ndarray) -> float:
     """Return the standard deviation of white noise from third differences, σ̂ = median(|Δ³y|) / (0.6745 √20).
 
-    Third differences remove what is locally quadratic, the median what jumps.
+    Third differences remove a locally quadratic signal, the median removes jumps.
     """
     return median(np.abs(differences)) / _MAD / DIFFERENCE
 

@@ -1,4 +1,4 @@
-"""What depends on the path of a signal, not on time: where it turns, and what follows it with play."""
+"""What depends on the path of a signal, not on time: its reversals, and what follows it with play."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 
 def reversals(x: np.ndarray) -> np.ndarray:
-    """Return the rows at which a signal turns, its first and last row included."""
+    """Return the rows at which a signal reverses, with its first and last row."""
     moved = np.flatnonzero(np.diff(x))
     sign = np.sign(x[moved + 1] - x[moved])
     turned = moved[1:][sign[1:] != sign[:-1]]

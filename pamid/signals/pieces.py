@@ -1,4 +1,4 @@
-"""Logs larger than memory: whole runs at a time, or some of them, from files that are read in slices."""
+"""Logs larger than memory: files are read in slices, whole runs at a time, or some of them."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def read_log_part(
 def _spread(
     path: Path, sliced: Sliced, settings: LogMapping, most: int, nan: str, check_units: bool
 ) -> pd.DataFrame | None:
-    """Read some of the runs of a file; None where they can't be told before all is read, or all are wanted."""
+    """Read some of the runs of a file; None if they are known only after reading all, or if all are wanted."""
     import pandas as pd
 
     unordered = settings.time_order == "split" or settings.zero_run is not None
@@ -221,7 +221,7 @@ def _pieces(
 def _raw(
     path: Path, settings: LogMapping, rows: int, max_bytes: int
 ) -> Iterator[tuple[list[RawTable], pd.DataFrame | None]]:
-    """Yield the tables of a file, cut between runs where its format allows it."""
+    """Yield the tables of a file, split between runs if its format allows it."""
     kind = format_of(path, settings.encoding)
     slicer = _SLICERS.get(kind.name)
     sliced = slicer(path, settings, rows, max_bytes) if slicer is not None else None
@@ -233,7 +233,7 @@ def _raw(
 
 
 def cuts(names: Iterable[np.ndarray], rows: int, met: list[Any] | None = None) -> list[int]:
-    """Return where pieces end: after whole runs, before there are too many rows."""
+    """Return where pieces end: after whole runs, before they have too many rows."""
     ends: list[int] = []
     begun, edge, n, last = 0, 0, 0, None
     for part in names:

@@ -61,7 +61,7 @@ _NEAR = 0.08  # of the ambient pressure: how near the lowest reading of a vented
 
 
 def _pressure_unit(r: _Range, ambient: float) -> str:
-    """Name the unit: the one in which the lowest reading is the ambient pressure, else by the size of the readings."""
+    """Return the unit in which the lowest reading is the ambient pressure, else the one that fits the sizes."""
     for unit, factor in _VENTED.items():
         if abs(r.low * factor - ambient) < _NEAR * ambient and r.high * factor < 1.5e6:
             return unit
@@ -230,7 +230,7 @@ def _rate(name: str, base: str, r: _Range) -> UnitFinding | None:
 
 
 def require_plausible(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE, where: str) -> None:
-    """Raise on the first signals that are plainly not in SI."""
+    """Raise if signals are clearly not in SI."""
     findings = implausible_units(table, ambient_pressure=ambient_pressure)
     if not findings:
         return

@@ -61,7 +61,7 @@ def _method(name: str) -> ModuleType:
 
 
 def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: bool = True) -> Grid:
-    """Tell how a run is sampled."""
+    """Return how a run is sampled."""
     if t is None:
         if sampling_period is None:
             raise ParameterError(
@@ -95,7 +95,7 @@ def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: 
 
 
 def irregularity(t: np.ndarray) -> str | None:
-    """Say what is irregular about increasing times, if it is worth a warning."""
+    """Return what is irregular about increasing times, if it deserves a warning."""
     steps = np.diff(t)
     if not steps.size:
         return None
@@ -286,7 +286,7 @@ def _few(y: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _on_equal_steps(y: np.ndarray, grid: Grid, method: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Carry signals to equal steps; the spline needs none. Returns where to read back, in steps, or None."""
+    """Interpolate signals to equal steps; the spline needs none. Return the original times in steps, or None."""
     if grid.t is None or method == "spline":
         return y, None
     last = grid.t[-1]
@@ -303,7 +303,7 @@ def _on_equal_steps(y: np.ndarray, grid: Grid, method: str) -> tuple[np.ndarray,
 
 
 def _noise(y: np.ndarray, grid: Grid) -> float:
-    """Noise level of one channel as it is on equal steps, where samples that lie close together count for less."""
+    """Noise level of one channel after interpolation to equal steps, where close samples count less."""
     if grid.t is None:
         return noise_level(y)
     weight = np.gradient(grid.t)

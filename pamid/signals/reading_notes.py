@@ -1,4 +1,4 @@
-"""What was found in the readings of a log: how often, where first, what is done about it, in words."""
+"""Findings in the readings of a log as text: how often, where first, and what is done about it."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ class Readings:
         entry.count += int(bad.sum())
 
     def first(self) -> str:
-        """Word the first finding, without what is done about it."""
+        """Return the first finding as text, without what is done about it."""
         (signal, kind), found = next(iter(self.found.items()))
         return _words(signal, kind, found)
 
     def sentences(self) -> list[str]:
-        """Word the findings, one per signal and kind: what, where, how often, and what is done about it."""
+        """Return the findings as text, one per signal and kind: what, where, how often, and what is done about it."""
         said = [f"{_words(signal, kind, f)}: {f.done}" for (signal, kind), f in self.found.items()]
         for signal, runs in self.still.items():
             value = f"{next(iter(runs.values())):.6g}{_unit(signal)}"
@@ -100,7 +100,7 @@ class Readings:
         return said + [f"column '{name[:60]}' is {why}" for name, why in self.columns.items()]
 
     def summary(self) -> str:
-        """Word the findings in one sentence, the first ones in full; empty where there are none."""
+        """Return the findings as one sentence, the first ones in full; empty if there are none."""
         said = self.sentences()
         more = f"; and {len(said) - _SHOWN} more ('pamid check' names them)" if len(said) > _SHOWN else ""
         return "; ".join(said[:_SHOWN]) + more + "." if said else ""

@@ -65,7 +65,7 @@ def screen(
     where: str,
     notes: Readings,
 ) -> pd.DataFrame:
-    """Look through the readings of a tidy frame; what cannot be, and what jumps there and back, becomes missing."""
+    """Check the readings of a tidy frame; impossible ones and glitches become missing."""
     runs = list(blocks(frame["trajectory"].to_numpy(dtype=object)))
     rows_of_runs = [rows for _, rows in runs]
     changed: dict[str, np.ndarray] = {}
@@ -108,7 +108,7 @@ def _without(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
 
 
 def run_marks(frame: pd.DataFrame) -> dict[str, str]:
-    """Return a mark of each run of a frame, which two share only if they read the same, sample by sample."""
+    """Return a fingerprint of each run, which two runs share only if all samples are equal."""
     runs = [(str(k), np.asarray(v)) for k, v in frame.groupby("trajectory", sort=False).indices.items()]
     return _marks(_sensors(frame), runs)
 
@@ -170,7 +170,7 @@ def glitches(values: np.ndarray, runs: Sequence[Rows]) -> np.ndarray:
 
 
 def _kept(values: np.ndarray, runs: Sequence[Rows]) -> Sequence[Rows]:
-    """Return the rows of each run that hold a reading."""
+    """Return the rows of each run that have a reading."""
     good = np.isfinite(values)
     if good.all():
         return runs
@@ -178,7 +178,7 @@ def _kept(values: np.ndarray, runs: Sequence[Rows]) -> Sequence[Rows]:
 
 
 def _level(arrays: list[np.ndarray]) -> float:
-    """Return what all but 1 % of the values, and at least a few, stay below."""
+    """Return the level below which all but 1 % of the values, and at least a few, lie."""
     together = np.concatenate(arrays)
     return float(np.quantile(together, _share(len(together)), method="lower")) if len(together) else 0.0
 
@@ -200,7 +200,7 @@ def _least_level(arrays: list[np.ndarray], largest: float) -> float:
 
 
 def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
-    """Return for each stretch of samples within a run how far it stands off its neighbours, 0 unless these agree."""
+    """Return how far each stretch of samples within a run is from its neighbours, 0 unless these agree."""
     if len(y) < width + 2:
         return np.zeros(0)
     up = np.diff(y)[: len(y) - 1 - width]
@@ -238,7 +238,7 @@ def _far_ends(values: np.ndarray, runs: Sequence[Rows], *, outward: bool) -> np.
 
 
 def _of_command(frame: pd.DataFrame, flow: str, runs: Sequence[Rows]) -> np.ndarray:
-    """Return at which ends of runs a flow leaps because the command of its valve does."""
+    """Return the ends of runs at which a flow jumps because its valve's command does."""
     command = "u" + flow.removeprefix("mdot")
     if command not in frame:
         return np.zeros(len(frame), dtype=bool)
@@ -248,7 +248,7 @@ def _of_command(frame: pd.DataFrame, flow: str, runs: Sequence[Rows]) -> np.ndar
 def _note_still(
     sensors: Mapping[str, np.ndarray], runs: Sequence[tuple[str, Rows]], skip: set[str], notes: Readings
 ) -> None:
-    """Note which channels read one value throughout a run in which others do not."""
+    """Note which channels are constant during a run in which others are not."""
     for run, rows in runs:
         readings = {name: y[rows] for name, y in sensors.items()}
         count = len(next(iter(readings.values()), ()))

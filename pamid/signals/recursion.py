@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dtbtrs
 def recursive(
     drive: np.ndarray, feedback: Sequence[float | np.ndarray], starts: np.ndarray | None = None
 ) -> np.ndarray:
-    r"""Return what a drive makes of itself and its own past.
+    r"""Return the recursion of a drive with its own past.
 
     .. math:: y_k = d_k + \sum_i f_i\, y_{k-i}
     """

@@ -1,4 +1,4 @@
-"""Bringing logs to equal steps, and logs of different rates to one, without aliasing."""
+"""Resampling of logs to equal steps, and of logs with different rates to one rate, without aliasing."""
 
 from __future__ import annotations
 

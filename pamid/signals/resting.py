@@ -1,4 +1,4 @@
-"""Rows in which a position rests: there friction takes up whatever drives it, and the drive tells nothing."""
+"""Rows in which a position rests: there friction balances any drive, and the drive contains no information."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
 
 
 def at_rest(name: str, share: float) -> str:
-    """Word that rows at rest are left out."""
+    """Return a note that rows at rest are left out."""
     return f"{name} rests in {100 * share:.1f} % of the rows, which are left out: at rest, friction balances any drive."

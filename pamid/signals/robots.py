@@ -1,4 +1,4 @@
-"""What logs of robots call their clock and their runs, where their other columns tell who wrote them."""
+"""Names of clock and runs in robot logs, whose other columns show which program wrote them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOST = 2**22
 
 
 def own_clock(columns: Iterable[Any], mapping: LogMapping) -> dict[str, str]:
-    """Return what a robot's clock and runs are to be called, by their own names."""
+    """Return the standard names of a robot's clock and runs, by their own names."""
     known = {str(c) for c in columns}
     named = {s.column for s in mapping.signals.values()} | {mapping.trajectory}
     for signs, called in _SIGNS:
@@ -34,20 +34,20 @@ def own_clock(columns: Iterable[Any], mapping: LogMapping) -> dict[str, str]:
 
 
 def with_own_clock(frame: pd.DataFrame, mapping: LogMapping) -> pd.DataFrame:
-    """Return a table whose clock and runs are called as everywhere."""
+    """Return a table with standard names of clock and runs."""
     called = own_clock(frame.columns, mapping)
     return frame.rename(columns=called) if called else frame
 
 
 def data_set_files(folder: Path) -> list[Path]:
-    """Return the parquet files of a LeRobot data set, none where a folder is none."""
+    """Return the parquet files of a LeRobot data set; none if a folder is no such data set."""
     if not (folder / "meta" / "info.json").is_file():
         return []
     return sorted((folder / "data").rglob("*.parquet"))
 
 
 def places_of(path: Path) -> dict[str, list[str]]:
-    """Return what the places of the lists in a file of a LeRobot data set are called, such as joints, by column."""
+    """Return the names of the list elements in a file of a LeRobot data set, such as joints, by column."""
     for folder in list(path.resolve().parents)[:_ABOVE]:
         info = folder / "meta" / "info.json"
         if not info.is_file() or info.stat().st_size > _MOST:
@@ -61,7 +61,7 @@ def places_of(path: Path) -> dict[str, list[str]]:
 
 
 def _names(said: Any) -> list[str]:
-    """Return names as they stand in a list, in a list of one list, or in a table of one list."""
+    """Return names from a list, a list of one list, or a table of one list."""
     if isinstance(said, dict):
         said = next(iter(said.values()), None)
     if isinstance(said, list) and len(said) == 1 and isinstance(said[0], list):

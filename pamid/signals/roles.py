@@ -1,4 +1,4 @@
-"""What each column that pamid names is to an effect or a system: its role."""
+"""The role of each column that pamid names, for an effect or a system."""
 
 from __future__ import annotations
 

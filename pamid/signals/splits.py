@@ -20,7 +20,7 @@ from pamid.errors import (
 
 
 def trajectories_of(X: Any, groups: Any = None, *, needed_by: str = "The split") -> np.ndarray:
-    """Name the run of each row."""
+    """Return the run of each row."""
     if groups is None and "trajectory" in getattr(X, "columns", ()):
         groups = X["trajectory"]
     if groups is None:
@@ -48,7 +48,7 @@ class _TrajectorySplitter(BaseCrossValidator):
         """Return the fold of each row, numbered from 0."""
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Go through the folds."""
+        """Yield the folds."""
         folds = self._folds(X, trajectories_of(X, groups, needed_by=type(self).__name__))
         for fold in range(int(folds.max()) + 1):
             yield np.flatnonzero(folds != fold), np.flatnonzero(folds == fold)

@@ -1,4 +1,4 @@
-"""Dates and times of day as people and programs write them, in seconds."""
+"""Dates and times of day, as people and programs write them, converted to seconds."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _seconds(stamps: pd.Series) -> np.ndarray:
 
 
 def _past_midnight(seconds: np.ndarray) -> np.ndarray:
-    """Add a day wherever a time of day falls from the evening to the morning."""
+    """Add a day wherever a time of day jumps from evening to morning."""
     import numpy as np
 
     falls = np.diff(seconds, prepend=seconds[:1]) < -43_200.0

@@ -1,4 +1,4 @@
-"""Thinning logs: every k-th row, or up to so many rows."""
+"""Thinning of logs: every k-th row, or a maximum number of rows."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def thin(
 
 
 def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
-    """Return every k-th of n things, the first one included."""
+    """Return every k-th of n items, starting with the first."""
     return slice(None, None, max(1, -(-n // count) if at_most else n // count))
 
 
@@ -149,6 +149,6 @@ def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | Non
 
 
 def spread_evenly(lengths: Sequence[int] | np.ndarray, most: int) -> list[int]:
-    """Return the numbers of runs that are spread evenly over a log and hold about so many rows in all."""
+    """Return the numbers of runs spread evenly over a log, with about the requested number of rows in all."""
     count = min(max(1, len(lengths) * most // max(int(np.sum(lengths)), 1)), len(lengths))
     return [int(k) for k in np.linspace(0, len(lengths) - 1, count).round()]

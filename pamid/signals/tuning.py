@@ -106,7 +106,7 @@ def derivative_risk(s: Spectrum, gain: Gain, cutoff: float) -> float:
 
 
 def candidate_cutoffs(n: int, count: int = 48) -> np.ndarray:
-    """List the cut-off frequencies that a signal of n samples can bear."""
+    """Return the possible cut-off frequencies of a signal of n samples."""
     return np.geomspace(min(0.2, max(1.0 / n, 2e-4)), 0.4, count)
 
 

@@ -1,4 +1,4 @@
-"""How people spell units, in English and German, and which unit of the table each spelling means."""
+"""Spellings of units, in English and German, and the unit of the table that each means."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _plain(text: str) -> str | None:
 
 
 def find_unit(name: str, signal: str | None = None) -> Unit:
-    """Look up a unit by its name."""
+    """Return the unit of a name."""
     wanted = dimension_of(signal) if signal else None
     known = unit_name(str(name), wanted)
     if known is None:

@@ -1,4 +1,4 @@
-"""Units of logs and what they are in SI; which physical dimension a signal's name stands for."""
+"""Units of logs and their values in SI; the physical dimension of a signal's name."""
 
 from __future__ import annotations
 
@@ -216,14 +216,14 @@ _DIMENSIONS = {
 
 
 def base_name(signal: str) -> str:
-    """Strip the muscle's number and the mark of a wanted value: ``P1`` and ``P_ref`` both are ``P``."""
+    """Remove the muscle's number and the suffix of a reference: ``P1`` and ``P_ref`` both are ``P``."""
     if signal in _DIMENSIONS:
         return signal
     return re.sub(r"(_ref|_cmd|_set)$", "", re.sub(r"_?\d+$", "", re.sub(r"(_ref|_cmd|_set)$", "", signal)))
 
 
 def dimension_of(signal: str) -> str | None:
-    """Name the physical dimension that a signal's name stands for; None where the name says nothing."""
+    """Return the physical dimension of a signal's name; None if the name does not show it."""
     return _DIMENSIONS.get(base_name(signal))
 
 

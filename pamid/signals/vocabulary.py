@@ -1,4 +1,4 @@
-"""Words by which people call the signals of a log, in English and German."""
+"""Words for the signals of a log, in English and German."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ELSEWHERE = ("versorgung", "speise", "umgebung", "netz", "vordruck", "luftdruck
 
 
 def kinds_of(words: list[str]) -> set[str]:
-    """Return the entries of the vocabulary that some words belong to; compounds of German count by their last part."""
+    """Return the entries of the vocabulary to which words belong; a German compound counts by its last part."""
     found: set[str] = set()
     for word in words:
         plain = {kind for kind, known in WORDS.items() if word in known}
@@ -44,7 +44,7 @@ def kinds_of(words: list[str]) -> set[str]:
 
 
 def _compound(word: str) -> set[str]:
-    """Return what a compound is: its last part says of what kind, its first part whose."""
+    """Return the meaning of a compound: its last part gives the kind, its first part the owner."""
     if word.startswith(_ELSEWHERE):
         return {"elsewhere"}
     heads = [kind for stem, kind in _STEMS.items() if word.endswith(stem)]

@@ -1,4 +1,4 @@
-"""Means and end-differences over windows of time, which obey balances exactly."""
+"""Means and end-to-end differences over windows of time, which satisfy balances exactly."""
 
 from __future__ import annotations
 

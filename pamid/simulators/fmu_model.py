@@ -296,7 +296,7 @@ def _plain(name: str) -> str:
 
 
 def _distinct(names: Sequence[str]) -> dict[str, str]:
-    """Return names by plain ones: plain names are kept, and no two share one."""
+    """Return the original names by plain, unique ones; plain names are kept."""
     found = {name: name for name in names if _plain(name) == name}
     for name in names:
         if name in found.values():

@@ -1,4 +1,4 @@
-"""The process that runs an FMU: it reads requests from its input, answers on its output, and may crash alone."""
+"""The process that runs an FMU: it reads requests from stdin and answers on stdout; a crash stays in it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def is_whole(heard: bytes | bytearray) -> bool:
 
 
 def described(path: str) -> dict[str, Any]:
-    """Return what ``modelDescription.xml`` says of the variables; nothing of the FMU runs."""
+    """Return the variables of ``modelDescription.xml``; no code of the FMU runs."""
     import fmpy
 
     with zipfile.ZipFile(path) as archive:

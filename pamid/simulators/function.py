@@ -188,7 +188,7 @@ class FunctionSimulator(Simulator):
 
 
 def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]:
-    """Import a function: this runs the code of its module."""
+    """Import a function, which runs the code of its module."""
     module, colon, name = source.rpartition(":")
     if not colon or not module or not name:
         raise ParameterError(f"The function is {source!r}.", "'module:function' or 'file.py:function'", "Correct it.")
@@ -237,7 +237,7 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
 
 
 def _said(error: BaseException) -> str:
-    """Return the text of a foreign error; making that text may fail as well."""
+    """Return the text of a foreign error; creating it may fail as well."""
     try:
         return str(error)[:200]
     except Exception:

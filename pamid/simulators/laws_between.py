@@ -1,4 +1,4 @@
-"""Laws that act only between two ports: a play, a spring, a passage."""
+"""Laws that act only between two ports: play, spring, passage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which columns of a log are the ports of a simulator: one assignment for all of them, checked against the samples."""
+"""Which columns of a log are the ports of a simulator: one joint assignment, checked against the samples."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ class _Matcher:
         return score + NAME * likeness if likeness > 0.2 else min(score, _LEAST - 0.01)
 
     def _clashes(self, place: Place, column: Column) -> bool:
-        """Return whether a column named like a port is in a unit of another quantity, which its name leaves out."""
+        """Return whether a column named like a port has the unit of another quantity."""
         other = column.certain and place.dimension and column.dimension != place.dimension
         apart = read_header(column.name).bracketed or letters(column.name) != letters(place.port.name)
         return bool(other) and apart and is_named(place, column)

@@ -145,7 +145,7 @@ def _no_mjcf(path: Path, error: str) -> SimulatorSyntaxError:
 
 
 def _plainly_small(path: Path) -> bool:
-    """Return whether a model cannot be larger than its text: it names no file and no count."""
+    """Return whether a model cannot be larger than its text: it refers to no file and repeats nothing."""
     if path.stat().st_size > _PLAIN_BYTES:
         return False
     text = path.read_bytes()

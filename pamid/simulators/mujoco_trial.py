@@ -1,4 +1,4 @@
-"""The process in which a MuJoCo model is compiled, within limits of time and memory: it may crash alone.
+"""The process in which a MuJoCo model is compiled, within limits of time and memory: a crash stays in it.
 
 Run as ``python -m pamid.simulators.mujoco_trial MODEL OUT BYTES SECONDS``; what it says on its output is an error.
 """
@@ -13,7 +13,7 @@ from .fmu_worker import limited
 
 
 def main() -> None:
-    """Compile a model, begin it, and write it as MuJoCo's own binary file."""
+    """Compile a model, initialise it, and write it as a MuJoCo binary file."""
     model, out, memory, seconds = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
     os.chdir(Path(out).parent)  # where MuJoCo puts its notes
     import mujoco

@@ -1,4 +1,4 @@
-"""What MuJoCo 3.2 to 4.0 call by different names: inertias, moments of actuators, models as they are written."""
+"""Differences between MuJoCo 3.2 and 4.0: names of inertias, actuator moments and model specifications."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def simulator_kinds() -> dict[str, type[Simulator]]:
 
 
 def page_signals(path: str | Path) -> dict[str, str]:
-    """Return the columns of signals by a simulator file, with their units; nothing that it names is run."""
+    """Return the columns of signals in a simulator file, with units, without running anything that it names."""
     ports = read_toml(path, "a simulator file", _ERRORS).get("ports", {})
     entries = ports.items() if isinstance(ports, dict) else ()
     signals = {n: p for n, p in entries if isinstance(p, dict) and p.get("kind") in ("input", "output", "state")}
@@ -141,7 +141,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
 
 
 def read_outline(path: str | Path) -> Simulator:
-    """Read what a simulator file says about ports; nothing that it names is run, not even the simulator."""
+    """Read the ports of a simulator file without running anything that it names."""
     raw = read_toml(path, "a simulator file", _ERRORS)
     known = simulator_kinds().get(raw.get("kind", ""))
     if known is None or not known.executes:

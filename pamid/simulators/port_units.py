@@ -1,4 +1,4 @@
-"""Columns of ports in another unit: detected by motion, size and the model's response."""
+"""Columns in another unit than their ports: detected by motion, size and the model's response."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _factor(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def _word(factor: float) -> str:
-    """Return which unit a factor suggests; empty where none."""
+    """Return the unit that a factor suggests; empty if none."""
     near = [word for known, word in _KNOWN if abs(np.log(factor / known)) < 0.1]
     back = [f"the other way round, {word}" for known, word in _KNOWN if abs(np.log(factor * known)) < 0.1]
     found = near or back

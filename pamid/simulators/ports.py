@@ -218,7 +218,7 @@ class Values(np.ndarray):
 
 @lru_cache(maxsize=256)
 def _class_of(names: tuple[str, ...]) -> type[Values]:
-    """Return the class whose attributes of these names are rows, though arrays have attributes called so."""
+    """Return the class whose attributes of these names are rows, even where arrays have such attributes."""
     taken = {n: property(_row(k)) for k, n in enumerate(names) if n in dir(Values)}
     return type("Values", (Values,), taken) if taken else Values
 

@@ -1,4 +1,4 @@
-"""How large the signals of a log are, and how they scale the effects at ports."""
+"""The sizes of a log's signals, and how they scale effects at ports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""File formats of logs: one module per format, found by itself.
+"""File formats of logs: one module per format, found automatically.
 
 A module of this package that defines ``FORMAT`` (a `Format`) adds a format; nothing else has to be edited.
 """
@@ -77,7 +77,7 @@ class Format:
 
 
 def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
-    """Return the position of the column that names each row's run: what stands there is text, not a number."""
+    """Return the position of the column that names each row's run: it is read as text."""
     labels = [str(c) if isinstance(c, str) else c for c in columns]
     wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
     if isinstance(wanted, int):
@@ -86,7 +86,7 @@ def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
 
 
 def flat_columns(schema: Any, mapping: LogMapping) -> list[str]:
-    """Return the columns of an Arrow schema that can be signals or name runs; lists but of numbers stay closed."""
+    """Return the columns of an Arrow schema that can be signals or name runs; of lists only those of numbers."""
     import pyarrow as pa
 
     def closed(kind: Any) -> bool:
@@ -121,7 +121,7 @@ def known_extensions() -> tuple[str, ...]:
 
 
 def format_of(path: Path, encoding: str | None = None) -> Format:
-    """Tell a file's format by its content, and hold it against its name."""
+    """Recognise a file's format by its content, and compare it with its name."""
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     if not head.strip():

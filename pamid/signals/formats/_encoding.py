@@ -1,4 +1,4 @@
-"""The encoding of a text table: what it says, or what its first bytes show where they show it safely."""
+"""The encoding of a text table: as stated, or as its first bytes show it reliably."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def is_encoding(name: str) -> bool:
 
 
 def encoding_of(path: Path) -> str:
-    """Tell the encoding of a text file by its first bytes; Latin-1 where nothing else fits."""
+    """Recognise the encoding of a text file by its first bytes; Latin-1 if nothing else fits."""
     with path.open("rb") as stream:
         return encoding_by(stream.read(_HEAD)) or "latin-1"
 
@@ -51,7 +51,7 @@ def encoding_by(head: bytes) -> str:
 
 
 def _wide(head: bytes) -> str:
-    """Return which UTF-16 without a mark it is: every other byte of digits and delimiters is zero."""
+    """Return the byte order of UTF-16 without a mark: every other byte of digits and delimiters is zero."""
     even, odd = head[0::2].count(0), head[1::2].count(0)
     most, name = (odd, "utf-16-le") if odd > even else (even, "utf-16-be")
     if min(even, odd) or most < 0.25 * len(head) // 2:

@@ -1,4 +1,4 @@
-"""Whether every row of a text table has as many fields as its header names: none is dropped, none is made up."""
+"""Whether every row of a text table has as many fields as its header: none is dropped or invented."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _counted(path: Path, layout: Layout) -> _Counts:
 
 
 def _plain(path: Path, layout: Layout) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
-    """Yield line numbers and fields of the rows without looking at each; None for the fields where that cannot be."""
+    """Yield line numbers and fields of the rows without parsing each; None for fields that need parsing."""
     begun, rest = 0, b""
     with path.open("rb") as stream:
         while chunk := stream.read(_CHUNK):

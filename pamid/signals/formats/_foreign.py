@@ -1,4 +1,4 @@
-"""Reading by packages of other people: whatever they raise is a damaged file, and what they print stays unseen."""
+"""Reading with other packages: any error of theirs means a damaged file, and their output is suppressed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pamid.errors import PamidError, TruncatedLogError
 
 @contextlib.contextmanager
 def foreign_reader(path: Path, whole: str) -> Iterator[None]:
-    """Turn what a reader of somebody else's raises into one error of a damaged file."""
+    """Turn any error of another package's reader into one error for a damaged file."""
     try:
         with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -30,7 +30,7 @@ def foreign_reader(path: Path, whole: str) -> Iterator[None]:
 
 
 def require_all(path: Path, read: int, said: int | None, whole: str) -> None:
-    """Raise where a file says that it holds another number of messages than were read."""
+    """Raise if a file states another number of messages than were read."""
     if said is not None and read != said:
         raise TruncatedLogError(
             f"{path.name} is damaged: it declares {said} messages, of which {read} can be read.",

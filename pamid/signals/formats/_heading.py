@@ -1,4 +1,4 @@
-"""What stands above the rows of a text table: a preamble of other width, names of columns, a row of their units."""
+"""What is above the rows of a text table: a preamble of another width, names of columns, a row of units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Heading(NamedTuple):
 
 
 def heading_of(rows: Sequence[Sequence[str]], is_value: Callable[[str], bool]) -> Heading | None:
-    """Find names below a preamble, and units below names."""
+    """Find the names below a preamble, and the units below the names."""
     width = Counter(len(row) for row in rows).most_common(1)[0][0]
     if width < 2:
         return None

@@ -1,4 +1,4 @@
-"""How a text table is laid out: encoding, comments above it, delimiter, names of columns, fields in a row."""
+"""The layout of a text table: encoding, comments above it, delimiter, names of columns, fields per row."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Layout(NamedTuple):
 
 
 def layout_of(path: Path, mapping: LogMapping) -> Layout:
-    """Find how a text table is laid out, from its first rows and what the mapping says."""
+    """Find the layout of a text table from its first rows and the mapping."""
     encoding = mapping.encoding or encoding_of(path)
     lines = _first_lines(path, encoding)
     above = len(list(itertools.takewhile(lambda line: _is_comment(line) or not line.strip(), lines)))
@@ -86,7 +86,7 @@ def _of_rows(
 
 
 def _given(delimiter: str | None) -> str | None:
-    """Return the mapping's delimiter; white space of any length is a blank."""
+    """Return the mapping's delimiter; a blank stands for white space of any length."""
     if delimiter is None or delimiter == r"\s+":
         return delimiter and " "
     if len(delimiter) != 1 or delimiter in '\r\n"':
@@ -95,7 +95,7 @@ def _given(delimiter: str | None) -> str | None:
 
 
 def numbered_rows(lines: Iterable[str], delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Split lines into rows of fields; blank lines are passed over."""
+    """Split lines into rows of fields, skipping blank lines."""
     if delimiter == " ":
         for number, line in enumerate(lines, start=1):
             if line.strip():
@@ -119,7 +119,7 @@ def clean(token: str) -> str:
 
 
 def _first_lines(path: Path, encoding: str) -> list[str]:
-    """Return the first lines: as many as it takes for some of samples below any comments."""
+    """Return enough first lines to contain some samples below any comments."""
     lines: list[str] = []
     left = _LINES
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
@@ -146,7 +146,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _rows_among(comments: list[str], delimiter: str, width: int) -> int:
-    """Return how many of the last lines above a table without header are rows of it whose first field has the mark."""
+    """Return how many of the last commented lines above a table without header are rows of it."""
     count = 0
     for line in reversed(comments):
         fields = next(numbered_rows([line], delimiter), (0, []))[1]

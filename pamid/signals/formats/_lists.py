@@ -1,4 +1,4 @@
-"""Columns whose cells are lists, as robots log all joints in one: each place becomes a column of its own."""
+"""Columns whose cells are lists, such as all joints of a robot: each element becomes a column."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def unfolded(frame: pd.DataFrame, names: Mapping[str, Sequence[str]] | None = No
 
 
 def _block(column: pd.Series) -> np.ndarray | None:
-    """Return the numbers of a column of lists, shape (rows, places); None where it is none."""
+    """Return the numbers of a column of lists, shape (rows, elements); None if it is no such column."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column.dtype) or not len(column):

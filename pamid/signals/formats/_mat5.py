@@ -122,7 +122,7 @@ def _head(body: bytes, order: str, path: Path) -> _Head:
 
 
 def _element(body: bytes, at: int, order: str) -> tuple[int, bytes, int]:
-    """Return type and content of the data element at a position, and where the next one begins."""
+    """Return type and content of the data element at a position, and the start of the next one."""
     first, second = struct.unpack_from(order + "II", body, at)
     if first >> 16:  # small element: type and length in one word, up to four bytes of data in the next
         if first >> 16 > 4:
@@ -150,7 +150,7 @@ def _array(body: bytes, order: str, path: Path) -> np.ndarray:
 
 
 def _texts(body: bytes, order: str, path: Path) -> np.ndarray:
-    """Return the rows of a character array without the blanks that fill them up, or the entries of a cell of texts."""
+    """Return the rows of a character array without padding, or the entries of a cell of texts."""
     head = _head(body, order, path)
     if head.mx_class == _CHAR:
         return np.array([row.rstrip() for row in _characters(body, head, order, path)], dtype=object)
@@ -168,7 +168,7 @@ def _texts(body: bytes, order: str, path: Path) -> np.ndarray:
 
 
 def _characters(body: bytes, head: _Head, order: str, path: Path) -> list[str]:
-    """Return the rows of a character array, which lies in the file column by column."""
+    """Return the rows of a character array, which is stored column by column."""
     rows = math.prod(head.shape[:-1])
     if not rows or not head.shape[-1]:
         return []

@@ -1,4 +1,4 @@
-"""From the messages of a robot's topics, each at times of its own, to one table."""
+"""From the messages of a robot's topics, each with its own times, to one table."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Topic = tuple[np.ndarray, Mapping[str, np.ndarray]]
 
 
 class Messages:
-    """Messages of topics, as they are read one after the other."""
+    """Messages of topics, collected while reading."""
 
     def __init__(self) -> None:
         self._first: int | None = None
@@ -39,7 +39,7 @@ class Messages:
         self._rows.setdefault(topic, []).append(dict(_numbers(said, "", 0)))
 
     def topics(self) -> dict[str, Topic]:
-        """Return the numbers of each topic, missing where a message has none."""
+        """Return the numbers of each topic; NaN where a message has none."""
         out: dict[str, Topic] = {}
         for name, rows in self._rows.items():
             fields = dict.fromkeys(k for row in rows for k in row)
@@ -96,7 +96,7 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
 
 
 def _out_of_step(times: np.ndarray, topic: str) -> Iterator[str]:
-    """Say what is wrong with the stamps of the topic whose messages are the rows."""
+    """Return what is wrong with the time stamps of the topic whose messages are the rows."""
     if again := len(times) - len(np.unique(times)):
         yield f"{again} messages of {topic} repeat the time stamp of another one; one for each time stamp is kept"
     if back := int(np.sum(np.diff(times) < 0.0)):
@@ -106,7 +106,7 @@ def _out_of_step(times: np.ndarray, topic: str) -> Iterator[str]:
 def _as_numbered(
     topic: str, fields: Mapping[str, np.ndarray], wanted: Collection[str | int | None]
 ) -> Mapping[str, np.ndarray]:
-    """Return the fields, those of joints by the number of their place as well where a mapping asks for that."""
+    """Return the fields; those of joints also by their index, if a mapping uses that."""
     found = dict(fields)
     for name in wanted:
         match = _NUMBERED.match(str(name).removeprefix(f"{topic}."))
@@ -122,7 +122,7 @@ def _column(topic: str, field: str) -> str:
 
 
 def _numbers(said: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message with their names: fields by dots, places in lists in brackets."""
+    """Yield the numbers of a message with their names: fields after dots, list indices in brackets."""
     if isinstance(said, (bool, int, float, np.number)):
         yield name, float(said)
     elif depth >= _DEEPEST:
@@ -142,14 +142,14 @@ def _numbers(said: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
 
 
 class _Places(NamedTuple):
-    """Numbers whose places have names, such as those of joints."""
+    """Numbers whose list indices have names, such as joints."""
 
     names: list[str]
     values: list[Any]
 
 
 def _joints(said: dict[str, Any]) -> list[str]:
-    """Return the names that a message such as JointState gives the places of its lists, whose order may change."""
+    """Return the names that a message such as JointState gives the elements of its lists, whose order may change."""
     names = said.get("name", said.get("joint_names"))
     listed = isinstance(names, list | tuple) and all(isinstance(n, str) for n in names)
     return [str(n) for n in names] if listed and names and len(set(names)) == len(names) else []

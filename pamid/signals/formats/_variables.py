@@ -1,4 +1,4 @@
-"""From the variables of a MATLAB or HDF5 file to tables: which are runs, which form one table together."""
+"""From the variables of a MATLAB or HDF5 file to tables: which are runs, and which form one table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_FOLD = 1_100
 
 
 def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_bytes: int) -> None:
-    """Raise if a variable declares more than may be unfolded."""
+    """Raise if a variable declares more than may be loaded."""
     declared = 8.0
     for n in shape:
         declared *= max(int(n), 0)
@@ -82,7 +82,7 @@ def as_frame(value: Any, name: str) -> pd.DataFrame | None:
 def tables(
     variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str, Any], lost: Sequence[str] = ()
 ) -> list[RawTable]:
-    """Arrange variables into tables: matrices and structs are tables each, vectors of one length form one together."""
+    """Arrange variables into tables: each matrix or struct is one, vectors of equal length form one together."""
     import pandas as pd
 
     result: list[RawTable] = []

@@ -24,7 +24,7 @@ _SHOWN = 4
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read the numeric data sets; a group of vectors is a table, links to other files and objects stay closed."""
+    """Read the numeric data sets; a group of vectors is a table; links to other files and objects are not followed."""
     import h5py
 
     try:
@@ -78,7 +78,7 @@ def _has_names(found: dict[str, Any], mapping: LogMapping) -> bool:
 def _names_variable(
     file: h5py.File, mapping: LogMapping, path: Path, max_bytes: int, matlab: bool
 ) -> dict[str, np.ndarray]:
-    """Return the variable of text that names each row's run; a log is never read without the names that it gives."""
+    """Return the text variable that names each row's run; a log is never read without these names."""
     import h5py
 
     wanted = _wanted(mapping)
@@ -104,7 +104,7 @@ def _class_of(item: h5py.Dataset) -> str:
 
 
 def _characters(item: h5py.Dataset) -> list[str]:
-    """Return the rows of MATLAB's character array, which is stored transposed, one unit of UTF-16 an element."""
+    """Return the rows of MATLAB's character array, stored transposed, with one UTF-16 unit per element."""
     if item.ndim != 2 or item.dtype.kind != "u":
         return [""]
     return [row.astype("<u2").tobytes().decode("utf-16-le", errors="replace").rstrip() for row in item[()].T]
@@ -123,14 +123,14 @@ def _children(group: h5py.Group) -> dict[str, Any]:
 
 
 def _links(group: h5py.Group) -> list[str]:
-    """Return the members of a group that are links, which stay closed."""
+    """Return the members of a group that are links, which are not followed."""
     import h5py
 
     return [n for n in group if not isinstance(group.get(n, getlink=True), h5py.HardLink) and not n.startswith("#")]
 
 
 def _refused(item: Any) -> str:
-    """Return what of a data set keeps its numbers from being read; empty where nothing does."""
+    """Return what prevents reading a data set's numbers; empty if nothing does."""
     if _is_virtual(item):
         return "virtual" if item.is_virtual else "external"
     return "complex" if item.dtype.kind == "c" else ""
@@ -181,7 +181,7 @@ def _vector(item: h5py.Dataset) -> bool:
 
 
 def _is_virtual(item: h5py.Dataset) -> bool:
-    """Return whether the data lie in other files, which a log may not open."""
+    """Return whether the data are in other files, which a log may not open."""
     return bool(item.is_virtual) or bool(item.external)
 
 

@@ -1,4 +1,4 @@
-"""JSON logs: an object with a list of entries and single values beside it, a bare list of entries, or columns."""
+"""JSON logs: an object with a list of entries and scalars, a bare list of entries, or columns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read a JSON file as one table and the single values beside it."""
+    """Read a JSON file as one table and its scalars."""
     if path.stat().st_size * 10 > max_bytes:
         raise HostileLogError(
             f"{path.name} has {path.stat().st_size / 2**20:.0f} MiB of JSON.",
@@ -54,7 +54,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _of_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object, none of whose keys stands in it twice: the later one would replace the earlier."""
+    """Return an object without duplicate keys: a later one would replace the earlier."""
     found = dict(pairs)
     if len(found) < len(pairs):
         counted = Counter(k for k, _ in pairs)

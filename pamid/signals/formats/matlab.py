@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read the numeric variables, structs of vectors and the names of runs; objects and other cells stay closed."""
+    """Read the numeric variables, structs of vectors and names of runs; objects and other cells are not read."""
     listing = {v.name: v for v in contents(path) if v.name}
     of_names = _names_variable(listing, mapping, path)
     names = [v.name for v in listing.values() if v.kind == "number"]
@@ -45,7 +45,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _names_variable(listing: dict[str, Variable], mapping: LogMapping, path: Path) -> list[str]:
-    """Return the variable of text that names each row's run; a log is never read without the names that it gives."""
+    """Return the text variable that names each row's run; a log is never read without these names."""
     wanted = TRAJECTORY if mapping.trajectory is None else mapping.trajectory
     kind = listing[wanted].kind if isinstance(wanted, str) and wanted in listing else "number"
     if kind in ("char", "cell"):

@@ -1,4 +1,4 @@
-"""MCAP, the container of ROS 2 and Foxglove: topics whose messages are JSON, or CDR of ROS 2."""
+"""MCAP, the container of ROS 2 and Foxglove: topics with JSON messages, or CDR messages of ROS 2."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHOLE = "a complete MCAP file of JSON or ROS 2 messages"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read all topics as one table: columns ``/topic.field``, times those at which messages were logged."""
+    """Read all topics as one table: columns ``/topic.field``, times at which messages were logged."""
     try:
         from mcap.reader import make_reader
     except ImportError:
@@ -42,7 +42,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _decoders() -> list[Any]:
-    """Return what decodes messages of ROS 2, where it is installed."""
+    """Return the decoder of ROS 2 messages, if installed."""
     try:
         from mcap_ros2.decoder import DecoderFactory
     except ImportError:

@@ -45,7 +45,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def frame_of(table: Any, path: Path) -> pd.DataFrame:
-    """Return rows of a parquet file as a table of numbers and names."""
+    """Return rows of a parquet file as a table of numbers and names of runs."""
     from ..robots import places_of
 
     lists = any(str(field.type).startswith(("list", "fixed_size_list", "large_list")) for field in table.schema)

@@ -21,7 +21,7 @@ _WHOLE = "a complete recording with messages of known types"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read all topics as one table: columns ``/topic.field``, times those at which messages were recorded.
+    """Read all topics as one table: columns ``/topic.field``, times at which messages were recorded.
 
     Of ROS 2 a recording is a folder: its ``.db3`` stands for all of it.
     """

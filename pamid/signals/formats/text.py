@@ -1,4 +1,4 @@
-"""Text tables: CSV, semicolons, tabs or blanks between columns, with or without a header, points or commas."""
+"""Text tables: fields separated by commas, semicolons, tabs or blanks; with or without header; point or comma."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
-    """Return the table as pandas reads it; the column that names the runs as the text that stands there."""
+    """Return the table as pandas reads it, with the column of run names as text."""
     import pandas as pd
 
     positions = [str(k) for k in range(layout.width)]
@@ -101,7 +101,7 @@ def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
 
 
 def _with_blanks(names: pd.Series, path: Path, layout: Layout, position: int) -> pd.Series:
-    """Return the names of runs with the blanks in front of them where these alone keep two runs apart."""
+    """Return the names of runs, with leading blanks if only these distinguish two runs."""
     import pandas as pd
 
     if layout.delimiter == " " or not _blanks_in_front(path, layout):
@@ -128,7 +128,7 @@ def _blanks_in_front(path: Path, layout: Layout) -> bool:
 
 
 def _numbers(column: pd.Series, decimal: str, thousands: str | None, path: Path) -> Any:
-    """Turn a column that pandas left as text into numbers where it is meant as numbers."""
+    """Convert a column that pandas left as text to numbers, if it is meant as numbers."""
     import pandas as pd
 
     text = column.astype(str).str.strip()
@@ -166,7 +166,7 @@ def _numbers(column: pd.Series, decimal: str, thousands: str | None, path: Path)
 
 
 def _without_thousands(text: pd.Series, decimal: str, thousands: str) -> pd.Series:
-    """Remove the marks of thousands; where they look like the decimal point, the last one is the decimal point."""
+    """Remove thousands separators; if they look like the decimal point, the last one is the decimal point."""
     if thousands != decimal:
         return text.str.replace(thousands, "", regex=False)
     return text.str.replace(rf"{re.escape(thousands)}(?=.*{re.escape(decimal)})", "", regex=True)

@@ -46,7 +46,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _lost(path: Path, log: Any, read: int) -> list[str]:
-    """Return what a ULog has lost: messages behind a cut, damaged ones, and those that its recorder dropped."""
+    """Return what a ULog has lost: messages after a cut, damaged ones, and those dropped by its recorder."""
     data, ends, told = _messages(path)
     said = []
     if not ends:
@@ -61,7 +61,7 @@ def _lost(path: Path, log: Any, read: int) -> list[str]:
 
 
 def _messages(path: Path) -> tuple[int, bool, bool]:
-    """Count the messages of data in a ULog; tell whether the last one is whole, and whether a kind is unknown."""
+    """Count the data messages of a ULog; return whether the last one is complete and whether a kind is unknown."""
     count, odd, size = 0, False, path.stat().st_size
     with path.open("rb") as stream:
         at = stream.seek(_HEADER)
