@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
+from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.base import RegressorMixin, TransformerMixin, clone
+from sklearn.base import clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from pamid.errors import (
     DuplicateColumnError,
     ExcitationWarning,
-    FitError,
     IncompatibleError,
-    InterruptedFitWarning,
     ParameterError,
-    ShapeError,
 )
 from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet
 from pamid.volume.scaled import ScaledVolume
 
-from ._base import SignalEstimator, fitted_attributes, state_of
+from ._base import fitted_attributes, state_of
 from ._blend import FEW_TRAJECTORIES, Blending
 from ._hybrid_fit import (
     arrays_of,
@@ -40,12 +38,14 @@ from ._hybrid_fit import (
     warn_before,
     without_repeats,
 )
-from ._hybrid_use import jet_of, mean_r2
+from ._hybrid_use import jet_of
+from ._law_model import LawModel
+from ._parameters import parameters
 from ._pihm import HybridModel
-from ._progress import ProgressMixin, fit_progress
+from ._progress import fit_progress
 from ._source import hybrid_of
-from ._streaming import Streaming
 from ._trajectories import trajectory_codes
+from ._typed import TransformerMixin
 
 VOLUME_COLUMNS = ("V", "V_eps", "V_P")
 """What `transform` appends: volume (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
@@ -57,30 +57,85 @@ PUBLISHED_BATCH = 128
 """Batch of Adam in an adaptation, as published."""
 
 
-class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, TransformerMixin, SignalEstimator):
-    """Base of the adapters; a subclass says what is trained."""
+@parameters
+class AdaptedModel(Blending, TransformerMixin, LawModel):
+    """Base of the adapters; a subclass says what is trained.
+
+    Parameters
+    ----------
+    source : estimator
+        The fitted hybrid model of the muscle with plenty of data, best in a `sklearn.frozen.FrozenEstimator`, so that
+        clones keep its fit. It stays untouched.
+    rest_length, rest_diameter : float, optional
+        L₀ and D₀ of the target muscle, m; those of the source by default.
+    trainer : {"levenberg_marquardt", "adam"} or Trainer
+        ``"adam"`` is the published algorithm with its hyperparameters.
+    max_iter, batch_size : int, optional
+        Override those of the trainer.
+    weight_decay : float or "auto"
+        Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
+        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
+        where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
+    validation_fraction : float or "auto"
+        Share of whole runs held out for early stopping.
+    blend : {"auto"} or bool
+        Whether held-out samples decide, once, the share of a fresh fit of the same samples in the predictions
+        (`pamid.adapters.source_process`), so that they are not worse than without a source. ``"auto"`` leaves the
+        published algorithm as published.
+    warm_start : bool
+        Whether another ``fit`` continues the present adaptation.
+    signals : dict, optional
+        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
+    device : str
+        Where to train, for instance ``"cuda"``.
+    random_state : int, RandomState or None
+        Seed of the draws.
+
+    Attributes
+    ----------
+    model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
+        The model of the target muscle, of the source's class.
+    n_parameters_ : int
+        Number of adapted parameters.
+    weight_decay_ : float
+        Strength of the pull; infinite where the network stays as it is.
+    blend_ : ndarray, shape (n_targets,)
+        Share of the fresh fit in the predictions, 0 where the adapted model stays alone.
+    source_kept_ : ndarray, shape (n_targets,)
+        Share of the source in the predictions: of the adapted model, and of the source within the fresh fit.
+    held_out_errors_ : list of dict
+        Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
+        and ``both`` (a fresh fit that reads the source's prediction).
+    n_iter_ : int
+        Iterations of the trainer.
+    loss_curve_, validation_curve_ : list of float
+        Mean squared residual after each iteration, in units of the target's variance.
+    status_ : str
+        Why the training ended.
+    """
 
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
-    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
-    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
     method: ClassVar[str]
     """Name of the method on the command line."""
+    _fitted = "model_"
 
     source: Any
-    rest_length: float | None
-    rest_diameter: float | None
-    trainer: Any
-    max_iter: int | None
-    batch_size: int | None
-    weight_decay: float | str | None
-    validation_fraction: float | str
-    warm_start: bool
-    device: str
-    random_state: Any
-    model_: HybridModel
-    psi_: list[np.ndarray]
-    loss_curve_: list[float]
-    validation_curve_: list[float]
+    _: KW_ONLY
+    rest_length: float | None = None
+    rest_diameter: float | None = None
+    trainer: Any = "levenberg_marquardt"
+    max_iter: int | None = None
+    batch_size: int | None = None
+    weight_decay: float | str | None = "auto"
+    validation_fraction: float | str = 0.0
+    warm_start: bool = False
+    device: str = "cpu"
+    random_state: Any = None
+
+    model_: HybridModel = field(init=False)
+    psi_: list[np.ndarray] = field(init=False)
+    loss_curve_: list[float] = field(init=False)
+    validation_curve_: list[float] = field(init=False)
 
     @abstractmethod
     def _adapter(self) -> Any:
@@ -88,11 +143,6 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
 
     def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
         """Bring the source's volume to the target's size before anything is trained."""
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
@@ -104,16 +154,9 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
             Signals of the target muscle.
         y : array, shape (n_samples,), or (n_samples, 2) for a source of force and flow
             What the source predicts, measured on the target: force (N) or mass flow (kg/s).
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
         groups : array, shape (n_samples,), optional
             Run of each row; a column ``trajectory`` serves as well. With four runs or more the
             strength of the prior is chosen on whole ones.
-
-        Returns
-        -------
-        self
-            The adapted model.
         """
         source = hybrid_of(self.source, type(self).__name__)
         self._check_law(source, y)
@@ -150,32 +193,8 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
         the volume included; beyond, that of a fair sample of the stream. A change of the muscle is not detected here:
         `pamid.online.ChangeMonitor` does that, and `fit` starts again. Memory does not grow.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
-        y : array, shape (n_samples,) or (n_samples, 2)
-            What the source predicts, measured on the target.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Run of each row.
-
-        Returns
-        -------
-        self
-            The adapted model.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
-
-    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table, target = self._read_targets(X, y, reset=False)
-        if target.shape[1] != len(self.model_.laws()):
-            raise ShapeError(
-                f"y has {target.shape[1]} columns.", f"{len(self.model_.laws())}, as in the fit", "Correct y."
-            )
-        return table, target
 
     def _target(self, base: HybridModel) -> HybridModel:
         """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
@@ -220,6 +239,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         import torch
 
         from pamid.adapters.base import Bound, n_parameters
+        from pamid.training.trainer import mean_squared_residual
 
         state, dtype = state_of(model, table), getattr(torch, model.dtype)
         self.start_ = source.weights_
@@ -239,7 +259,7 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
         if not np.isfinite(self.weight_decay_):
             self.n_parameters_ = int(self._counts_scale)
-            self.loss_curve_ = [_mean_square(bound.expand(psi), problem, model.activation)]
+            self.loss_curve_ = [mean_squared_residual(bound.expand(psi), problem, model.activation)]
             model.weights_ = arrays_of(bound.expand(psi))
             return
         self._warn_of_weak_prior(len(problem))
@@ -270,18 +290,12 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         return {"model_": now}
 
     def _keep(self, model: HybridModel, result: Any, bound: Any, before: list[float], held_out: list[float]) -> None:
-        from pamid.training import Status
-
         self.psi_ = arrays_of(result.parameters)
         model.weights_ = arrays_of(bound.expand(result.parameters))
         self.loss_curve_ = [*before, *result.loss_curve]
         self.validation_curve_ = held_out
         self.n_iter_ = max(len(self.loss_curve_), 1)
-        self.status_ = result.status.name.lower()
-        if result.status is Status.INTERRUPTED:
-            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=5)
-        if result.status is Status.DIVERGED:
-            raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
+        self._tell_status(result.status)
 
     def _strength(self, problem: Any, psi: Any, model: HybridModel, bound: Any, codes: Any, rng: Any) -> float:
         """Return the strength of the pull toward the source, or Adam's own decay."""
@@ -342,59 +356,11 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
 
     # --- using --------------------------------------------------------------------------------------------------
     def laws(self) -> tuple[Law, ...]:
-        """Return the laws that the adapted model obeys.
-
-        Returns
-        -------
-        tuple of Law
-            A law of force (N), of flow (kg/s), or both.
-        """
+        """Return the laws that the adapted model obeys."""
         return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__)).laws()
-
-    def predict(self, X: Any) -> np.ndarray:
-        """Predict what the source predicts, for the target muscle.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,) or (n_samples, 2)
-            Force (N), mass flow (kg/s), or both.
-        """
-        check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
-        out = self._predict_blend(table)
-        return out[:, 0] if out.shape[1] == 1 else out
-
-    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
-        """Return R², averaged over what is predicted.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
-        y : array, shape (n_samples,) or (n_samples, 2)
-            Measured force (N) or mass flow (kg/s).
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-
-        Returns
-        -------
-        float
-            R², dimensionless; one is perfect.
-        """
-        return mean_r2(y, self.predict(X), sample_weight)
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
 
         Returns
         -------
@@ -406,11 +372,6 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
 
     def transform(self, X: Any) -> Any:
         """Append the adapted volume and its derivatives to the signals.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
 
         Returns
         -------
@@ -431,17 +392,6 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
 
     def fit_transform(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Any:
         """Adapt, and append the adapted volume and its derivatives to the signals.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the target muscle.
-        y : array, shape (n_samples,) or (n_samples, 2)
-            What the source predicts, measured on the target.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Run of each row.
 
         Returns
         -------
@@ -465,12 +415,6 @@ class AdaptedModel(Blending, Streaming, ProgressMixin, RegressorMixin, Transform
         """
         check_is_fitted(self, "model_")
         return np.array([*_check_feature_names_in(self, input_features), *VOLUME_COLUMNS], dtype=object)
-
-
-def _mean_square(parameters: Any, problem: Any, activation: str) -> float:
-    from pamid.training.trainer import mean_squared_residual
-
-    return mean_squared_residual(parameters, problem, activation)
 
 
 ONE_WAY = 0.05

@@ -6,31 +6,21 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from sklearn.base import RegressorMixin
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from ._base import SignalEstimator
+from ._base import SignalRegressor
 from ._checks import check_sizes
 from ._classical import warn_of_still_signals
 from ._linear import LinearTerms
 from ._trajectories import trajectory_codes
 
 
-class BalanceRegressor(LinearTerms, RegressorMixin, SignalEstimator):
+class BalanceRegressor(LinearTerms, SignalRegressor):
     """Shared by `CylinderForce` and `JointDrive`: a sum of terms of named signals, each term a physical parameter."""
-
-    __metadata_request__fit: ClassVar = {"groups": True}
 
     _state: ClassVar[Any]
     """Tuple of the signals, in the order of `reads`."""
     still: float
-
-    def __sklearn_tags__(self) -> Tags:
-        """Declare that random tables, which obey no physics, are fitted poorly."""
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def _output(self) -> tuple[str, str]:
         """Return name and unit of what is predicted."""
@@ -57,11 +47,6 @@ class BalanceRegressor(LinearTerms, RegressorMixin, SignalEstimator):
     def predict(self, X: Any) -> np.ndarray:
         """Predict the force or drive.
 
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
-
         Returns
         -------
         ndarray, shape (n_samples,)
@@ -72,17 +57,6 @@ class BalanceRegressor(LinearTerms, RegressorMixin, SignalEstimator):
         return self._predict_state(self._signals_of(X))
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the prediction as a formula of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of the output.
-        """
+        """Return the prediction as a formula of the signals, which may be symbols: what an export writes."""
         name, unit = self._output()
         return {name: (unit, self._formula(self._state(*(signals[s] for s in self.reads))))}

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY
 from math import isfinite
 from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d, validate_data
 
 from pamid.errors import MissingColumnError, ParameterError, ShapeError
@@ -16,11 +16,14 @@ from pamid.signals.state import STATE_SIGNALS, State
 
 from ._checks import check_squares, row_weights
 from ._frames import TakesFrames
+from ._parameters import parameters
 from ._trajectories import TRAJECTORY, encode_text_columns
+from ._typed import BaseEstimator, RegressorMixin
 
 Signals = Mapping[str, "str | int"]
 
 
+@parameters
 class SignalEstimator(TakesFrames, BaseEstimator):
     """Base of every estimator that reads named signals from the columns of X.
 
@@ -29,6 +32,20 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     a column, by name or by position, and may send several signals to one column.
 
     A column named ``trajectory`` in a DataFrame is never a signal: it names each row's run.
+
+    Parameters
+    ----------
+    signals : mapping of str to (str or int), optional
+        Column of a signal, by name or position, where it is not the signal's own name or place.
+
+    Attributes
+    ----------
+    signal_columns_ : dict of str to int
+        Column of each signal.
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
@@ -39,7 +56,9 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     """Whether it learns all of its `equations` at once, from a target with one column each."""
     outputs: ClassVar[tuple[str, ...]] = ("eps", "P")
     """Outputs whose free run it can learn, where its `equations` name the dynamic problem."""
-    signals: Signals | None
+
+    _: KW_ONLY
+    signals: Signals | None = None
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
@@ -164,6 +183,15 @@ class SignalEstimator(TakesFrames, BaseEstimator):
         return np.column_stack([self._signal(X, name) for name in names])
 
 
+class SignalRegressor(RegressorMixin, SignalEstimator):
+    """A regressor on signals; a random table, whose columns mean nothing, is fitted poorly."""
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+
 def state_of(estimator: Any, X: np.ndarray) -> State:
     """Return the signals of a muscle's state in a validated table; what an estimator does not read is zero."""
     columns, zero = estimator.signal_columns_, np.zeros(X.shape[0])
@@ -202,4 +230,12 @@ def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
     return table
 
 
-__all__ = ["TRAJECTORY", "SignalEstimator", "Signals", "fitted_attributes", "plain_table", "state_of"]
+__all__ = [
+    "TRAJECTORY",
+    "SignalEstimator",
+    "SignalRegressor",
+    "Signals",
+    "fitted_attributes",
+    "plain_table",
+    "state_of",
+]

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.adapters.source_process import ROWS, SourceProcess, SourceRows
 from pamid.errors import AdaptationWarning, ExtrapolationWarning, ParameterError
@@ -127,9 +126,8 @@ class Blending:
             warnings.simplefilter("ignore", ExtrapolationWarning)
             return predicted(source, table)
 
-    def _predict_blend(self, table: np.ndarray) -> np.ndarray:
+    def _outputs(self, table: np.ndarray) -> np.ndarray:
         """Return the adapted model's predictions with the fresh fit's share in them, shape (n_samples, n_laws)."""
-        check_is_fitted(self, "model_")
         out = predicted(self.model_, table)
         weights = getattr(self, "blend_", np.zeros(out.shape[1]))  # none in files of an earlier version
         if not weights.any():

@@ -3,43 +3,29 @@
 from __future__ import annotations
 
 import warnings
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from sklearn.base import RegressorMixin
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExcitationWarning
 from pamid.laws.base import Law
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
-from pamid.volume import ClassicalVolume, VolumeJet, check_volume
+from pamid.volume import VolumeJet, check_volume
 
-from ._base import SignalEstimator, state_of
+from ._base import SignalRegressor, state_of
 from ._trajectories import trajectory_codes
 
 
-class ClassicalRegressor(RegressorMixin, SignalEstimator):
+class ClassicalRegressor(SignalRegressor):
     """A law read with a classical volume model; subclasses say how the model is fitted and built."""
 
-    __metadata_request__fit = {"groups": True}  # noqa: RUF012 - scikit-learn reads it by this name
-
     _level_known = True
-    signal_columns_: dict[str, int]
 
-    def __sklearn_tags__(self) -> Tags:
-        """Declare that random tables, which obey no physics, are fitted poorly."""
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
-
-    # --- what a subclass gives --------------------------------------------------------------------------------
-    def _law(self) -> Law:
-        """Return the law."""
-        raise NotImplementedError
-
+    @abstractmethod
     def laws(self) -> tuple[Law, ...]:
         """Return the law that reads the volume.
 
@@ -48,11 +34,10 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         tuple of Law
             One law, of force (N) or of flow (kg/s).
         """
-        return (self._law(),)
 
-    def _volume_model(self) -> ClassicalVolume:
-        """Return the fitted volume model."""
-        raise NotImplementedError
+    @abstractmethod
+    def _jet(self, state: State) -> VolumeJet:
+        """Return the fitted volume and its derivatives."""
 
     # --- the way in -------------------------------------------------------------------------------------------
     def _training(
@@ -62,7 +47,7 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         clusters = None if groups is None else trajectory_codes(X, groups)
         X, y, weight = self._read_weighted(X, y, sample_weight, reset=reset, ensure_min_samples=least)
         state = state_of(self, X)
-        law = self._law()
+        (law,) = self.laws()
         signals = {name: self._signal(X, name) for name in self.reads}
         check_units(signals | {law.target: y})
         return state, y, weight, clusters
@@ -70,11 +55,6 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
     # --- the way out ------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
         """Predict what the law says of the fitted volume.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
 
         Returns
         -------
@@ -86,22 +66,11 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         return self._predict_state(state_of(self, X))
 
     def _predict_state(self, state: State) -> np.ndarray:
-        return self._law().predict(*self._volume_model().jet(state), state)
+        return self.laws()[0].predict(*self._jet(state), state)
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output.
-        """
-        law = self._law()
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
+        (law,) = self.laws()
         return {law.equation: (law.unit, self._formula(State(*(signals.get(s, 0.0) for s in State._fields))))}
 
     def _formula(self, state: State) -> Any:
@@ -109,11 +78,6 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
 
         Returns
         -------
@@ -128,7 +92,7 @@ class ClassicalRegressor(RegressorMixin, SignalEstimator):
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
         state = state_of(self, X)
-        jet = self._volume_model().jet(state)
+        jet = self._jet(state)
         check_volume(jet, state, level_known=self._level_known)
         return jet
 

@@ -15,7 +15,7 @@ from pamid.effects.plant import Plant
 from pamid.errors import IncompatibleError, MissingColumnError, MissingTrajectoryError, ParameterError
 from pamid.signals.state import STATE_SIGNALS, State
 
-from ._base import state_of
+from ._base import SignalEstimator, state_of
 from ._trajectories import TRAJECTORY, trajectory_codes
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def plant_of(model: HybridParameters) -> Plant:
     return Plant.of_muscle(model.rest_length, model.rest_diameter, atmospheric_pressure=model.atmospheric_pressure)
 
 
-def whole_log(model: HybridParameters, X: np.ndarray) -> WholeLog:
+def whole_log(model: SignalEstimator, X: np.ndarray) -> WholeLog:
     """Return the signals of whole runs in order of time."""
     names = [str(name) for name in getattr(model, "feature_names_in_", ())]
     if TRAJECTORY not in names:

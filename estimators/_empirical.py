@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from sklearn.base import RegressorMixin
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
+from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError
 from pamid.fitting.least_squares import cluster_covariance, fit_nonlinear
 from pamid.signals.plausibility import check_units
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._base import SignalEstimator, state_of
+from ._base import SignalRegressor, state_of
 from ._classical import warn_of_still_signals
+from ._parameters import parameters
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
@@ -27,10 +28,41 @@ _AT_REST = 1e-6  # rate of contraction, 1/s, below which nothing moves
 _NORMAL_95 = 1.959963984540054
 
 
-class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
-    """A force as a formula of the state; subclasses give the formula, its parameters and where the search starts."""
+@parameters
+class EmpiricalForce(Streaming, SignalRegressor):
+    """A force as a formula of the state; subclasses give the formula, its parameters and where the search starts.
 
-    __metadata_request__fit: ClassVar = {"groups": True}
+    Parameters
+    ----------
+    rest_length : float
+        L₀, m.
+    fixed : mapping of str to float, optional
+        Parameters that are held, and their values, SI units.
+    atmospheric_pressure : float
+        Pa, absolute.
+    max_iter : int
+        Maximum number of evaluations of the model.
+
+    Attributes
+    ----------
+    parameters_ : dict of str to float
+        Every parameter, fitted or held, SI units.
+    standard_errors_ : dict of str to float
+        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
+        on a bound. With `groups`, cluster-robust.
+    intervals_ : dict of str to tuple of two floats
+        Their 95 % intervals.
+    units_ : dict of str to str
+        Their units.
+    fitted_names_ : list of str
+        The parameters that were fitted, in the order of `covariance_`.
+    covariance_ : ndarray, shape (n_fitted, n_fitted)
+        Covariance of the fitted parameters.
+    at_bound_ : list of str
+        Fitted parameters that lie on a bound.
+    n_iter_ : int
+        Evaluations used.
+    """
 
     equations = ("force",)
     _nonlinear: ClassVar[tuple[str, ...]] = ()
@@ -38,14 +70,10 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
     _moving: ClassVar[tuple[str, ...]] = ("eps", "P")
     """Signals that an experiment must move."""
 
-    fixed: Mapping[str, float] | None
-    atmospheric_pressure: float
-    max_iter: int
-
-    def __sklearn_tags__(self) -> Tags:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # random tables obey no physics
-        return tags
+    _: KW_ONLY
+    fixed: Mapping[str, float] | None = None
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    max_iter: int = field(default=200, init=False)
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
     def _declared(self) -> dict[str, FitParameter]:
@@ -73,20 +101,11 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, absolute pressure.
         y : array_like, shape (n_samples,)
             Tension, N.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row. It does not change the fit, only its standard errors: residuals of one
             run are then taken as dependent.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, y, weight = self._read_weighted(X, y, sample_weight, reset=True, ensure_min_samples=2)
@@ -185,11 +204,6 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
     def predict(self, X: Any) -> np.ndarray:
         """Predict the force.
 
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
-
         Returns
         -------
         ndarray, shape (n_samples,)
@@ -201,18 +215,7 @@ class EmpiricalForce(Streaming, RegressorMixin, SignalEstimator):
         return np.broadcast_to(force, (len(table),)).copy()
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output.
-        """
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         state = State(*(signals.get(s, 0.0) for s in State._fields))
         return {"force": ("N", self._force(self.parameters_, state))}
 

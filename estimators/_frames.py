@@ -1,4 +1,4 @@
-"""Estimators take the data frames of polars and pyarrow: each public method that reads X gets pandas' instead."""
+"""What follows from the methods of an estimator: data frames of polars and pyarrow, and requests for runs."""
 
 from __future__ import annotations
 
@@ -9,20 +9,30 @@ from typing import Any
 
 from pamid.signals.frames import as_pandas, is_foreign
 
+from ._parameters import explain_methods
+
 
 class TakesFrames:
     """Base of estimators whose methods of X take data frames of other libraries.
 
     Its own methods and those of mixins of this package are wrapped, so none is forgotten; scikit-learn's call them.
-    A warning's ``stacklevel`` counts the wrapper.
+    A warning's ``stacklevel`` counts the wrapper. A method that takes runs requests them from metadata routing.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
+        for name in ("fit", "partial_fit", "predict", "score", "transform"):
+            if "groups" in inspect.signature(getattr(cls, name, _no_method)).parameters:
+                setattr(cls, f"__metadata_request__{name}", {"groups": True})
         super().__init_subclass__(**kwargs)
         for name in [n for n in dir(cls) if not n.startswith("_")]:
             method = inspect.getattr_static(cls, name)
             if inspect.isfunction(method) and _reads_table(method):
                 setattr(cls, name, _of_any_frame(method))
+        explain_methods(cls)
+
+
+def _no_method() -> None:
+    """Stand for a method that an estimator does not have."""
 
 
 def _reads_table(method: Callable[..., Any]) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import KW_ONLY, field, fields, replace
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -15,9 +15,10 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
 from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
-from pamid.volume import ClassicalVolume, FitParameter, all_volumes
+from pamid.volume import ClassicalVolume, FitParameter, VolumeJet, all_volumes
 
 from ._classical import ClassicalRegressor, warn_of_still_signals
+from ._parameters import parameters
 from ._streaming import Streaming
 
 IMPLAUSIBLE = 2.0
@@ -42,24 +43,61 @@ def _changed(nominal: ClassicalVolume, values: tuple[tuple[str, float], ...]) ->
     return replace(nominal, **{name: value for name, value in values if name in known})
 
 
+@parameters
 class GeometricRegressor(Streaming, ClassicalRegressor):
-    """Shared by `GeometricForce` and `GeometricFlow`: from a name to fitted parameters with units and errors."""
+    """From the name of a volume model to its parameters with units and errors, whatever the law.
 
+    Parameters
+    ----------
+    model : {"chou_hannaford", "tondu_lopez", "bou_saba", "cylinder"}
+        Name of the volume model; every model with scalar parameters in `pamid.volume.all_volumes` will do.
+    rest_diameter : float
+        D₀, m: start of the fit, or the value held.
+    braid_angle : float
+        θ₀ to the axis at rest, rad: start of the fit, or the value held.
+    start : mapping of str to float, optional
+        Starting or held values of the model's other parameters, such as ``{"end_cap": 1.1}``.
+    free : "auto", "all" or list of str
+        Parameters to fit. "auto" takes those that the model declares as free.
+    bounds : mapping of str to (float, float), optional
+        Bounds that replace the model's own, in SI units.
+    max_iter : int
+        Maximum number of evaluations of the model.
+
+    Attributes
+    ----------
+    parameters_ : dict of str to float
+        Every parameter of the model, fitted or held, SI units.
+    standard_errors_ : dict of str to float
+        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
+        on a bound. With `groups`, cluster-robust.
+    units_ : dict of str to str
+        Their units.
+    fitted_names_ : list of str
+        The parameters that were fitted, in the order of `covariance_`.
+    covariance_ : ndarray, shape (n_fitted, n_fitted)
+        Covariance of the fitted parameters.
+    at_bound_ : list of str
+        Fitted parameters that lie on a bound.
+    n_iter_ : int
+        Evaluations used.
+    """
+
+    model: str = "chou_hannaford"
+    _: KW_ONLY
+    rest_length: float = 0.2
+    rest_diameter: float = 0.02
+    braid_angle: float = 0.4363
+    start: Mapping[str, float] | None = None
+    free: str | Iterable[str] = "auto"
+    bounds: Mapping[str, tuple[float, float]] | None = None
+    max_iter: int = 200
+
+    atmospheric_pressure: float = field(default=ATMOSPHERIC_PRESSURE, init=False)
     _silent: ClassVar[tuple[str, ...]] = ()
     """Parameters of volume models that the law cannot see, and which are never freed by default."""
-
     _moving: ClassVar[tuple[str, ...]] = ("eps", "P")
     """Signals that an experiment must move."""
-
-    model: str
-    rest_length: float
-    rest_diameter: float
-    braid_angle: float
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    start: Mapping[str, float] | None
-    free: str | Iterable[str]
-    bounds: Mapping[str, tuple[float, float]] | None
-    max_iter: int
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
@@ -145,7 +183,24 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
     def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:
         """Predict with given values of all parameters, real or complex."""
         fields = {n: values[n] for n in nominal.parameter_names()}
-        return self._law().predict(*replace(nominal, **fields).jet(state), state)
+        return self.laws()[0].predict(*replace(nominal, **fields).jet(state), state)
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Identify the free parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array, shape (n_samples, n_columns)
+            Those of ``eps`` (dimensionless), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s) that it reads.
+        y : array_like, shape (n_samples,)
+            Tension, N, or mass flow into the muscle, kg/s.
+        groups : array_like, shape (n_samples,), optional
+            Run of each row. It does not change the fit, only its standard errors: residuals of one
+            run are then taken as dependent.
+        """
+        self._fit_parameters(*self._training(X, y, sample_weight, groups))
+        self._remember(X, y, sample_weight, groups)
+        return self
 
     def _fit_parameters(self, state: State, y: np.ndarray, weight: np.ndarray, clusters: np.ndarray | None) -> None:
         """Fit the chosen parameters and set the fitted attributes."""
@@ -243,6 +298,5 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
         check_is_fitted(self, "fitted_names_")
         return len(self.fitted_names_)
 
-    def _volume_model(self) -> ClassicalVolume:
-        """Return the fitted volume model."""
-        return _changed(self._nominal(), tuple(self.parameters_.items()))
+    def _jet(self, state: State) -> VolumeJet:
+        return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)

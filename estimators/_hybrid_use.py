@@ -72,7 +72,7 @@ def predicted(model: HybridParameters, X: np.ndarray, laws: Sequence[Law] | None
     return out
 
 
-def warn_outside(x: np.ndarray, span: np.ndarray | None, names: Sequence[str], stacklevel: int = 5) -> None:
+def warn_outside(x: np.ndarray, span: np.ndarray | None, names: Sequence[str], stacklevel: int = 6) -> None:
     """Warn where samples lie outside the range of the fit; a narrow margin around it is not counted."""
     if span is None:  # a model file of an earlier version
         return

@@ -16,9 +16,24 @@ class LinearTerms:
     """A prediction that is a sum of terms, each a coefficient times what signals give.
 
     A subclass says how the signals are read and what stands behind each coefficient.
-    """
 
-    __metadata_request__partial_fit = {"groups": True}  # noqa: RUF012 - scikit-learn reads it by this name
+    Attributes
+    ----------
+    coef_ : ndarray, shape (n_coefficients,)
+        The coefficients, SI units.
+    parameters_ : dict of str to float
+        The coefficients by name.
+    standard_errors_ : dict of str to float
+        Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
+    units_ : dict of str to str
+        Their units.
+    covariance_ : ndarray, shape (n_coefficients, n_coefficients)
+        Their covariance.
+    factor_ : ndarray
+        Triangular factor of all rows seen, from which `partial_fit` continues.
+    total_weight_ : float
+        Sum of the weights of all rows seen.
+    """
 
     coef_: np.ndarray
 
@@ -46,20 +61,9 @@ class LinearTerms:
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals, SI units, absolute pressure.
-        y : array_like, shape (n_samples,)
-            What is predicted, SI units.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row. It does not change the fit, only its standard errors: residuals of one
             run are then taken as dependent.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         state, y, weight, clusters = self._training(X, y, sample_weight, groups)
         self._warn_of_still(state)
@@ -80,19 +84,8 @@ class LinearTerms:
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals, SI units, absolute pressure.
-        y : array_like, shape (n_samples,)
-            What is predicted, SI units.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Accepted for the sake of pipelines; it changes nothing here.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         first = not hasattr(self, "factor_")
         state, y, weight, _ = self._training(X, y, sample_weight, groups, reset=first, least=1)

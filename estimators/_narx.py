@@ -5,10 +5,10 @@ from __future__ import annotations
 import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from dataclasses import KW_ONLY, field
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import UnstableRunWarning
@@ -16,8 +16,9 @@ from pamid.fitting import free_run
 from pamid.fitting.epochs import standardisation
 from pamid.fitting.marquardt import Marquardt
 
-from ._base import SignalEstimator, fitted_attributes
+from ._base import SignalRegressor, fitted_attributes
 from ._checks import check_counts, check_sizes, warn_of_still_columns
+from ._parameters import parameters
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
@@ -43,34 +44,64 @@ class FreeRun(NamedTuple):
     extrapolated: np.ndarray
 
 
-class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
-    """An output from its own past and that of the inputs; subclasses give the function of the lags."""
+@parameters
+class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor):
+    """An output from its own past and that of the inputs; subclasses give the function of the lags.
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
+    Parameters
+    ----------
+    inputs : sequence of str
+        Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
+    output_lags : int
+        Past rows of the output that the model reads.
+    input_lags : int
+        Rows of the inputs that it reads, the present one first.
+    horizon : int
+        Rows of the free runs that the fit uses; 1 for single steps.
+    start : str, optional
+        Signal that holds, in the first row of each run, the output before it; by default a free run starts
+        from the mean of the first outputs of the fit.
+    margin : float
+        Share of the range of the outputs of the fit by which a free run may leave it, dimensionless.
+    max_iter : int
+        Maximum number of Levenberg–Marquardt steps.
+    tol : float
+        Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
+
+    Attributes
+    ----------
+    input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
+        Mean, standard deviation and range of the inputs, in their units.
+    output_mean_, output_scale_, output_low_, output_high_ : float
+        The same of the output.
+    step_scale_ : float
+        Root mean square of the output's step from row to row, in units of `output_scale_`.
+    start_mean_ : float
+        Mean of the first outputs of the runs of the fit.
+    loss_curve_ : list of float
+        Mean squared error over the horizon after each step of the fit, in units of the output's variance.
+    n_iter_ : int
+        Steps of the fit.
+    n_parameters_ : int
+        Number of parameters.
+    """
 
     equations = ("dynamic",)
 
-    inputs: Sequence[str]
-    output_lags: int
-    input_lags: int
-    delay: int = 0
-    horizon: int
-    start: str | None
-    alpha: float
-    margin: float
-    max_iter: int
-    tol: float
+    inputs: Sequence[str] = ("P", "load")
+    _: KW_ONLY
+    horizon: int = 50
+    start: str | None = None
+    margin: float = 0.2
+    max_iter: int = 60
+    tol: float = 1e-4
+
+    delay: int = field(default=0, init=False)
+    alpha: float = field(default=0.0, init=False)
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
     @abstractmethod
@@ -106,13 +137,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
             Inputs, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
             Output, for instance absolute pressure (Pa) or contraction ratio.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
 
         Raises
         ------
@@ -179,8 +203,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs and, if `start` names it, the output before the first row; as in fit.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -207,8 +229,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs, as in fit.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -239,8 +259,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMi
             Inputs, as in fit.
         y : array_like, shape (n_samples,)
             Measured output.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
@@ -20,8 +20,9 @@ from pamid.fitting.one_layer import (
 )
 from pamid.fitting.stream_memory import Rows
 
-from ._base import SignalEstimator
+from ._base import SignalRegressor
 from ._checks import check_counts, check_sizes, row_weights, warn_of_still_columns
+from ._parameters import parameters
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin, last_direction
 from ._streaming import Streaming
@@ -36,31 +37,65 @@ _CANDIDATE_STEPS = 15
 _SLOW = 5  # steps without improvement that end a training
 
 
-class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
-    """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs."""
+@parameters
+class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor):
+    """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs.
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
+    Parameters
+    ----------
+    hidden : int
+        Units of the hidden layer.
+    alpha : float
+        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
+    max_iter : int
+        Maximum number of Levenberg–Marquardt steps.
+    tol : float
+        Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
+    n_starts : int
+        Initial weights tried for a few steps; the best are trained further.
+    forget_rows : float, optional
+        Rows over which `partial_fit` forgets; by default all rows count alike.
+    random_state : int or RandomState, optional
+        Seed of the initial weights.
 
-    cells_: np.ndarray
-    input_low_: np.ndarray
-    input_high_: np.ndarray
-    target_low_: np.ndarray
-    target_high_: np.ndarray
+    Attributes
+    ----------
+    weights_ : dict of str to ndarray
+        ``W0`` (n_inputs, hidden), ``b0``, ``W1`` (hidden, n_outputs), ``b1``.
+    input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
+        Mean, standard deviation and range of the inputs, in their units.
+    target_mean_, target_scale_, target_low_, target_high_ : ndarray, shape (n_outputs,)
+        The same of the outputs.
+    cells_ : ndarray of int, shape (n_cells, n_inputs)
+        Cells of the input space that held rows of the fit.
+    loss_curve_ : list of float
+        Loss after each step, per row, in units of the targets' variances.
+    n_iter_ : int
+        Steps of the last fit, and of `partial_fit` since.
+    n_outputs_ : int
+        Number of outputs; 0 for one without an axis of its own.
+    """
+
     _turning: ClassVar[str]
     """The input whose last direction may be a further input."""
 
-    inputs: Sequence[str]
-    hidden: int
-    direction: bool
-    direction_step: float
-    alpha: float
-    max_iter: int
-    tol: float
-    n_starts: int
-    forget_rows: float | None
-    random_state: Any
+    inputs: Sequence[str] = ()
+    _: KW_ONLY
+    hidden: int = 10
+    direction: bool = False
+    direction_step: float = 1e5
+    alpha: float = 0.01
+    max_iter: int = 200
+    tol: float = 1e-5
+    n_starts: int = 3
+    forget_rows: float | None = None
+    random_state: Any = None
+
+    cells_: np.ndarray = field(init=False)
+    input_low_: np.ndarray = field(init=False)
+    input_high_: np.ndarray = field(init=False)
+    target_low_: np.ndarray = field(init=False)
+    target_high_: np.ndarray = field(init=False)
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -70,29 +105,15 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
     def sequential(self) -> bool:
         return bool(self.direction)
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
-
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Train the network from new weights.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
         y : array_like, shape (n_samples,) or (n_samples, n_outputs)
             Target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row, read if `direction` is set; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
 
         Raises
         ------
@@ -142,19 +163,10 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
         y : array_like, shape (n_samples,) or (n_samples, n_outputs)
             Target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in fit.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
@@ -201,8 +213,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
         groups : array_like, shape (n_samples,), optional
             Run of each row, read if `direction` is set.
 
@@ -227,18 +237,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, RegressorMixin,
         raise NotImplementedError
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output.
-        """
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         named = [*self.inputs, *((DIRECTION,) if self.direction else ())]
         bare = forward_by_columns(self.weights_, [signals[n] for n in named], self.input_mean_, self.input_scale_)
         low, high = (a.tolist() for a in self._limits())

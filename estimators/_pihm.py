@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.effects import Effect
-from pamid.errors import (
-    FitError,
-    IncompatibleError,
-    InterruptedFitWarning,
-    ShapeError,
-)
+from pamid.errors import IncompatibleError
+from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
@@ -38,25 +32,37 @@ from ._hybrid_fit import (
     warn_before,
     without_repeats,
 )
-from ._hybrid_use import jet_of, network_of
-from ._progress import ProgressMixin, fit_progress
-from ._streaming import Streaming
+from ._hybrid_use import jet_of, network_of, predicted
+from ._law_model import LawModel
+from ._progress import fit_progress
 from ._trajectories import trajectory_codes
 
 
-class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
-    """Base of the hybrid estimators; a subclass names its laws and its targets."""
+class HybridModel(LawModel, HybridParameters):
+    """Base of the hybrid estimators; a subclass names its laws."""
 
-    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
-    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        # A law of physics cannot follow targets that no muscle could give.
-        tags.regressor_tags.poor_score = True
-        return tags
+    @classmethod
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "published network": {"volume_model": "neural"}}
 
     # --- fitting ------------------------------------------------------------------------------------------------
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
+        """Train the volume network on what was measured.
+
+        Parameters
+        ----------
+        y : array, shape (n_samples,), or (n_samples, 2) for force and flow
+            Measured force (N), mass flow into the muscle (kg/s), or both; NaN where one of both was not measured.
+        groups : array, shape (n_samples,), optional
+            Run of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
+        """
+        table, target = self._measured(X, y)
+        return self._fit(table, target, sample_weight, groups, (X, y))
+
+    def _measured(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Validate X and y, the latter as one column for each law."""
+        table, target = self._read(X, y, reset=True)
+        return table, column_or_1d(target, warn=True)[:, None]
 
     def _fit(self, X: Any, Y: np.ndarray, sample_weight: Any, groups: Any, original: tuple[Any, Any]) -> Self:
         """Fit on a validated table X and targets Y of shape (n_samples, n_laws)."""
@@ -123,17 +129,11 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
         self._keep(result)
 
     def _keep(self, result: Any) -> None:
-        from pamid.training import Status
-
         self.weights_ = arrays_of(result.parameters)
         self.n_iter_ = max(result.n_iter, 1)
         self.loss_curve_ = result.loss_curve
         self.validation_curve_ = result.validation_curve
-        self.status_ = result.status.name.lower()
-        if result.status is Status.INTERRUPTED:
-            warnings.warn(Status.INTERRUPTED.value, InterruptedFitWarning, stacklevel=5)
-        if result.status is Status.DIVERGED:
-            raise FitError(Status.DIVERGED.value, "a finite loss", "Check units and outliers; lower the learning rate.")
+        self._tell_status(result.status)
 
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Take in a batch of a stream: the fit of all rows so far.
@@ -142,22 +142,6 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
         that of a fair sample that stands for the whole stream. A call costs no more than a fit to the memory, which
         does not grow. A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit`
         starts again.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
-        y : array, shape (n_samples,) or (n_samples, 2)
-            What was measured, as in `fit`.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Run of each row.
-
-        Returns
-        -------
-        self
-            The fitted model.
         """
         if self.effects:
             raise IncompatibleError(
@@ -166,14 +150,6 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
                 "Fit again on all runs.",
             )
         return self._partial_fit_rows(X, y, sample_weight, groups)
-
-    def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table, target = self._read_targets(X, y, reset=False)
-        if target.shape[1] != len(self.laws()):
-            raise ShapeError(
-                f"y has {target.shape[1]} columns.", f"{len(self.laws())}, as in the first fit", "Correct y."
-            )
-        return table, target
 
     def _trainer(self) -> Any:
         from sklearn.base import clone
@@ -185,6 +161,8 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
         return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
 
     # --- using --------------------------------------------------------------------------------------------------
+    def _outputs(self, table: np.ndarray) -> np.ndarray:
+        return predicted(self, table)
 
     @property
     def volume_(self) -> VolumeModel:
@@ -200,11 +178,6 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives at each sample.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
 
         Returns
         -------
@@ -239,6 +212,12 @@ class HybridModel(Streaming, ProgressMixin, RegressorMixin, HybridParameters):
         """Number of trained parameters of the network."""
         check_is_fitted(self, "weights_")
         return int(sum(w.size for w in self.weights_))
+
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
+        one = dict.fromkeys(STATE_SIGNALS, 0)
+        common: dict[str, Any] = {"volume_model": "neural", "hidden_layer_sizes": (6,), "signals": one}
+        return [cls(max_iter=8, **common), cls(trainer="adam", max_iter=20, batch_size=4096, **common)]
 
 
 __all__ = ["HybridModel"]

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
 from pamid.signals.state import State
-from pamid.volume import VolumeJet, check_volume
+from pamid.volume import VolumeJet
 
-from ._base import state_of
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._linear import LinearTerms
 
@@ -25,38 +23,16 @@ class PolynomialRegressor(LinearTerms, ClassicalRegressor):
 
     def _shares(self, state: State) -> list[Any]:
         """Return what each coefficient multiplies in the prediction."""
-        law = self._law()
+        (law,) = self.laws()
         return [law.predict(*jet, state) for jet in self._basis(state)]
 
     def _warn_of_still(self, state: State) -> None:
         warn_of_still_signals(state, self.reads, type(self).__name__)
 
-    def volume(self, X: Any) -> VolumeJet:
-        """Return the identified volume and its derivatives, and warn where they make no physical sense.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
-
-        Warns
-        -----
-        VolumeWarning
-            If the volume is not positive or falls with contraction.
-        """
-        check_is_fitted(self)
-        X, _ = self._read(X, reset=False)
-        state = state_of(self, X)
+    def _jet(self, state: State) -> VolumeJet:
         basis = self._basis(state)
         jet = VolumeJet(*(sum(c * b[i] for c, b in zip(self.coef_, basis, strict=True)) for i in range(3)))
-        jet = jet._replace(V=jet.V + self._level())
-        check_volume(jet, state, level_known=self._level_known)
-        return jet
+        return jet._replace(V=jet.V + self._level())
 
     def _level(self) -> float:
         """Return a volume, m³, that the fit cannot see and the user states."""

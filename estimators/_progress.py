@@ -2,7 +2,7 @@
 
 That interface is experimental in scikit-learn 1.9, so this module alone knows it. What an iterative estimator does:
 
-    class MyEstimator(ProgressMixin, RegressorMixin, SignalEstimator):     # the mixin gives set_callbacks
+    class MyEstimator(ProgressMixin, SignalRegressor):     # the mixin gives set_callbacks
         def fit(self, X, y, ...):
             with fit_progress(self, X=X, y=y, max_epochs=self.max_iter) as progress:
                 for epoch in progress:                                     # ends at max_epochs or when asked to stop
@@ -27,7 +27,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from pamid.errors import InterruptedFitWarning
 
@@ -38,8 +38,16 @@ except ImportError:  # the experimental interface moved: fits go on, callbacks a
     _CallbackSupportMixin, _management = object, None
 
 
-class ProgressMixin(_CallbackSupportMixin):
-    """Gives an estimator ``set_callbacks``; goes left of the other bases."""
+if TYPE_CHECKING:
+
+    class ProgressMixin:
+        """Gives an estimator ``set_callbacks``, of scikit-learn's base without types."""
+
+        def set_callbacks(self, *callbacks: Any) -> Self: ...
+else:
+
+    class ProgressMixin(_CallbackSupportMixin):
+        """Gives an estimator ``set_callbacks``; goes left of the other bases."""
 
 
 class FitProgress:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import KW_ONLY, field
 from typing import Any
 
 import numpy as np
 
 from pamid.errors import MissingColumnError
 
+from ._parameters import parameters
 from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
 
 
@@ -26,10 +28,6 @@ class SequenceScore:
             As in `predict`.
         y : array_like, shape (n_samples,) or (n_samples, n_outputs)
             Measured target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -41,12 +39,23 @@ class SequenceScore:
         return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
 
 
+@parameters
 class SequenceMixin(SequenceScore):
-    """Numbers the runs of a table, and scores; needs parameters `one_trajectory` and `trajectory_column`."""
+    """Numbers the runs of a table, and scores.
 
-    one_trajectory: bool
-    trajectory_column: int | None
-    _codes_of_fit: np.ndarray | None = None
+    Parameters
+    ----------
+    one_trajectory : bool
+        Whether all rows are one run, where neither groups nor a column says otherwise.
+    trajectory_column : int, optional
+        Position of the column that names the runs, for arrays that have no names: a change of its value begins a
+        new run.
+    """
+
+    _: KW_ONLY
+    one_trajectory: bool = False
+    trajectory_column: int | None = None
+    _codes_of_fit: np.ndarray | None = field(default=None, init=False)
     """Runs of the rows of the current fit."""
 
     def _codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
@@ -46,4 +46,4 @@ def hybrid_of(source: Any, who: str) -> HybridModel:
             "a source without effects",
             "Fit the source without effects.",
         )
-    return found
+    return cast("HybridModel", found)

@@ -8,6 +8,7 @@ dropped. Nothing is centred, because that would turn a sparse law of physics int
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, field
 from typing import Any
 
 import numpy as np
@@ -16,25 +17,70 @@ from pamid.errors import ParameterError
 from pamid.fitting.least_squares import compress
 
 from ._checks import check_counts, check_sizes
+from ._parameters import parameters
 from ._pysindy import polynomial_powers, sparse_regression, term_names
 
 FEW_FACTORS = 64
 """Rows up to which all terms are evaluated in one go: a single row of a control loop takes a fifth of the time."""
 
 
+@parameters
 class PolynomialLibraryMixin:
-    """What `SINDyRegressor` and `SINDyModel` share: fitting, evaluating and writing out sparse polynomials."""
+    """What `SINDyRegressor` and `SINDyModel` share: fitting, evaluating and writing out sparse polynomials.
 
-    degree: int
-    interaction: bool
-    bias: bool
-    sign_of: Sequence[str]
-    optimizer: Any
-    threshold: float
-    alpha: float
-    max_iter: int
-    factor_: np.ndarray
-    total_weight_: float
+    Parameters
+    ----------
+    degree : int
+        Highest degree of a term.
+    interaction : bool
+        Whether terms mix signals.
+    bias : bool
+        Whether there is a constant term.
+    sign_of : sequence of str
+        Signals whose sign enters the library too, for effects of the direction of motion (``("deps",)``).
+    optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer
+        Sparse regression: sequentially thresholded least squares, sparse relaxed regularised regression, or greedy
+        orthogonal selection. An instance of PySINDy is cloned, and brings its own settings.
+    threshold : float
+        Terms whose coefficient is smaller are dropped; in units of the target's root mean square for a term scaled
+        to root mean square one (dimensionless). No effect for "frols".
+    alpha : float
+        Ridge penalty in the scaled problem, dimensionless; no effect for "sr3".
+    max_iter : int
+        Maximum number of iterations; for "frols", of terms.
+
+    Attributes
+    ----------
+    terms_ : list of str
+        All terms of the library.
+    powers_ : ndarray, shape (n_terms, n_signals + n_signs)
+        Exponent of each signal, and of each sign, in each term.
+    signal_scales_ : ndarray, shape (n_signals,)
+        Root mean square of each signal, in the signal's unit.
+    scaled_coef_ : ndarray, shape (1, n_terms)
+        Coefficients for signals in units of `signal_scales_`.
+    n_iter_ : int
+        Iterations of the sparse regression.
+    factor_ : ndarray
+        Triangular factor of terms and target over all rows seen, from which `partial_fit` continues.
+    total_weight_ : float
+        Sum of the weights of all rows seen.
+    reference_scales_ : ndarray, shape (n_signals,)
+        Scales of the signals in `factor_`.
+    """
+
+    _: KW_ONLY
+    degree: int = 3
+    interaction: bool = True
+    bias: bool = True
+    sign_of: Sequence[str] = ()
+    optimizer: Any = "stlsq"
+    threshold: float = 0.02
+    alpha: float = 1e-6
+    max_iter: int = 20
+
+    factor_: np.ndarray = field(init=False)
+    total_weight_: float = field(init=False)
 
     def _check_library(self, signals: Sequence[str]) -> None:
         check_counts(self, "degree", "max_iter")

@@ -36,8 +36,6 @@ class StreamMemory:
     that going on from where it stands is no fit. Only one that forgets (``_fade``) goes on (``_continue``).
     """
 
-    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
-
     _memory: dict[str, Any]
     _memory_rows: ClassVar[int | None] = None
     """Rows remembered, where neither of the bounds above is meant."""
@@ -175,15 +173,8 @@ class Streaming(StreamMemory):
             What ``fit`` takes, SI units.
         y : array_like
             Target, as in ``fit``.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in ``fit``; no run continues from one call to the next.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 
@@ -207,11 +198,6 @@ class SequenceStreaming(StreamMemory):
             Target, as in ``fit``.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in ``fit``; no run continues from one call to the next.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         return self._partial_fit_rows(X, y, None, groups)
 

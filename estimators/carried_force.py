@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import KW_ONLY, field
 from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.frozen import FrozenEstimator
 from sklearn.pipeline import Pipeline
 
@@ -24,10 +24,11 @@ from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.effects._equivalent import MEMORIES, ROUGH, pasts
 from pamid.errors import AdaptationWarning, FitError, IncompatibleError
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._blend import share_of_fresh
 from ._checks import check_counts, check_sizes
 from ._effects import whole_log
+from ._parameters import parameters
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
@@ -38,7 +39,8 @@ BEYOND_CHANCE = 2.0
 CARRIED_SIZES = (1.0, 1.0, BAR, BAR / 0.1, BAR / 0.1**2)
 
 
-class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
+@parameters
+class CarriedForce(Streaming, SignalRegressor):
     r"""Tension of a muscle as a map of contraction and an equivalent pressure, both adapted from a source muscle if
     given.
 
@@ -70,8 +72,6 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
         Pa, absolute.
     max_samples : int, default=600
         Maximum number of samples that are fitted, evenly spaced; the cost grows with their cube.
-    signals : dict, optional
-        Column of X for each signal.
 
     Attributes
     ----------
@@ -113,29 +113,17 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
     1.1
     """
 
-    equations = ("force",)
-    process_: NamedProcess
-    fresh_: NamedProcess | None
-    __metadata_request__fit = {"groups": True}  # noqa: RUF012 - scikit-learn reads it by this name
+    source: Any = None
+    _: KW_ONLY
+    rest_diameter: float = 0.02
+    max_contraction: float | None = None
+    pressure_memory: bool = True
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    max_samples: int = 600
 
-    def __init__(
-        self,
-        source: Any = None,
-        *,
-        rest_diameter: float = 0.02,
-        max_contraction: float | None = None,
-        pressure_memory: bool = True,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        max_samples: int = 600,
-        signals: Signals | None = None,
-    ) -> None:
-        self.source = source
-        self.rest_diameter = rest_diameter
-        self.max_contraction = max_contraction
-        self.pressure_memory = pressure_memory
-        self.atmospheric_pressure = atmospheric_pressure
-        self.max_samples = max_samples
-        self.signals = signals
+    equations = ("force",)
+    process_: NamedProcess = field(init=False)
+    fresh_: NamedProcess | None = field(init=False)
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
@@ -144,12 +132,6 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("eps", "P", "time") if self.pressure_memory else ("eps", "P")
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        # A law of physics cannot follow targets that no muscle could give.
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Identify the muscle, from the source if there is one.
@@ -164,11 +146,6 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
             Relative weights; a weight of 2 equals the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row: rows of a run are held out together and share an error.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         check_sizes(self, rest_diameter=1e-6, atmospheric_pressure=0.0)
         if self.max_contraction is not None:
@@ -220,15 +197,6 @@ class CarriedForce(Streaming, RegressorMixin, SignalEstimator):
             As in `fit`.
         y : array_like, shape (n_samples,)
             Tension, N.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import KW_ONLY
+from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.model_selection import GroupKFold
 from sklearn.utils import get_tags
 from sklearn.utils.validation import (
@@ -21,8 +22,10 @@ from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterErr
 
 from ._base import SignalEstimator, plain_table
 from ._frames import TakesFrames
+from ._parameters import parameters
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import encode_text_columns, trajectory_codes
+from ._typed import BaseEstimator, MetaEstimatorMixin, RegressorMixin
 
 
 class PredictionInterval(NamedTuple):
@@ -46,6 +49,7 @@ class PredictionInterval(NamedTuple):
     upper: np.ndarray
 
 
+@parameters
 class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     r"""Wrap a regressor to predict with intervals that are valid on unseen runs.
 
@@ -95,15 +99,11 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
     True
     """
 
-    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
-
-    def __init__(
-        self, estimator: Any, *, confidence: float = 0.9, n_splits: int = 5, independent_rows: bool = False
-    ) -> None:
-        self.estimator = estimator
-        self.confidence = confidence
-        self.n_splits = n_splits
-        self.independent_rows = independent_rows
+    estimator: Any
+    _: KW_ONLY
+    confidence: float = 0.9
+    n_splits: int = 5
+    independent_rows: bool = False
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -119,13 +119,6 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
             What the regressor reads.
         y : array, shape (n_samples,)
             Target.
-        groups : array, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` serves as well.
-
-        Returns
-        -------
-        ConformalRegressor
-            The fitted estimator itself.
         """
         if not (isinstance(self.confidence, int | float) and 0 < self.confidence < 1):
             raise ParameterError(f"confidence={self.confidence!r}.", "a number between 0 and 1", "Correct it.")

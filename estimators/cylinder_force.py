@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 
 from ._balance import BalanceRegressor
-from ._base import Signals
+from ._parameters import parameters
 
 
 class _RodSignals(NamedTuple):
@@ -16,6 +17,7 @@ class _RodSignals(NamedTuple):
     P: Any
 
 
+@parameters
 class CylinderForce(BalanceRegressor):
     r"""Force on the rod of a pneumatic cylinder, its area and its friction fitted by linear least squares.
 
@@ -32,8 +34,6 @@ class CylinderForce(BalanceRegressor):
         Speed v₀, m/s, at which dry friction has reached three quarters.
     atmospheric_pressure : float, default=101325
         Pa, absolute.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
 
     Attributes
     ----------
@@ -42,22 +42,6 @@ class CylinderForce(BalanceRegressor):
     parameters_ : dict of str to float
         ``area`` A (m²), ``offset`` b (N), ``dry_friction`` f₀ (N), ``pressure_friction`` f₁ (N/Pa),
         ``viscous_friction`` c (N s/m).
-    standard_errors_ : dict of str to float
-        Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
-    units_ : dict of str to str
-        Their units.
-    covariance_ : ndarray, shape (5, 5)
-        Their covariance.
-    factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Sum of the weights of all rows seen.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -80,22 +64,14 @@ class CylinderForce(BalanceRegressor):
     (0.025, 8.0)
     """
 
+    rod: float = 0.0
+    still: float = 1e-4
+    _: KW_ONLY
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+
     reads = ("dx", "P")
     equations = ("cylinder",)
     _state = _RodSignals
-
-    def __init__(
-        self,
-        rod: float = 0.0,
-        still: float = 1e-4,
-        *,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        signals: Signals | None = None,
-    ) -> None:
-        self.rod = rod
-        self.still = still
-        self.atmospheric_pressure = atmospheric_pressure
-        self.signals = signals
 
     @property
     def bore_(self) -> float:

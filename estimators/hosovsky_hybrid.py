@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
 
-from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._base import Signals
 from ._empirical import EmpiricalForce, Values, check_positive
+from ._parameters import parameters
 
 
+@parameters
 class HosovskyHybrid(EmpiricalForce):
     r"""Tension of a muscle: an empirical static surface, and a damper beside it whose strength depends on pressure.
 
@@ -24,45 +24,6 @@ class HosovskyHybrid(EmpiricalForce):
     with the gauge pressure p. The structure is Hill's, of a contractile element and a damper in parallel; the
     contractile element is a surface fitted to data: hybrid between a mechanical model and a map. Signals: ``eps``,
     ``deps`` and ``P``.
-
-    Parameters
-    ----------
-    rest_length : float, default=0.2
-        L₀, m.
-    fixed : mapping of str to float, optional
-        Parameters that are held, and their values, SI units.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    max_iter : int, default=200
-        Maximum number of evaluations of the model.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
-
-    Attributes
-    ----------
-    parameters_ : dict of str to float
-        Every parameter, fitted or held, SI units.
-    standard_errors_ : dict of str to float
-        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
-        on a bound. With `groups`, cluster-robust.
-    intervals_ : dict of str to tuple of two floats
-        Their 95 % intervals.
-    units_ : dict of str to str
-        Their units.
-    fitted_names_ : list of str
-        The parameters that were fitted, in the order of `covariance_`.
-    covariance_ : ndarray, shape (n_fitted, n_fitted)
-        Covariance of the fitted parameters.
-    at_bound_ : list of str
-        Fitted parameters that lie on a bound.
-    n_iter_ : int
-        Evaluations used.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -93,23 +54,12 @@ class HosovskyHybrid(EmpiricalForce):
     (-9.0, 50.0, 'N s/m')
     """
 
+    _: KW_ONLY
+    rest_length: float = 0.2
+    max_iter: int = 200
+
     _nonlinear = ("a3",)
     reads = ("eps", "deps", "P")
-
-    def __init__(
-        self,
-        *,
-        rest_length: float = 0.2,
-        fixed: Mapping[str, float] | None = None,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        max_iter: int = 200,
-        signals: Signals | None = None,
-    ) -> None:
-        self.rest_length = rest_length
-        self.fixed = fixed
-        self.atmospheric_pressure = atmospheric_pressure
-        self.max_iter = max_iter
-        self.signals = signals
 
     def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +12,9 @@ from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import ExtrapolationWarning, ParameterError, UnreachableError
 
-from ._base import Signals
 from ._checks import check_option
 from ._one_layer import OneLayerRegressor
+from ._parameters import parameters
 
 POLICIES = ("warn", "clip", "raise")
 _SLACK = 0.01  # of the range of pressure, by which a bare answer may pass a limit before it counts as saturated
@@ -70,6 +71,7 @@ def answer_within(
     return pressure
 
 
+@parameters
 class InverseModel(OneLayerRegressor):
     r"""Neural inverse model: the pressure that brings about a force and a contraction at the same time.
 
@@ -85,59 +87,21 @@ class InverseModel(OneLayerRegressor):
     inputs : sequence of str, default=("F", "eps")
         Signals that the network reads: force (N), contraction ratio (dimensionless); also ``"deps"`` (1/s), ``"L"``
         (m) or any other column.
-    hidden : int, default=20
-        Units of the hidden layer.
     direction : bool, default=False
         Whether the last direction of the contraction is an input, too; needs runs in time order.
     direction_step : float, default=0.01
         Reversal of the contraction over which the direction switches, dimensionless; the input changes gradually over
         it.
-    alpha : float, default=0.01
-        Weight decay: factor of the squared weights in the sum of squares of the standardised target, dimensionless.
-    max_iter : int, default=200
-        Maximum number of Levenberg–Marquardt steps.
-    tol : float, default=1e-5
-        Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
-    n_starts : int, default=3
-        Initial weights tried for a few steps; the best are trained further.
     pressure_limits : (float, float), optional
         Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that ask for a pressure beyond the limits or lie outside the data of the fit:
         bound the answer and warn, bound it silently, or raise `UnreachableError`.
-    forget_rows : float, optional
-        Rows over which `partial_fit` forgets; by default all rows count alike.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
-    trajectory_column : int, optional
-        Position of the column that names the runs, for arrays that have no names.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
-    weights_ : dict of str to ndarray
-        ``W0`` (n_inputs, hidden), ``b0``, ``W1`` (hidden, 1), ``b1``.
-    input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
-        Mean, standard deviation and range of the inputs, in their units.
     target_mean_, target_scale_, target_low_, target_high_ : ndarray, shape (1,)
-        The same of the pressure, Pa.
-    cells_ : ndarray of int, shape (n_cells, n_inputs)
-        Cells of the input space that held rows of the fit.
-    loss_curve_ : list of float
-        Loss after each step, per row, in units of the target's variance.
-    n_iter_ : int
-        Steps of the last fit, and of `partial_fit` since.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_outputs_ : int
-        0 for a target without an axis of its own.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
+        Mean, standard deviation and range of the pressure, Pa.
 
     See Also
     --------
@@ -170,6 +134,13 @@ class InverseModel(OneLayerRegressor):
     (True, True)
     """
 
+    inputs: Sequence[str] = ("F", "eps")
+    _: KW_ONLY
+    hidden: int = 20
+    direction_step: float = 0.01
+    pressure_limits: tuple[float, float] | None = None
+    on_unreachable: str = "warn"
+
     equations = ("inverse",)
     _turning = "eps"
 
@@ -180,41 +151,6 @@ class InverseModel(OneLayerRegressor):
             "rates": {"inputs": ("F", "eps", "deps"), "on_unreachable": "clip"},
             "direction": {"direction": True, "on_unreachable": "clip"},
         }
-
-    def __init__(
-        self,
-        inputs: Sequence[str] = ("F", "eps"),
-        *,
-        hidden: int = 20,
-        direction: bool = False,
-        direction_step: float = 0.01,
-        alpha: float = 0.01,
-        max_iter: int = 200,
-        tol: float = 1e-5,
-        n_starts: int = 3,
-        pressure_limits: tuple[float, float] | None = None,
-        on_unreachable: str = "warn",
-        forget_rows: float | None = None,
-        one_trajectory: bool = False,
-        trajectory_column: int | None = None,
-        random_state: Any = None,
-        signals: Signals | None = None,
-    ) -> None:
-        self.inputs = inputs
-        self.hidden = hidden
-        self.direction = direction
-        self.direction_step = direction_step
-        self.alpha = alpha
-        self.max_iter = max_iter
-        self.tol = tol
-        self.n_starts = n_starts
-        self.pressure_limits = pressure_limits
-        self.on_unreachable = on_unreachable
-        self.forget_rows = forget_rows
-        self.one_trajectory = one_trajectory
-        self.trajectory_column = trajectory_column
-        self.random_state = random_state
-        self.signals = signals
 
     def assess(self, X: Any, groups: Any = None) -> PressureAnswer:
         """Answer within the limits, and flag rows whose answer is unreliable.

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExtrapolationWarning
 from pamid.requirements import check_reads, formulas_of, reads_of
 from pamid.signals.state import State
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_counts, check_option, fit_arguments
+from ._parameters import parameters
 from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
@@ -50,7 +52,8 @@ def narrowed(
     return x
 
 
-class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
+@parameters
+class InvertedForce(Streaming, SignalRegressor):
     r"""Inverse of a force model by bounded root finding: the pressure at which it gives the wanted force.
 
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
@@ -72,8 +75,6 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that no pressure within the limits brings about: bound the answer and warn,
         bound it silently, or raise `UnreachableError`.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -83,12 +84,6 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
         Range of pressure of the fit, Pa.
     eps_low_, eps_high_ : float
         Range of contraction of the fit.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -113,7 +108,11 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
+    model: Any = None
+    _: KW_ONLY
+    grid: int = 33
+    pressure_limits: tuple[float, float] | None = None
+    on_unreachable: str = "warn"
 
     equations = ("inverse",)
 
@@ -130,29 +129,9 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
             "StaticPIHM": {"model": StaticPIHM(random_state=0), "on_unreachable": "clip"},
         }
 
-    def __init__(
-        self,
-        model: Any = None,
-        *,
-        grid: int = 33,
-        pressure_limits: tuple[float, float] | None = None,
-        on_unreachable: str = "warn",
-        signals: Signals | None = None,
-    ) -> None:
-        self.model = model
-        self.grid = grid
-        self.pressure_limits = pressure_limits
-        self.on_unreachable = on_unreachable
-        self.signals = signals
-
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("F", "eps", *(("deps",) if "deps" in self._read_by_model() else ()))
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def _own_model(self) -> Any:
         if self.model is not None:
@@ -173,15 +152,8 @@ class InvertedForce(Streaming, RegressorMixin, SignalEstimator):
             Columns ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
         y : array_like, shape (n_samples,)
             Absolute pressure, Pa.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row, handed on to the model.
-
-        Returns
-        -------
-        InvertedForce
-            The fitted estimator itself.
 
         Raises
         ------

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._balance import BalanceRegressor
-from ._base import Signals
+from ._parameters import parameters
 
 
 class _JointSignals(NamedTuple):
@@ -16,6 +16,7 @@ class _JointSignals(NamedTuple):
     ddq: Any
 
 
+@parameters
 class JointDrive(BalanceRegressor):
     r"""Torque, current or voltage that drives a joint with a lever, fitted by linear least squares.
 
@@ -29,8 +30,6 @@ class JointDrive(BalanceRegressor):
         Unit of the drive, such as ``"N m"`` or ``"V"``.
     still : float, default=0.05
         Speed ω₀, rad/s, at which dry friction has reached three quarters.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
 
     Attributes
     ----------
@@ -39,22 +38,6 @@ class JointDrive(BalanceRegressor):
     parameters_ : dict of str to float
         ``inertia`` J (drive for 1 rad/s²), ``gravity`` g (drive that holds the lever level), ``level`` a and
         ``offset`` b (drive), ``dry_friction`` f (drive), ``viscous_friction`` d (drive for 1 rad/s).
-    standard_errors_ : dict of str to float
-        Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
-    units_ : dict of str to str
-        Their units.
-    covariance_ : ndarray, shape (6, 6)
-        Their covariance.
-    factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Sum of the weights of all rows seen.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -76,14 +59,12 @@ class JointDrive(BalanceRegressor):
     (0.5, 'N m s²/rad')
     """
 
+    unit: str = "drive"
+    still: float = 0.05
+
     reads = ("q", "dq", "ddq")
     equations = ("drive",)
     _state = _JointSignals
-
-    def __init__(self, unit: str = "drive", still: float = 0.05, *, signals: Signals | None = None) -> None:
-        self.unit = unit
-        self.still = still
-        self.signals = signals
 
     def _output(self) -> tuple[str, str]:
         return "drive", self.unit

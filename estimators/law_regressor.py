@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import KW_ONLY
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.errors import UnknownOptionError
 from pamid.laws.base import Law
-from pamid.laws.quasi_static import QuasiStaticForce
-from pamid.laws.thermodynamic import ThermodynamicFlow
 from pamid.signals.state import STATE_SIGNALS, State
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
+from ._laws import flow_of, force_of
+from ._parameters import parameters
 
 LAWS = ("quasi_static", "thermodynamic")
 
 
-class LawRegressor(RegressorMixin, SignalEstimator):
+@parameters
+class LawRegressor(SignalRegressor):
     r"""Apply a law to a volume that an earlier step of the pipeline gives.
 
     .. math:: y = a\,V + b_\varepsilon \frac{\partial V}{\partial\varepsilon} + b_P \frac{\partial V}{\partial P}
@@ -46,11 +47,6 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         Column of X for each of ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute), ``dP`` (Pa/s), ``V`` (m³), ``V_eps``
         (m³) and ``V_P`` (m³/Pa).
 
-    Attributes
-    ----------
-    signal_columns_ : dict
-        Column of X that each signal was found in.
-
     See Also
     --------
     QAdapter : Gives the volume.
@@ -65,32 +61,15 @@ class LawRegressor(RegressorMixin, SignalEstimator):
     array([50.])
     """
 
+    law: Any = "quasi_static"
+    _: KW_ONLY
+    rest_length: float = 0.2
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    heat_capacity_ratio: float = HEAT_CAPACITY_RATIO
+    gas_constant: float = GAS_CONSTANT
+    temperature: float = TEMPERATURE
+
     reads: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
-
-    def __init__(
-        self,
-        law: Any = "quasi_static",
-        *,
-        rest_length: float = 0.2,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
-        gas_constant: float = GAS_CONSTANT,
-        temperature: float = TEMPERATURE,
-        signals: Signals | None = None,
-    ) -> None:
-        self.law = law
-        self.rest_length = rest_length
-        self.atmospheric_pressure = atmospheric_pressure
-        self.heat_capacity_ratio = heat_capacity_ratio
-        self.gas_constant = gas_constant
-        self.temperature = temperature
-        self.signals = signals
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        # A law without free parameters cannot follow targets that it does not describe.
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def laws(self) -> tuple[Law]:
         """Return the law that is applied.
@@ -101,16 +80,16 @@ class LawRegressor(RegressorMixin, SignalEstimator):
             One law, of force (N) or of flow (kg/s).
         """
         if self.law == "quasi_static":
-            return (QuasiStaticForce(self.rest_length, self.atmospheric_pressure),)
+            return (force_of(self),)
         if self.law == "thermodynamic":
-            return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
+            return (flow_of(self),)
         if isinstance(self.law, Law):
             return (self.law,)
         raise UnknownOptionError(
             f"law={self.law!r} is not known.", f"one of {', '.join(LAWS)}, or a Law", "Choose one."
         )
 
-    def fit(self, X: Any, y: Any) -> LawRegressor:
+    def fit(self, X: Any, y: Any) -> Self:
         """Find the columns.
 
         Parameters
@@ -119,17 +98,12 @@ class LawRegressor(RegressorMixin, SignalEstimator):
             Signals of the muscle, its volume and the volume's derivatives.
         y : array, shape (n_samples,)
             What was measured; only checked.
-
-        Returns
-        -------
-        LawRegressor
-            The estimator itself.
         """
         self.laws()
         self._read_targets(X, y, reset=True)
         return self
 
-    def partial_fit(self, X: Any, y: Any) -> LawRegressor:
+    def partial_fit(self, X: Any, y: Any) -> Self:
         """Find the columns at the first call, and check those of later ones: a law has nothing to learn.
 
         Parameters
@@ -138,11 +112,6 @@ class LawRegressor(RegressorMixin, SignalEstimator):
             Signals of the muscle, its volume and the volume's derivatives.
         y : array, shape (n_samples,)
             What was measured; only checked.
-
-        Returns
-        -------
-        LawRegressor
-            The estimator itself.
         """
         if not hasattr(self, "signal_columns_"):
             return self.fit(X, y)
@@ -169,18 +138,7 @@ class LawRegressor(RegressorMixin, SignalEstimator):
         return np.asarray(self.laws()[0].predict(V, V_eps, V_P, state))
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output.
-        """
+        """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         law, state = self.laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
         return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.base import RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
 
 from pamid.constants import GRAVITY
@@ -15,9 +16,10 @@ from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError, Unst
 from pamid.requirements import check_reads, parameter_count
 from pamid.signals.state import State
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_sizes
 from ._narx import FreeRun
+from ._parameters import parameters
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import trajectory_slices
@@ -32,7 +34,8 @@ NUDGE = 1e-4
 """Contraction, and its rate (1/s), by which the slopes of the force are taken."""
 
 
-class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimator):
+@parameters
+class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
     r"""Contraction of a muscle that lifts a load, in free run: any force model, integrated by Newton's law.
 
     .. math:: M L_0\,\ddot\varepsilon = F(\varepsilon, \dot\varepsilon, P, \dot P) - M g, \qquad \varepsilon \ge 0
@@ -57,12 +60,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         Signal whose first value in a run is the contraction at its start; by default the load rests on its stand.
     margin : float, default=0.1
         Share of the range of contraction of the fit by which a run may leave it.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
-    trajectory_column : int, optional
-        Position of the column that names the runs, for arrays that have no names.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -74,12 +71,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         Range of pressure of the fit, Pa.
     n_lifted_ : int
         Rows that determine the force: those whose load was off its stand.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -97,9 +88,14 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
+    model: Any = None
+    _: KW_ONLY
+    rest_length: float = 0.2
+    load: str | float = "load"
+    time: str | None = "time"
+    step: float = 0.01
+    start: str | None = None
+    margin: float = 0.1
 
     equations = ("dynamic",)
     outputs = ("eps",)
@@ -116,40 +112,10 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
             "StaticPIHM": {"model": StaticPIHM(random_state=0)},
         }
 
-    def __init__(
-        self,
-        model: Any = None,
-        *,
-        rest_length: float = 0.2,
-        load: str | float = "load",
-        time: str | None = "time",
-        step: float = 0.01,
-        start: str | None = None,
-        margin: float = 0.1,
-        one_trajectory: bool = False,
-        trajectory_column: int | None = None,
-        signals: Signals | None = None,
-    ) -> None:
-        self.model = model
-        self.rest_length = rest_length
-        self.load = load
-        self.time = time
-        self.step = step
-        self.start = start
-        self.margin = margin
-        self.one_trajectory = one_trajectory
-        self.trajectory_column = trajectory_column
-        self.signals = signals
-
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         named = (self.time, "P", self.load if isinstance(self.load, str) else None, self.start)
         return tuple(dict.fromkeys(name for name in named if name))
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def _own_model(self) -> Any:
         if self.model is not None:
@@ -167,13 +133,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
             Time (s), absolute pressure ``P`` (Pa) and load (kg), the rows of each run in time order.
         y : array_like, shape (n_samples,)
             Contraction ratio.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        LiftedLoad
-            The fitted estimator itself.
 
         Raises
         ------
@@ -232,8 +191,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Time, pressure and load, as in fit, and the signal `start` if there is one.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------
@@ -257,8 +214,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimat
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             As in `predict`.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------

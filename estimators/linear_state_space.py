@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import MissingDependencyError, ParameterError, ShortTrajectoryError
 from pamid.fitting.epochs import standardisation
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_counts, warn_of_still_columns
+from ._parameters import parameters
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
 from ._subspace import Realisation, gain_alone, realisations, simulated, steady
 from ._trajectories import trajectory_slices
 
 
-class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalEstimator):
+@parameters
+class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
     r"""Linear state-space model of an output under inputs, by subspace identification (PO-MOESP).
 
     .. math:: x_{t+1} = A\,x_t + B\,u_t, \qquad y_t = C\,x_t + D\,u_t + c
@@ -44,12 +46,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
     start : str, optional
         Signal that holds, in the first row of each run, the output before it. A free run starts at rest under
         its first inputs, and where `start` is given from the likeliest state with that output.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
-    trajectory_column : int, optional
-        Position of the column that names the runs, for arrays that have no names.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -72,12 +68,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         The same of the output.
     n_parameters_ : int
         Number of parameters that a model of this order has, whatever its coordinates.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -106,41 +96,18 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
     (1, 0.8)
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
+    inputs: Sequence[str] = ("P", "load")
+    _: KW_ONLY
+    order: int | str = "auto"
+    max_order: int = 8
+    block_rows: int = 20
+    start: str | None = None
 
     equations = ("dynamic",)
-
-    def __init__(
-        self,
-        inputs: Sequence[str] = ("P", "load"),
-        *,
-        order: int | str = "auto",
-        max_order: int = 8,
-        block_rows: int = 20,
-        start: str | None = None,
-        one_trajectory: bool = False,
-        trajectory_column: int | None = None,
-        signals: Signals | None = None,
-    ) -> None:
-        self.inputs = inputs
-        self.order = order
-        self.max_order = max_order
-        self.block_rows = block_rows
-        self.start = start
-        self.one_trajectory = one_trajectory
-        self.trajectory_column = trajectory_column
-        self.signals = signals
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Find order and matrices.
@@ -151,13 +118,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
             Inputs, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
             Output, for instance absolute pressure (Pa) or contraction ratio.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
 
         Raises
         ------
@@ -218,8 +178,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, RegressorMixin, SignalE
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Inputs and, if `start` names it, the output before the first row; as in fit.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
 
         Returns
         -------

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY
 from itertools import pairwise
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
@@ -23,8 +23,9 @@ from pamid.fitting.epochs import (
     to_tensors,
 )
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
+from ._parameters import parameters
 from ._progress import FitProgress, ProgressMixin, fit_progress
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -34,7 +35,8 @@ OPTIMIZERS = ("adam", "lbfgs")
 _CHUNK = 65536  # rows predicted at a time, which bounds the memory of a prediction
 
 
-class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
+@parameters
+class MLP(Streaming, ProgressMixin, SignalRegressor):
     r"""Plain network from the muscle's signals to a force or a mass flow.
 
     .. math:: y = \bar y + \sigma_y\, N\!\left(\frac{s - \bar s}{\sigma_s}\right), \quad
@@ -74,8 +76,6 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         Seed of the initial weights, the order of rows and the choice of held-out runs.
     device : str, default="cpu"
         Device of torch on which the network is trained.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -91,12 +91,6 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         The same error on the held-out runs; empty without early stopping.
     n_iter_ : int
         Epochs of the fit.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -127,7 +121,21 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
+    inputs: Sequence[str] = ("eps", "P", "dP")
+    _: KW_ONLY
+    hidden: Sequence[int] = (64, 64)
+    activation: str = "tanh"
+    optimizer: str = "adam"
+    learning_rate: float = 3e-3
+    batch_size: int = 256
+    max_iter: int = 200
+    alpha: float = 0.0
+    early_stopping: bool = False
+    validation_fraction: float = 0.2
+    patience: int = 30
+    tol: float = 1e-5
+    random_state: Any = None
+    device: str = "cpu"
 
     equations = ("force", "flow", "dynamic")
 
@@ -137,69 +145,20 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
             return {"": {}}
         return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
 
-    def __init__(
-        self,
-        inputs: Sequence[str] = ("eps", "P", "dP"),
-        *,
-        hidden: Sequence[int] = (64, 64),
-        activation: str = "tanh",
-        optimizer: str = "adam",
-        learning_rate: float = 3e-3,
-        batch_size: int = 256,
-        max_iter: int = 200,
-        alpha: float = 0.0,
-        early_stopping: bool = False,
-        validation_fraction: float = 0.2,
-        patience: int = 30,
-        tol: float = 1e-5,
-        random_state: Any = None,
-        device: str = "cpu",
-        signals: Signals | None = None,
-    ) -> None:
-        self.inputs = inputs
-        self.hidden = hidden
-        self.activation = activation
-        self.optimizer = optimizer
-        self.learning_rate = learning_rate
-        self.batch_size = batch_size
-        self.max_iter = max_iter
-        self.alpha = alpha
-        self.early_stopping = early_stopping
-        self.validation_fraction = validation_fraction
-        self.patience = patience
-        self.tol = tol
-        self.random_state = random_state
-        self.device = device
-        self.signals = signals
-
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(self.inputs)
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Train the network from new weights.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
         y : array_like, shape (n_samples,)
             Force (N), mass flow (kg/s) or any other target.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
         groups : array_like, shape (n_samples,), optional
             Run of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
             too.
-
-        Returns
-        -------
-        MLP
-            The fitted estimator itself.
 
         Raises
         ------
@@ -233,18 +192,7 @@ class MLP(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Evaluate the network.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Prediction in the unit of y.
-        """
+        """Evaluate the network."""
         check_is_fitted(self, "weights_")
         X, _ = self._read(X, reset=False)
         columns = self._signals(X, self.inputs)

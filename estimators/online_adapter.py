@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY
 from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_array, check_consistent_length, check_is_fitted, column_or_1d
 
 from pamid.effects.base import Effect
@@ -22,15 +22,17 @@ from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeModel
 from pamid.volume.scaled import ScaledVolume
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_squares
 from ._hybrid_use import predicted
+from ._parameters import parameters
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
 from ._trajectories import trajectory_codes
 
 
-class OnlineAdapter(RegressorMixin, SignalEstimator):
+@parameters
+class OnlineAdapter(SignalRegressor):
     r"""Follow a muscle that ages: a Kalman filter over a factor Q and the parameters of effects.
 
     .. math:: y = Q\,f(\varepsilon, \dot\varepsilon, P, \dot P) + \sum_e g_e(\cdot\,; \theta_e) + v
@@ -117,46 +119,21 @@ class OnlineAdapter(RegressorMixin, SignalEstimator):
     'scale'
     """
 
+    source: Any
+    effects: Sequence[Any] = ()
+    _: KW_ONLY
+    plant: Plant | None = None
+    sampling_interval: float = 1e-3
+    forgetting_time: float = 10.0
+    scale_uncertainty: float = 0.2
+    effect_uncertainty: float = 3.0
+    alarm_memory: float = 0.5
+    alarm_hold: float = 1.2
+    false_alarms_per_hour: float = 1.0
+    play: float = 0.0
+    block: int = 20
+
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
-    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
-    __metadata_request__partial_fit: ClassVar[dict[str, bool]] = {"groups": True}
-    __metadata_request__predict: ClassVar[dict[str, bool]] = {"groups": True}
-
-    def __init__(
-        self,
-        source: Any,
-        effects: Sequence[Any] = (),
-        *,
-        plant: Plant | None = None,
-        sampling_interval: float = 1e-3,
-        forgetting_time: float = 10.0,
-        scale_uncertainty: float = 0.2,
-        effect_uncertainty: float = 3.0,
-        alarm_memory: float = 0.5,
-        alarm_hold: float = 1.2,
-        false_alarms_per_hour: float = 1.0,
-        play: float = 0.0,
-        block: int = 20,
-        signals: Signals | None = None,
-    ) -> None:
-        self.source = source
-        self.effects = effects
-        self.plant = plant
-        self.sampling_interval = sampling_interval
-        self.forgetting_time = forgetting_time
-        self.scale_uncertainty = scale_uncertainty
-        self.effect_uncertainty = effect_uncertainty
-        self.alarm_memory = alarm_memory
-        self.alarm_hold = alarm_hold
-        self.false_alarms_per_hour = false_alarms_per_hour
-        self.play = play
-        self.block = block
-        self.signals = signals
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, groups: Any = None) -> OnlineAdapter:

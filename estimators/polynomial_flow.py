@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
-from pamid.laws.thermodynamic import ThermodynamicFlow
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume import VolumeJet
 
-from ._base import Signals
+from ._laws import FlowLaw
+from ._parameters import parameters
 from ._polynomial import PolynomialRegressor, require_degree
 
 
-class PolynomialFlow(PolynomialRegressor):
+@parameters
+class PolynomialFlow(FlowLaw, PolynomialRegressor):
     r"""Mass flow into a muscle by the first law on a polynomial volume, fitted by linear least squares.
 
     .. math:: V = \sum_{i=0}^{d} \sum_{j=0}^{e} v_{ij}\, \varepsilon^i P^j, \qquad
@@ -29,37 +29,11 @@ class PolynomialFlow(PolynomialRegressor):
         Degree d in the contraction.
     pressure_degree : int, default=0
         Degree e in the absolute pressure.
-    heat_capacity_ratio : float, default=1.4
-        γ, dimensionless; 1 is an isothermal muscle.
-    gas_constant : float, default=287
-        R, J/(kg K).
-    temperature : float, default=293
-        T, K.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
 
     Attributes
     ----------
-    coef_ : ndarray, shape (n_coefficients,)
-        The coefficients, SI units.
     parameters_ : dict of str to float
         The coefficients by name: ``"v20"`` multiplies ε².
-    standard_errors_ : dict of str to float
-        Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
-    units_ : dict of str to str
-        Their units.
-    covariance_ : ndarray, shape (n_coefficients, n_coefficients)
-        Their covariance.
-    factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Sum of the weights of all rows seen.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -89,32 +63,14 @@ class PolynomialFlow(PolynomialRegressor):
     {'v00': 6e-05, 'v10': 0.0005, 'v20': -0.0009}
     """
 
+    degree: int = 3
+    pressure_degree: int = 0
+
     reads = STATE_SIGNALS
-    equations = ("flow",)
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"contraction": {}, "contraction, pressure": {"pressure_degree": 1}}
-
-    def __init__(
-        self,
-        degree: int = 3,
-        pressure_degree: int = 0,
-        *,
-        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
-        gas_constant: float = GAS_CONSTANT,
-        temperature: float = TEMPERATURE,
-        signals: Signals | None = None,
-    ) -> None:
-        self.degree = degree
-        self.pressure_degree = pressure_degree
-        self.heat_capacity_ratio = heat_capacity_ratio
-        self.gas_constant = gas_constant
-        self.temperature = temperature
-        self.signals = signals
-
-    def _law(self) -> ThermodynamicFlow:
-        return ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature)
 
     def _powers(self) -> list[tuple[int, int]]:
         d = require_degree("degree", self.degree, 0)

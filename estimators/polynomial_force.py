@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
 from typing import Any
 
-from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError, UnknownOptionError
-from pamid.laws.quasi_static import QuasiStaticForce
 from pamid.signals.state import State
 from pamid.volume import VolumeJet
 
-from ._base import Signals
+from ._laws import ForceLaw
+from ._parameters import parameters
 from ._polynomial import PolynomialRegressor, require_degree
 
 
-class PolynomialForce(PolynomialRegressor):
+@parameters
+class PolynomialForce(ForceLaw, PolynomialRegressor):
     r"""Tension of a muscle as a polynomial, fitted by linear least squares.
 
     With ``form="area"`` the effective area −dV/dL is a polynomial of the contraction (Hildebrandt), so the force
@@ -37,33 +38,6 @@ class PolynomialForce(PolynomialRegressor):
         L₀, m; scales the volume, not the force.
     rest_volume : float, default=0
         Volume at rest, m³, which force does not determine: `volume` counts from there.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
-
-    Attributes
-    ----------
-    coef_ : ndarray, shape (n_coefficients,)
-        The coefficients, SI units.
-    parameters_ : dict of str to float
-        The coefficients by name.
-    standard_errors_ : dict of str to float
-        Their standard errors, infinite where the data do not determine them; with `groups`, cluster-robust.
-    units_ : dict of str to str
-        Their units.
-    covariance_ : ndarray, shape (n_coefficients, n_coefficients)
-        Their covariance.
-    factor_ : ndarray
-        Triangular factor of all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Sum of the weights of all rows seen.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -87,33 +61,18 @@ class PolynomialForce(PolynomialRegressor):
     {'a0': 0.002, 'a1': -0.006, 'a2': 0.001}
     """
 
+    degree: int = 3
+    form: str = "area"
+    _: KW_ONLY
+    rest_length: float = 0.2
+    rest_volume: float = 0.0
+
     reads = ("eps", "P")
     _level_known = False
-    equations = ("force",)
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"area": {}, "surface": {"form": "surface"}}
-
-    def __init__(
-        self,
-        degree: int = 3,
-        form: str = "area",
-        *,
-        rest_length: float = 0.2,
-        rest_volume: float = 0.0,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        signals: Signals | None = None,
-    ) -> None:
-        self.degree = degree
-        self.form = form
-        self.rest_length = rest_length
-        self.rest_volume = rest_volume
-        self.atmospheric_pressure = atmospheric_pressure
-        self.signals = signals
-
-    def _law(self) -> QuasiStaticForce:
-        return QuasiStaticForce(self.rest_length, self.atmospheric_pressure)
 
     def _powers(self) -> list[tuple[int, int]]:
         """Return the powers of ε and p of each term of the surface, constant first."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 from pamid.errors import AdaptationWarning, IncompatibleError, ParameterError
 
 from ._adaptation import AdaptedModel
-from ._base import Signals
 from ._hybrid_use import predicted
+from ._parameters import parameters
 from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
@@ -20,6 +21,7 @@ FAR_SIGMAS = 3.0
 """Standard uncertainties between the factor by geometry and the one by the data that are worth a warning."""
 
 
+@parameters
 class QAdapter(AdaptedModel):
     r"""Adapt a hybrid model to a muscle of another size: its volume is multiplied by Q.
 
@@ -35,9 +37,6 @@ class QAdapter(AdaptedModel):
 
     Parameters
     ----------
-    source : estimator
-        The fitted hybrid model of the muscle with plenty of data, best in a `sklearn.frozen.FrozenEstimator`, so that
-        clones keep its fit. It stays untouched.
     initial : float or "geometry", default="geometry"
         Q₀. ``"geometry"`` takes it from the sizes of both muscles; where neither `rest_length` nor `rest_diameter` is
         given, the data alone decide.
@@ -46,31 +45,9 @@ class QAdapter(AdaptedModel):
         its parameters, such as ``pamid.adapters.low_rank.LowRank(ranks=(1, 2))``.
     size_uncertainty : tuple of float, default=(0.02, 0.05)
         Relative standard uncertainty of each length and of each diameter.
-    rest_length, rest_diameter : float, optional
-        L₀ and D₀ of the target muscle, m; those of the source by default.
     trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
         ``"adam"`` is Algorithm 2 as printed, with its hyperparameters. It refuses an anchored source: a factor on
         the network's output is not Q where the volume is not the network's alone.
-    max_iter, batch_size : int, optional
-        Override those of the trainer.
-    weight_decay : float or "auto", default="auto"
-        Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
-        where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
-    validation_fraction : float or "auto", default=0.0
-        Share of whole runs held out for early stopping.
-    blend : {"auto"} or bool, default="auto"
-        Whether held-out samples decide, once, the share of a fresh fit of the same samples in the predictions
-        (`pamid.adapters.source_process`), so that they are not worse than without a source. ``"auto"`` leaves the
-        published algorithm as published.
-    warm_start : bool, default=False
-        Whether another ``fit`` continues the present adaptation.
-    signals : dict, optional
-        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
-    device : str, default="cpu"
-        Where to train, for instance ``"cuda"``.
-    random_state : int, RandomState or None, default=None
-        Seed of the draws.
 
     Attributes
     ----------
@@ -80,21 +57,6 @@ class QAdapter(AdaptedModel):
         The factor by geometry or as given; that of the data where there is neither.
     q0_uncertainty_, q_uncertainty_ : float
         Standard uncertainties of both, the second from residuals that depend within a run.
-    model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
-        The model of the target muscle, of the source's class.
-    n_parameters_ : int
-        Number of adapted parameters.
-    weight_decay_ : float
-        Strength of the pull; infinite where the network stays as it is.
-    blend_ : ndarray, shape (n_targets,)
-        Share of the fresh fit in the predictions, 0 where the adapted model stays alone.
-    source_kept_ : ndarray, shape (n_targets,)
-        Share of the source in the predictions: of the adapted model, and of the source within the fresh fit.
-    held_out_errors_ : list of dict
-        Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
-        and ``both`` (a fresh fit that reads the source's prediction).
-    n_iter_, loss_curve_, validation_curve_, status_
-        As in `StaticPIHM`.
 
     See Also
     --------
@@ -123,44 +85,13 @@ class QAdapter(AdaptedModel):
     4.0
     """
 
-    method = "q"
+    initial: float | str = "geometry"
+    _: KW_ONLY
+    base: Any = "full"
+    size_uncertainty: tuple[float, float] = (0.02, 0.05)
+    blend: bool | str = "auto"
 
-    def __init__(
-        self,
-        source: Any,
-        initial: float | str = "geometry",
-        *,
-        base: Any = "full",
-        size_uncertainty: tuple[float, float] = (0.02, 0.05),
-        rest_length: float | None = None,
-        rest_diameter: float | None = None,
-        trainer: Any = "levenberg_marquardt",
-        max_iter: int | None = None,
-        batch_size: int | None = None,
-        weight_decay: float | str | None = "auto",
-        validation_fraction: float | str = 0.0,
-        blend: bool | str = "auto",
-        warm_start: bool = False,
-        signals: Signals | None = None,
-        device: str = "cpu",
-        random_state: Any = None,
-    ) -> None:
-        self.source = source
-        self.initial = initial
-        self.base = base
-        self.size_uncertainty = size_uncertainty
-        self.rest_length = rest_length
-        self.rest_diameter = rest_diameter
-        self.trainer = trainer
-        self.max_iter = max_iter
-        self.batch_size = batch_size
-        self.weight_decay = weight_decay
-        self.validation_fraction = validation_fraction
-        self.blend = blend
-        self.warm_start = warm_start
-        self.signals = signals
-        self.device = device
-        self.random_state = random_state
+    method = "q"
 
     def _adapter(self) -> Any:
         from pamid.adapters.registry import adapter_named

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted, validate_data
 
 from pamid.errors import (
@@ -23,10 +23,13 @@ from pamid.signals.driven import differentiate_driven, fit_gains
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
 from ._frames import TakesFrames
+from ._parameters import parameters
 from ._streaming import SequenceStreaming
 from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
+from ._typed import BaseEstimator, TransformerMixin
 
 
+@parameters
 class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEstimator):
     """Append the rates of columns, taken within each run.
 
@@ -99,31 +102,16 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
     True
     """
 
-    __metadata_request__fit: ClassVar[dict[str, bool]] = {"groups": True}
-    __metadata_request__transform: ClassVar[dict[str, bool]] = {"groups": True}
-
-    def __init__(
-        self,
-        columns: Sequence[str | int] = ("eps", "P"),
-        *,
-        time: str | int | None = "time",
-        method: str = "savgol",
-        tuning: str | float | Sequence[float] = "auto",
-        inputs: Mapping[Any, Sequence[Any]] | None = None,
-        smooth: bool = False,
-        second: bool = False,
-        sampling_period: float | None = None,
-        one_trajectory: bool = False,
-    ) -> None:
-        self.columns = columns
-        self.time = time
-        self.method = method
-        self.tuning = tuning
-        self.inputs = inputs
-        self.smooth = smooth
-        self.second = second
-        self.sampling_period = sampling_period
-        self.one_trajectory = one_trajectory
+    columns: Sequence[str | int] = ("eps", "P")
+    _: KW_ONLY
+    time: str | int | None = "time"
+    method: str = "savgol"
+    tuning: str | float | Sequence[float] = "auto"
+    inputs: Mapping[Any, Sequence[Any]] | None = None
+    smooth: bool = False
+    second: bool = False
+    sampling_period: float | None = None
+    one_trajectory: bool = False
 
     @staticmethod
     def _checked_instances() -> list[RateTransformer]:
@@ -150,11 +138,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             Ignored.
         groups : array_like, shape (n_samples,), optional
             Run of each row; a column ``trajectory`` of X serves as well.
-
-        Returns
-        -------
-        RateTransformer
-            The fitted transformer.
 
         Raises
         ------
@@ -228,11 +211,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             Ignored.
         groups : array_like, shape (n_samples,), optional
             Run of each row; a column ``trajectory`` of X serves as well.
-
-        Returns
-        -------
-        RateTransformer
-            The fitted transformer.
         """
         return self._partial_fit_rows(X, y, None, groups)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import ParameterError
@@ -22,8 +22,9 @@ from pamid.fitting.epochs import (
 )
 from pamid.fitting.recurrent import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
+from ._parameters import parameters
 from ._progress import ProgressMixin, fit_progress
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
@@ -32,7 +33,8 @@ from ._trajectories import trajectory_slices
 _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which bounds the memory of a prediction
 
 
-class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin, SignalEstimator):
+@parameters
+class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor):
     r"""Recurrent network from the muscle's signals and their history to a force or a mass flow.
 
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
@@ -75,17 +77,10 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         Epochs without improvement after which the fit ends.
     tol : float, default=1e-4
         Relative improvement of the loss that counts, dimensionless.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
-    trajectory_column : int, optional
-        Position of the column that names the runs, for arrays that have no names: a change of its value begins a
-        new run.
     random_state : int or RandomState, optional
         Seed of the initial weights, the order of segments and the choice of held-out runs.
     device : str, default="cpu"
         Device of torch on which the network runs.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -101,12 +96,6 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         The same error on the held-out runs; empty without early stopping.
     n_iter_ : int
         Epochs of the fit.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -149,9 +138,23 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
+    inputs: Sequence[str] = ("eps", "P")
+    _: KW_ONLY
+    cell: str = "gru"
+    hidden: int = 16
+    layers: int = 1
+    window: int = 50
+    segment_length: int | None = 1000
+    burn_in: int = 25
+    learning_rate: float = 1e-2
+    batch_size: int = 32
+    max_iter: int = 50
+    early_stopping: bool = False
+    validation_fraction: float = 0.2
+    patience: int = 20
+    tol: float = 1e-4
+    random_state: Any = None
+    device: str = "cpu"
 
     equations = ("force", "flow", "dynamic")
 
@@ -161,57 +164,9 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
             return {"": {}}
         return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
 
-    def __init__(
-        self,
-        inputs: Sequence[str] = ("eps", "P"),
-        *,
-        cell: str = "gru",
-        hidden: int = 16,
-        layers: int = 1,
-        window: int = 50,
-        segment_length: int | None = 1000,
-        burn_in: int = 25,
-        learning_rate: float = 1e-2,
-        batch_size: int = 32,
-        max_iter: int = 50,
-        early_stopping: bool = False,
-        validation_fraction: float = 0.2,
-        patience: int = 20,
-        tol: float = 1e-4,
-        one_trajectory: bool = False,
-        trajectory_column: int | None = None,
-        random_state: Any = None,
-        device: str = "cpu",
-        signals: Signals | None = None,
-    ) -> None:
-        self.inputs = inputs
-        self.cell = cell
-        self.hidden = hidden
-        self.layers = layers
-        self.window = window
-        self.segment_length = segment_length
-        self.burn_in = burn_in
-        self.learning_rate = learning_rate
-        self.batch_size = batch_size
-        self.max_iter = max_iter
-        self.early_stopping = early_stopping
-        self.validation_fraction = validation_fraction
-        self.patience = patience
-        self.tol = tol
-        self.one_trajectory = one_trajectory
-        self.trajectory_column = trajectory_column
-        self.random_state = random_state
-        self.device = device
-        self.signals = signals
-
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(self.inputs)
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Train the network from new weights.
@@ -222,13 +177,6 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
             Signals, SI units, in time order within each run, at one sampling period throughout.
         y : array_like, shape (n_samples,)
             Force (N), mass flow (kg/s) or any other target.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        Recurrent
-            The fitted estimator itself.
 
         Raises
         ------
@@ -300,13 +248,6 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, RegressorMixin,
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units, in time order within each run.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Prediction in the unit of y.
         """
         check_is_fitted(self, "weights_")
         table, _ = self._read(X, reset=False)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
@@ -15,10 +16,11 @@ from pamid.fitting.epochs import local_generator, standardisation
 from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
 from pamid.requirements import formulas_of, parameter_count, reads_of
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalEstimator, SignalRegressor
 from ._checks import check_counts, check_sizes, fit_arguments
 from ._hybrid_fit import span_of
 from ._hybrid_use import warn_outside
+from ._parameters import parameters
 from ._progress import ProgressMixin, fit_progress
 from ._streaming import Streaming, forget
 from ._trajectories import trajectory_codes
@@ -26,7 +28,8 @@ from ._trajectories import trajectory_codes
 _CANDIDATE_STEPS = 15
 
 
-class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
+@parameters
+class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
     r"""Hybrid of a force model and a network: the model is identified first, the network learns its residual.
 
     .. math:: F = F_\mathrm{model}(\varepsilon, P; \theta) + \frac{p}{\bar p}\, N(s)
@@ -56,8 +59,6 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         Pa, absolute.
     random_state : int or RandomState, optional
         Seed of the initial weights.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -81,12 +82,6 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
         Steps of the fit.
     n_parameters_ : int
         Weights of the network and fitted parameters of the model.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -106,45 +101,23 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
+    model: Any = None
+    _: KW_ONLY
+    inputs: Sequence[str] = ("eps", "deps", "P", "dP")
+    hidden: int = 12
+    vanishing: bool = True
+    alpha: float = 0.3
+    max_iter: int = 100
+    tol: float = 1e-5
+    n_starts: int = 3
+    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    random_state: Any = None
 
     equations = ("force",)
-
-    def __init__(
-        self,
-        model: Any = None,
-        *,
-        inputs: Sequence[str] = ("eps", "deps", "P", "dP"),
-        hidden: int = 12,
-        vanishing: bool = True,
-        alpha: float = 0.3,
-        max_iter: int = 100,
-        tol: float = 1e-5,
-        n_starts: int = 3,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        random_state: Any = None,
-        signals: Signals | None = None,
-    ) -> None:
-        self.model = model
-        self.inputs = inputs
-        self.hidden = hidden
-        self.vanishing = vanishing
-        self.alpha = alpha
-        self.max_iter = max_iter
-        self.tol = tol
-        self.n_starts = n_starts
-        self.atmospheric_pressure = atmospheric_pressure
-        self.random_state = random_state
-        self.signals = signals
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(dict.fromkeys((*self.inputs, *self._read_by_model(), *(("P",) if self.vanishing else ()))))
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
 
     def _own_model(self) -> Any:
         if self.model is not None:
@@ -161,19 +134,10 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, absolute pressure.
         y : array_like, shape (n_samples,)
             Tension, N.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row, handed on to the model.
-
-        Returns
-        -------
-        ResidualHybrid
-            The fitted estimator itself.
 
         Raises
         ------
@@ -242,11 +206,6 @@ class ResidualHybrid(Streaming, ProgressMixin, RegressorMixin, SignalEstimator):
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict the force.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            The signals that the fit read, SI units, absolute pressure.
 
         Returns
         -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
-from ._base import Signals, state_of
+from ._base import state_of
 from ._hybrid_use import predicted
+from ._parameters import parameters
 from ._pihm import HybridModel
 from ._source import hybrid_of
 from ._tiny_source import tiny_source
@@ -34,6 +36,7 @@ class _Solution(NamedTuple):
     condition: float
 
 
+@parameters
 class ScaleAdapter(AdaptedModel):
     r"""Adapt a hybrid model by the physical scales in which two muscles of one kind differ.
 
@@ -47,35 +50,12 @@ class ScaleAdapter(AdaptedModel):
 
     Parameters
     ----------
-    source : estimator
-        The fitted hybrid model of the muscle whose data are plenty, best in a `sklearn.frozen.FrozenEstimator`, so that
-        clones keep its fit. It stays untouched.
     scales : "auto" or tuple of str, default="auto"
         Any of ``"length"``, ``"diameter"``, ``"dead_volume"``. ``"auto"`` takes those that the data distinguish: the
         diameter always, the length where force and flow are measured. The others keep the ratio of `rest_length` and
         `rest_diameter` to the source's.
     base : str or Adapter, default="frozen"
         How the network is adapted as well, as in `QAdapter`.
-    rest_length, rest_diameter : float, optional
-        L₀ and D₀ of the target muscle, m; those of the source by default.
-    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is the published algorithm with its hyperparameters.
-    max_iter, batch_size : int, optional
-        Override those of the trainer.
-    weight_decay : float or "auto", default="auto"
-        Strength of the pull toward the source, relative to the mean squared residual in units of the variance of the
-        target. ``"auto"`` sets it by cross-validation over whole runs, at the cost of one step;
-        where it would raise the held-out error, the network stays as it is. For Adam it is the published decay.
-    validation_fraction : float or "auto", default=0.0
-        Share of whole runs held out for early stopping.
-    warm_start : bool, default=False
-        Whether another ``fit`` continues the present adaptation.
-    signals : dict, optional
-        Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
-    device : str, default="cpu"
-        Where to train, for instance ``"cuda"``.
-    random_state : int, RandomState or None, default=None
-        Seed of the draws.
 
     Attributes
     ----------
@@ -89,14 +69,6 @@ class ScaleAdapter(AdaptedModel):
         Why ``scales="auto"`` left a scale out.
     condition_ : float
         Condition of the Gauss–Newton Hessian of the scales.
-    model_ : StaticPIHM, ThermodynamicPIHM or JointPIHM
-        The model of the target muscle, of the source's class.
-    n_parameters_ : int
-        Number of adapted parameters.
-    weight_decay_ : float
-        Strength of the pull; infinite where the network stays as it is.
-    n_iter_, loss_curve_, validation_curve_, status_
-        As in `StaticPIHM`.
 
     See Also
     --------
@@ -119,40 +91,11 @@ class ScaleAdapter(AdaptedModel):
     2.0
     """
 
-    method = "scales"
+    scales: Sequence[str] | str = "auto"
+    _: KW_ONLY
+    base: Any = "frozen"
 
-    def __init__(
-        self,
-        source: Any,
-        scales: Sequence[str] | str = "auto",
-        *,
-        base: Any = "frozen",
-        rest_length: float | None = None,
-        rest_diameter: float | None = None,
-        trainer: Any = "levenberg_marquardt",
-        max_iter: int | None = None,
-        batch_size: int | None = None,
-        weight_decay: float | str | None = "auto",
-        validation_fraction: float | str = 0.0,
-        warm_start: bool = False,
-        signals: Signals | None = None,
-        device: str = "cpu",
-        random_state: Any = None,
-    ) -> None:
-        self.source = source
-        self.scales = scales
-        self.base = base
-        self.rest_length = rest_length
-        self.rest_diameter = rest_diameter
-        self.trainer = trainer
-        self.max_iter = max_iter
-        self.batch_size = batch_size
-        self.weight_decay = weight_decay
-        self.validation_fraction = validation_fraction
-        self.warm_start = warm_start
-        self.signals = signals
-        self.device = device
-        self.random_state = random_state
+    method = "scales"
 
     def _adapter(self) -> Any:
         from pamid.adapters.registry import adapter_named

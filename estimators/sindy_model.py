@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
@@ -21,8 +21,9 @@ from pamid.errors import (
     TimeOrderError,
 )
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
 from ._checks import warn_of_still_columns
+from ._parameters import parameters
 from ._pysindy import differentiate
 from ._sparse_polynomial import PolynomialLibraryMixin
 from ._trajectories import trajectory_codes, trajectory_slices
@@ -30,7 +31,8 @@ from ._trajectories import trajectory_codes, trajectory_slices
 Inputs = Callable[[float], Any]
 
 
-class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
+@parameters
+class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
     r"""Sparse dynamics of a muscle or a bench, learnt from runs.
 
     .. math:: \dot x_i = \sum_k \Xi_{ik}\, \theta_k(x, u), \quad \Xi \text{ sparse}
@@ -44,23 +46,8 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Signals whose rates are learnt, for instance the absolute pressure (Pa), or ``("q", "dq", "P1", "P2")``.
     inputs : sequence of str, default=("eps", "deps", "mdot")
         Further signals that drive them: contraction ratio (dimensionless), its rate (1/s), mass flow (kg/s).
-    degree : int, default=2
-        Highest degree of a term.
-    interaction : bool, default=True
-        Whether terms mix signals.
-    bias : bool, default=True
-        Whether there are constant terms.
     sign_of : sequence of str, default=()
         Signals whose sign enters the library too (Coulomb friction, valves that fill and vent differently).
-    optimizer : {"stlsq", "sr3", "frols"} or PySINDy optimizer, default="stlsq"
-        Sparse regression, as in `SINDyRegressor`.
-    threshold : float, default=0.02
-        Terms with a smaller coefficient are dropped. Dimensionless: terms and rates are scaled to a root mean square of
-        one.
-    alpha : float, default=1e-6
-        Ridge penalty in the scaled problem, dimensionless.
-    max_iter : int, default=20
-        Maximum number of iterations; for "frols", of terms.
     sampling_period : float, optional
         Time between rows, s. Without it the time is read from a column.
     time : str or int, default="time"
@@ -69,8 +56,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Rows of the smoothing before differentiation, odd; below 5 nothing is smoothed.
     one_trajectory : bool, default=False
         Whether all rows are one run, where neither groups nor a column says otherwise.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -78,30 +63,14 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         Coefficient of each term in each rate, in units of the state per second over units of the term.
     coefficients_ : dict of str to dict
         For each state the terms that were kept, and their coefficients.
-    terms_ : list of str
-        All terms of the library.
     equations_ : list of str
         The dynamics, written out.
-    powers_ : ndarray, shape (n_terms, n_signals + n_signs)
-        Exponent of each signal, and of each sign, in each term.
-    signal_scales_ : ndarray, shape (n_signals,)
-        Root mean square of each signal, in the signal's unit.
     scaled_coef_ : ndarray, shape (n_states, n_terms)
         Coefficients for signals in units of `signal_scales_`.
-    n_iter_ : int
-        Iterations of the sparse regression.
     factor_ : ndarray
         Triangular factor of terms and rates over all rows seen, from which `partial_fit` continues.
     total_weight_ : float
         Number of rows seen.
-    reference_scales_ : ndarray, shape (n_signals,)
-        Scales of the signals in `factor_`.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -127,44 +96,14 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
     True
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True}
-    __metadata_request__partial_fit: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
-
-    def __init__(
-        self,
-        states: Sequence[str] = ("P",),
-        inputs: Sequence[str] = ("eps", "deps", "mdot"),
-        *,
-        degree: int = 2,
-        interaction: bool = True,
-        bias: bool = True,
-        sign_of: Sequence[str] = (),
-        optimizer: Any = "stlsq",
-        threshold: float = 0.02,
-        alpha: float = 1e-6,
-        max_iter: int = 20,
-        sampling_period: float | None = None,
-        time: str | int = "time",
-        smoothing_window: int = 11,
-        one_trajectory: bool = False,
-        signals: Signals | None = None,
-    ) -> None:
-        self.states = states
-        self.inputs = inputs
-        self.degree = degree
-        self.interaction = interaction
-        self.bias = bias
-        self.sign_of = sign_of
-        self.optimizer = optimizer
-        self.threshold = threshold
-        self.alpha = alpha
-        self.max_iter = max_iter
-        self.sampling_period = sampling_period
-        self.time = time
-        self.smoothing_window = smoothing_window
-        self.one_trajectory = one_trajectory
-        self.signals = signals
+    states: Sequence[str] = ("P",)
+    inputs: Sequence[str] = ("eps", "deps", "mdot")
+    _: KW_ONLY
+    degree: int = 2
+    sampling_period: float | None = None
+    time: str | int = "time"
+    smoothing_window: int = 11
+    one_trajectory: bool = False
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
@@ -174,7 +113,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
         tags = super().__sklearn_tags__()
         tags.target_tags.required = False
         tags.target_tags.multi_output = len(self.states) > 1
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
         return tags
 
     def fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
@@ -186,13 +124,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             States and inputs, SI units, in time order within each run.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
             Rates of the states, in their units per second, if they are known; time order then plays no part.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of a DataFrame serves too.
-
-        Returns
-        -------
-        SINDyModel
-            The fitted estimator itself.
 
         Raises
         ------
@@ -222,11 +153,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             Rates of the states, as in `fit`.
         groups : array_like, shape (n_samples,), optional
             Run of each row; no run continues from one call to the next.
-
-        Returns
-        -------
-        SINDyModel
-            The fitted estimator itself.
         """
         if not hasattr(self, "factor_"):
             return self.fit(X, y, groups)
@@ -272,8 +198,6 @@ class SINDyModel(PolynomialLibraryMixin, RegressorMixin, SignalEstimator):
             States and inputs, SI units.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
             Rates of the states; if None they are differentiated as in fit.
-        sample_weight : array_like, shape (n_samples,), optional
-            Weight of each row.
         groups : array_like, shape (n_samples,), optional
             Run of each row, needed if y is None.
 

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-import numpy as np
-from sklearn.utils.validation import column_or_1d
-
-from pamid.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
-from pamid.laws.thermodynamic import ThermodynamicFlow
-
-from ._base import Signals
-from ._hybrid_use import predicted
+from ._laws import FlowLaw
+from ._parameters import parameters
 from ._pihm import HybridModel
 
 
-class ThermodynamicPIHM(HybridModel):
+@parameters
+class ThermodynamicPIHM(FlowLaw, HybridModel):
     r"""Physics-informed hybrid model of the mass flow into a muscle.
 
     A network learns the gas volume V(ε, ε̇, P, Ṗ); the first law of thermodynamics turns it and its rate into flow,
@@ -28,65 +20,8 @@ class ThermodynamicPIHM(HybridModel):
 
     Parameters
     ----------
-    rest_length : float, default=0.2
-        Rest length L₀ of the muscle, m.
     rest_diameter : float, default=0.02
         Rest diameter D₀, m; with the length, where the search for the geometric volume starts.
-    heat_capacity_ratio : float, default=1.4
-        γ, dimensionless.
-    gas_constant : float, default=287
-        R, J/(kg K).
-    temperature : float, default=293
-        T, K.
-    volume_model : {"anchored", "neural"}, default="anchored"
-        ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
-        (`pamid.volume.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far better.
-    hidden_layer_sizes : tuple of int, default=(128, 128)
-        Widths of the hidden layers.
-    activation : {"softplus", "tanh", "silu"}, default="softplus"
-        Smooth activation of the hidden layers.
-    trainer : {"levenberg_marquardt", "adam"} or Trainer, default="levenberg_marquardt"
-        ``"adam"`` is Algorithm 1 as printed, with its hyperparameters. A `pamid.training.Trainer` can be given to
-        set or search all of its parameters.
-    max_iter, batch_size, weight_decay : optional
-        Override those of the trainer.
-    validation_fraction : float or "auto", default="auto"
-        Share of whole runs held out for early stopping; the model that is best on them is kept, which is what
-        keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them names five runs or more, and 0 elsewhere and with
-        ``trainer="adam"``, which as printed keeps its last epoch.
-    effects : sequence of str or Effect, or dict of str to dict, optional
-        Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
-        memory, friction, leaks; a dict gives their start values. Geometry and effects are identified alternately; the
-        network learns the remainder, with the states of the effects as inputs. X is then a DataFrame of whole runs in
-        order of time, with ``time`` (s) and ``trajectory``; rows that only advance these states get a sample weight of
-        0.
-    signals : dict, optional
-        Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
-        and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
-    dtype : {"float64", "float32"}, default="float64"
-        Floating type of the training.
-    device : str, default="cpu"
-        Where to train, for instance ``"cuda"``.
-    random_state : int, RandomState or None, default=None
-        Seed of the initial weights and of the draws of samples.
-
-    Attributes
-    ----------
-    weights_ : list of ndarray
-        Weights and biases of the network in turn.
-    anchor_ : ContactVolume or None
-        The fitted geometric anchor.
-    volume_ : VolumeModel
-        The identified volume.
-    effects_ : list of Effect
-        The identified effects, in physical units.
-    n_iter_ : int
-        Iterations of the trainer.
-    loss_curve_, validation_curve_ : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    status_ : str
-        Why the training ended.
 
     See Also
     --------
@@ -111,109 +46,3 @@ class ThermodynamicPIHM(HybridModel):
     >>> bool(model.score(X, mdot) > 0.99)
     True
     """
-
-    equations = ("flow",)
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}, "published network": {"volume_model": "neural"}}
-
-    def __init__(
-        self,
-        rest_length: float = 0.2,
-        rest_diameter: float = 0.02,
-        *,
-        heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
-        gas_constant: float = GAS_CONSTANT,
-        temperature: float = TEMPERATURE,
-        volume_model: str = "anchored",
-        hidden_layer_sizes: Sequence[int] = (128, 128),
-        activation: str = "softplus",
-        trainer: Any = "levenberg_marquardt",
-        max_iter: int | None = None,
-        batch_size: int | None = None,
-        weight_decay: float | None = None,
-        validation_fraction: float | str = "auto",
-        effects: Sequence[Any] | Mapping[str, Mapping[str, float]] | None = None,
-        signals: Signals | None = None,
-        dtype: str = "float64",
-        device: str = "cpu",
-        random_state: Any = None,
-    ) -> None:
-        self.rest_length = rest_length
-        self.rest_diameter = rest_diameter
-        self.heat_capacity_ratio = heat_capacity_ratio
-        self.gas_constant = gas_constant
-        self.temperature = temperature
-        self.volume_model = volume_model
-        self.hidden_layer_sizes = hidden_layer_sizes
-        self.activation = activation
-        self.trainer = trainer
-        self.max_iter = max_iter
-        self.batch_size = batch_size
-        self.weight_decay = weight_decay
-        self.validation_fraction = validation_fraction
-        self.effects = effects
-        self.signals = signals
-        self.dtype = dtype
-        self.device = device
-        self.random_state = random_state
-
-    def laws(self) -> tuple[ThermodynamicFlow]:
-        """Return the law of the flow.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of flow (kg/s).
-        """
-        return (ThermodynamicFlow(self.heat_capacity_ratio, self.gas_constant, self.temperature),)
-
-    def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> ThermodynamicPIHM:
-        """Train the volume network on measured mass flow.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
-        y : array, shape (n_samples,)
-            Measured mass flow into the muscle, kg/s.
-        sample_weight : array, shape (n_samples,), optional
-            Weights of the samples.
-        groups : array, shape (n_samples,), optional
-            Run of each row; needed if `validation_fraction` is not zero and X has no ``trajectory`` column.
-
-        Returns
-        -------
-        ThermodynamicPIHM
-            The fitted model itself.
-        """
-        table, target = self._read(X, y, reset=True)
-        target = column_or_1d(target, warn=True)
-        return self._fit(table, target[:, None], sample_weight, groups, (X, y))
-
-    def predict(self, X: Any) -> np.ndarray:
-        """Predict the mass flow into the muscle.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Mass flow, kg/s.
-        """
-        self._check_fitted("weights_")
-        table, _ = self._read(X, reset=False)
-        return predicted(self, table)[:, 0]
-
-    @classmethod
-    def _checked_instances(cls) -> list[ThermodynamicPIHM]:
-        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
-        common: dict[str, Any] = {"hidden_layer_sizes": (6,), "signals": one}
-        return [
-            cls(volume_model="neural", max_iter=8, **common),
-            cls(volume_model="neural", trainer="adam", max_iter=20, batch_size=4096, **common),
-        ]

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from pamid.constants import ATMOSPHERIC_PRESSURE, GRAVITY
+from pamid.constants import GRAVITY
 from pamid.errors import ParameterError, ShapeError, TimeOrderError
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._base import Signals
 from ._checks import check_counts
 from ._empirical import EmpiricalForce, Values, check_positive
+from ._parameters import parameters
 
 _PHASES = ("fill", "vent")
 _MARGIN = 0.1  # of the range of contraction of the fit, by which a free run may leave it
@@ -57,6 +58,7 @@ class LiftRun(NamedTuple):
     extrapolated: np.ndarray
 
 
+@parameters
 class ThreeElement(EmpiricalForce):
     r"""Three-element model of a muscle: tension of a contractile element less that of a spring and a damper.
 
@@ -69,18 +71,10 @@ class ThreeElement(EmpiricalForce):
 
     Parameters
     ----------
-    rest_length : float, default=0.2
-        L₀, m.
     pieces : int, default=2
         Pieces of the range of pressure between knots.
     turn_rate : float, default=20000
         Rate of the pressure over which filling passes into venting, Pa/s.
-    fixed : mapping of str to float, optional
-        Parameters that are held, and their values, SI units.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
 
     Attributes
     ----------
@@ -89,29 +83,12 @@ class ThreeElement(EmpiricalForce):
     parameters_ : dict of str to float
         ``F0``, ``F1``, ... (N), ``K_fill0``, ``K_vent0``, ... (N/m), ``B_fill0``, ``B_vent0``, ...
         (N s/m) at the knots.
-    standard_errors_ : dict of str to float
-        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
-        on a bound. With `groups`, cluster-robust.
-    intervals_ : dict of str to tuple of two floats
-        Their 95 % intervals.
-    units_ : dict of str to str
-        Their units.
-    fitted_names_ : list of str
-        The parameters that were fitted, in the order of `covariance_`.
-    covariance_ : ndarray, shape (n_fitted, n_fitted)
-        Covariance of the fitted parameters.
     at_bound_ : list of str
         Fitted parameters that lie on a bound, such as a damping that would be negative.
     eps_low_, eps_high_ : float
         Range of contraction of the fit.
     n_iter_ : int
         1.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, if X had names.
 
     See Also
     --------
@@ -139,24 +116,12 @@ class ThreeElement(EmpiricalForce):
     (0.115, False)
     """
 
-    reads = ("eps", "deps", "P", "dP")
+    _: KW_ONLY
+    rest_length: float = 0.2
+    pieces: int = 2
+    turn_rate: float = 2e4
 
-    def __init__(
-        self,
-        *,
-        rest_length: float = 0.2,
-        pieces: int = 2,
-        turn_rate: float = 2e4,
-        fixed: Mapping[str, float] | None = None,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        signals: Signals | None = None,
-    ) -> None:
-        self.rest_length = rest_length
-        self.pieces = pieces
-        self.turn_rate = turn_rate
-        self.fixed = fixed
-        self.atmospheric_pressure = atmospheric_pressure
-        self.signals = signals
+    reads = ("eps", "deps", "P", "dP")
 
     def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length", "turn_rate")

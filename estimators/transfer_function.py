@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,12 @@ from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import MissingDependencyError
 
-from ._base import Signals
 from ._checks import check_counts
 from ._narx import NARXRegressor
+from ._parameters import parameters
 
 
+@parameters
 class TransferFunction(NARXRegressor):
     r"""Discrete transfer function of each input with common poles, fitted to free runs (output error).
 
@@ -26,8 +27,6 @@ class TransferFunction(NARXRegressor):
 
     Parameters
     ----------
-    inputs : sequence of str, default=("P", "load")
-        Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
     n_poles : int, default=2
         Number n of poles.
     n_zeros : int, default=1
@@ -36,21 +35,6 @@ class TransferFunction(NARXRegressor):
         Dead time d of all inputs, in rows.
     horizon : int, default=1000
         Rows of the free runs that the fit uses, each from measured outputs; 1 for single steps (ARX).
-    start : str, optional
-        Signal that holds, in the first row of each run, the output before it; by default a free run starts
-        from the mean of the first outputs of the fit.
-    margin : float, default=0.2
-        Share of the range of the outputs of the fit by which a free run may leave it, dimensionless.
-    max_iter : int, default=60
-        Maximum number of Levenberg–Marquardt steps.
-    tol : float, default=1e-4
-        Relative improvement of the loss that counts, dimensionless; three steps with less end the fit.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
-    trajectory_column : int, optional
-        Position of the column that names the runs, for arrays that have no names.
-    signals : mapping of str to str or int, optional
-        Column of a signal, by name or position, where it is not the signal's own name or place.
 
     Attributes
     ----------
@@ -70,26 +54,6 @@ class TransferFunction(NARXRegressor):
         Their standard errors, in the same units, if the errors of free runs are white.
     coef_ : ndarray, shape (n_poles + n_inputs * (n_zeros + 1) + 1,)
         The parameters as they were fitted, in standardised signals.
-    input_mean_, input_scale_, input_low_, input_high_ : ndarray, shape (n_inputs,)
-        Mean, standard deviation and range of the inputs, in their units.
-    output_mean_, output_scale_, output_low_, output_high_ : float
-        The same of the output.
-    step_scale_ : float
-        Root mean square of the output's step from row to row, in units of `output_scale_`.
-    start_mean_ : float
-        Mean of the first outputs of the runs of the fit.
-    loss_curve_ : list of float
-        Mean squared error over the horizon after each step of the fit, in units of the output's variance.
-    n_iter_ : int
-        Steps of the fit.
-    n_parameters_ : int
-        Number of parameters.
-    signal_columns_ : dict of str to int
-        Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
 
     See Also
     --------
@@ -114,48 +78,23 @@ class TransferFunction(NARXRegressor):
     (0.8, '4e-07')
     """
 
-    alpha = 0.0  # least squares alone: few parameters, and standard errors that mean something
+    _: KW_ONLY
+    n_poles: int = 2
+    n_zeros: int = 1
+    delay: int = 0
+    horizon: int = 1000
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
         return {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
 
-    def __init__(
-        self,
-        inputs: Sequence[str] = ("P", "load"),
-        *,
-        n_poles: int = 2,
-        n_zeros: int = 1,
-        delay: int = 0,
-        horizon: int = 1000,
-        start: str | None = None,
-        margin: float = 0.2,
-        max_iter: int = 60,
-        tol: float = 1e-4,
-        one_trajectory: bool = False,
-        trajectory_column: int | None = None,
-        signals: Signals | None = None,
-    ) -> None:
-        self.inputs = inputs
-        self.n_poles = n_poles
-        self.n_zeros = n_zeros
-        self.delay = delay
-        self.horizon = horizon
-        self.start = start
-        self.margin = margin
-        self.max_iter = max_iter
-        self.tol = tol
-        self.one_trajectory = one_trajectory
-        self.trajectory_column = trajectory_column
-        self.signals = signals
-
     @property
-    def output_lags(self) -> int:  # type: ignore[override]
+    def output_lags(self) -> int:
         """Past rows of the output that the model reads."""
         return int(self.n_poles)
 
     @property
-    def input_lags(self) -> int:  # type: ignore[override]
+    def input_lags(self) -> int:
         """Rows of each input that the model reads."""
         return int(self.n_zeros) + 1
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 from typing import Any, Self
 
 import numpy as np
-from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from ._base import SignalEstimator, Signals
+from ._base import SignalRegressor
+from ._parameters import parameters
 
 
-class MyEstimator(RegressorMixin, SignalEstimator):
+@parameters
+class MyEstimator(SignalRegressor):
     r"""Force that is bilinear in contraction and pressure, :math:`F = a + b\,P + c\,\varepsilon + d\,P\,\varepsilon`.
 
-    Parameters
-    ----------
-    signals : mapping of str to (str or int), optional
-        Which column holds which signal.
+    Annotated fields are the parameters of the constructor; bases explain those that they declare, such as `signals`.
 
     Attributes
     ----------
@@ -28,14 +26,6 @@ class MyEstimator(RegressorMixin, SignalEstimator):
     reads = ("eps", "P")
     equations = ("force",)
 
-    def __init__(self, *, signals: Signals | None = None) -> None:
-        self.signals = signals
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # reads signals of meaning, not whatever column is informative
-        return tags
-
     def fit(self, X: Any, y: Any) -> Self:
         """Fit by least squares.
 
@@ -45,11 +35,6 @@ class MyEstimator(RegressorMixin, SignalEstimator):
             ``eps`` (dimensionless), ``P`` (Pa, absolute).
         y : array_like, shape (n_samples,)
             Force, N.
-
-        Returns
-        -------
-        self
-            The fitted estimator.
         """
         table, y = self._read(X, y, reset=True)
         columns = self._columns(table)

@@ -1,0 +1,90 @@
+"""Parameters as fields: the signature that they give, and docstrings that take from bases what they leave out."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import KW_ONLY
+from typing import Any
+
+from pamid.estimators import InverseModel, PolynomialForce, StaticPIHM
+from pamid.estimators._base import SignalRegressor
+from pamid.estimators._parameters import parameters
+from sklearn.base import clone
+
+
+@parameters
+class Base(SignalRegressor):
+    """A base.
+
+    Parameters
+    ----------
+    size : float
+        Size, m.
+    only_below : int
+        Number that subclasses take.
+
+    Attributes
+    ----------
+    found_ : float
+        What it found, m.
+    """
+
+    size: float = 1.0
+    _: KW_ONLY
+    steps: int = 3
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Base:
+        """Fit.
+
+        Parameters
+        ----------
+        y : array_like, shape (n_samples,)
+            Length, m.
+        """
+        return self
+
+
+@parameters
+class Below(Base):
+    """A subclass.
+
+    Parameters
+    ----------
+    steps : int, default=5
+        Its own words.
+    """
+
+    _: KW_ONLY
+    only_below: int | None = None
+    steps: int = 5
+
+
+def test_positions_first_then_own_keywords_then_those_of_bases():
+    signature = inspect.signature(Below)
+    assert [*signature.parameters] == ["size", "only_below", "steps", "signals"]
+    assert signature.parameters["steps"].default == 5 and signature.parameters["size"].default == 1.0
+    assert Below(2.0, steps=7).get_params() == {"size": 2.0, "only_below": None, "steps": 7, "signals": None}
+    assert clone(Below(2.0)).size == 2.0
+    assert vars(Below()) == {"size": 1.0, "only_below": None, "steps": 5, "signals": None}
+
+
+def test_a_docstring_takes_from_its_bases_what_it_leaves_out():
+    doc = inspect.getdoc(Below)
+    assert "size : float, default=1\n    Size, m." in doc
+    assert "only_below : int, optional\n    Number that subclasses take." in doc
+    assert "steps : int, default=5\n    Its own words." in doc
+    assert doc.index("size :") < doc.index("only_below :") < doc.index("steps :") < doc.index("signals :")
+    assert doc.index("found_ :") < doc.index("n_features_in_ :")
+    fit = inspect.getdoc(Below.fit)
+    assert "Length, m." in fit and "X : DataFrame" in fit and "groups : array_like, shape (n_samples,), optional" in fit
+    assert fit.endswith("self\n    The fitted estimator.")
+
+
+def test_a_default_is_that_of_the_class():
+    assert "hidden : int, default=20" in inspect.getdoc(InverseModel)
+    assert '"auto"' not in str(inspect.signature(StaticPIHM).parameters["validation_fraction"].default)
+
+
+def test_runs_are_requested_by_what_takes_them():
+    assert Below()._get_metadata_request().fit.requests == {"groups": True}
+    assert PolynomialForce()._get_metadata_request().partial_fit.requests["groups"] is True
