@@ -1,48 +1,18 @@
-"""What follows from a diagnosis: the run to record next, a hybrid model that holds the causes as its effects."""
+"""A hybrid model that holds the causes of a diagnosis as its effects."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pamid.effects._terms import of_causes
 from pamid.effects.plant import Plant
 from pamid.errors import EffectsWarning, IncompatibleError
 
 if TYPE_CHECKING:
-    from pamid.gap.residuals.scaling import Scaling
-
     from ._pihm import HybridModel
-
-
-def next_run(
-    rivals: Sequence[Any],
-    signals: dict[str, np.ndarray],
-    codes: np.ndarray,
-    nominal_of: Callable[[int], Callable[[Any], np.ndarray]],
-    *,
-    scaling: Scaling,
-    noise_floor: float,
-    equation: str,
-    plant: Plant | None,
-    roles: Collection[str],
-    dt: float,
-) -> Any:
-    """Return the run that would distinguish the two likeliest explanations; the nominal model is made for n rows."""
-    from pamid.gap.design.one_equation import evidence_maker, next_for_equation
-
-    def nominal(made: dict[str, np.ndarray]) -> np.ndarray:
-        return nominal_of(len(next(iter(made.values()))))(made)
-
-    moved = ("position",) if equation == "torque" else ("position", "pressure", "command")
-    driven = [role for role in moved if role in roles]  # a joint's load follows from its motion
-    evidence = evidence_maker(scaling, nominal, dt, equation, plant)
-    seconds = float(np.median(np.bincount(codes))) * dt
-    return next_for_equation(rivals, signals, driven, evidence, noise_floor / abs(scaling.target), dt, seconds)
 
 
 def hybrid_with(causes: Sequence[Any], equation: str, plant: Plant | None) -> HybridModel:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from pamid.errors import MissingColumnError, ShapeError, TimeOrderError, UnknownOptionError
+from pamid.errors import MissingColumnError, ShapeError, UnknownOptionError
 from pamid.signals.roles import ROLES
 
 from ._trajectories import has_trajectory_column
@@ -61,13 +61,6 @@ def values_of(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
     return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}
 
 
-def sampling_interval(signals: dict[str, np.ndarray], codes: np.ndarray, otherwise: float) -> float:
-    """Return the sampling interval that the times of signals tell, s; another where they do not."""
-    steps = np.diff(signals["time"])[np.diff(codes) == 0] if "time" in signals else np.zeros(0)
-    steps = steps[steps > 0]
-    return float(np.median(steps)) if len(steps) else float(otherwise)
-
-
 def located(estimator: Any, n_columns: int) -> dict[str, int]:
     """Return the column of each role, as an estimator's ``signals`` or the names of the columns tell."""
     names = [str(n) for n in getattr(estimator, "feature_names_in_", ())]
@@ -97,25 +90,3 @@ def located(estimator: Any, n_columns: int) -> dict[str, int]:
             "Map them, for instance signals={'position': 'stroke', 'velocity': 'speed', 'time': 't'}.",
         )
     return found
-
-
-def notes_on(signals: Mapping[str, np.ndarray], codes: np.ndarray, columns: Collection[str]) -> list[str]:
-    """Return what a reader must know of the signals; raise where their clock cannot be used."""
-    notes = []
-    if codes[-1] == 0:
-        notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
-    if "time" in signals:
-        steps, same = np.diff(signals["time"]), np.diff(codes) == 0
-        if np.any(steps[same] < 0):
-            raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
-        each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
-        if each and max(each) > 1.1 * min(each):
-            notes.append(
-                f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
-                "constants are uncertain by as much."
-            )
-    if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
-        notes.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
-    if "position" in signals and not {"position", "velocity"} & set(columns):
-        notes.append("No column is a position: effects of the position follow the drive of the system instead.")
-    return notes

@@ -10,13 +10,26 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import ExcitationError, UnknownOptionError
+from pamid.errors import UnknownOptionError
+from pamid.gap.equation import diagnose_equation
 from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
+from pamid.gap.one_equation import (
+    Measured,
+    evidence_in,
+    is_contraction,
+    library_for,
+    plain,
+    rebuilt,
+    role_signals,
+    sampling_interval,
+    told_units,
+)
+from pamid.gap.residuals.scaling import strain_scale
 
 from ._base import SignalEstimator, Signals
-from ._gap_model import hybrid_with, next_run
-from ._gap_signals import EQUATIONS, located, notes_on, read_by, run_names, sampling_interval, spoken, values_of
+from ._gap_model import hybrid_with
+from ._gap_signals import EQUATIONS, located, read_by, run_names, spoken, values_of
 from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
@@ -199,72 +212,24 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         ExcitationError
             No signal moves.
         """
-        from pamid.gap.engine import explain
-        from pamid.gap.one_equation import gather, outward, stuck_beside
-
         if is_simulator(self.nominal):
             return self._fit_simulator(X, y, groups)
         codes = self._codes(X, groups)
         table, y = self._read(X, y, reset=True, ensure_min_samples=2)
         y = column_or_1d(y, warn=True).astype(float)
-        usual = np.median(table, axis=0)
         rng = check_random_state(self.random_state)
-        signals, notes = self._table(table, codes), []
-        driven = [x for role, x in signals.items() if role in self.signal_columns_ and role not in ("time", "flow")]
-        if not any(np.ptp(x) > 0 for x in driven):
-            what = f"None of the signals {', '.join(signals)} moves."
-            raise ExcitationError(what, "motion", "Record runs in which position changes.")
-        self.position_scale_ = self._strain(signals)
-        library = self._library()
-        dt, more = (
-            sampling_interval(signals, codes, self.sampling_interval),
-            notes_on(signals, codes, self.signal_columns_),
-        )
-        moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
-        stuck = stuck_beside(y, moving, codes)
-        if stuck.any():
-            share = f"{100 * stuck.mean():.1f} %"
-            what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
-            more.append(f"{what} Those rows are left out.")
-        without = stuck if where is None else stuck | ~column_or_1d(where).astype(bool)
-        if without.all():
-            raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
-        gathered = gather(
-            signals,
-            y,
-            self._nominal(table),
-            codes,
-            dt,
-            library,
-            equation=self.equation,
-            plant=self.plant,
-            position_scale=self.position_scale_,
-            sense=self.sense,
-            labels=self._labels(),
-            names=run_names(X, groups, codes),
-            without=without,
-        )
-        evidence, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
-        notes.append(
-            "The noise is estimated from differences between neighbouring samples and between repeated runs. A learner "
-            f"on the same signals and their past predicts {100 * self.explainable_share_:.0f} % of the gap on held-out "
-            "runs."
-        )
-        if self.scaling_.target < 0:
-            more.append("Effects add to y: the target is the driving force, not the delivered one.")
+        self._check_settings()
+        m = self._measured(table, y, codes, run_names(X, groups, codes), where)
+        self.position_scale_ = m.position_scale
+        library = library_for(self.effects, self.equation, is_contraction(self.plant, m.columns), m.units)
         seed = np.random.RandomState(rng.randint(2**31 - 1))
-        found = explain(evidence, library, seed, notes + more)
-        told = outward(found, self.scaling_, self._units())
-        # Columns without a role stay where they usually are.
-        told.next_experiment = next_run(
-            found.rivals, signals, codes, lambda n: self._nominal(usual + np.zeros((n, 1))), scaling=self.scaling_,
-            noise_floor=self.noise_floor_, equation=self.equation, plant=self.plant, roles=self.signal_columns_, dt=dt,
-        )  # fmt: skip
-        self._write(told, found)
+        found, inward, gathered, without = diagnose_equation(m, library, self.sense, seed)
+        _, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
+        self._write(found, inward)
         self.remainder_ = {}
         if self.learned_remainder:
-            left = np.where(without, 0.0, y - self._corrected(table, signals, codes))
-            self.remainder_ = learn(signals, left, codes, dt, seed=int(rng.randint(2**31 - 1)))
+            left = np.where(without, 0.0, y - self._corrected(table, m.signals, codes))
+            self.remainder_ = learn(m.signals, left, codes, m.dt, seed=int(rng.randint(2**31 - 1)))
         self._remember(X, y, groups=groups)
         return self
 
@@ -305,8 +270,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return self
 
     def _write(self, found: Any, inward: Any) -> None:
-        from pamid.gap.one_equation import plain
-
         self.findings_, self.windows_ = plain(found)
         self.verdict_, self.gap_, self.p_value_ = found.verdict, bool(found.gap), float(found.p_value)
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
@@ -318,15 +281,25 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     @property
     def diagnosis_(self) -> Any:
         """The whole answer, a `pamid.gap.Diagnosis`."""
-        from pamid.gap.one_equation import rebuilt
-
         if not hasattr(self, "findings_"):
             raise AttributeError(f"{type(self).__name__} has no diagnosis before fit.")
         return rebuilt(self.findings_, self.windows_)
 
-    def _library(self) -> list[str]:
-        from pamid.effects.registry import chosen_effects
+    def _measured(self, table: np.ndarray, y: np.ndarray, codes: np.ndarray, names: list[str], where: Any) -> Measured:
+        """Return the equation on a table."""
+        signals, usual = self._table(table, codes), np.median(table, axis=0)
+        contraction = is_contraction(self.plant, self._labels())
+        scale = self.position_scale
+        if scale is None:
+            scale = strain_scale(signals.get("position", np.zeros(1)), contraction)
+        return Measured(
+            signals, y, codes, names, sampling_interval(signals, codes, self.sampling_interval),
+            lambda rows: self._nominal(table[rows]), lambda n: self._nominal(usual + np.zeros((n, 1))),
+            self.equation, self._labels(), told_units(self.equation, contraction, self.units), self.plant,
+            float(scale), counts=None if where is None else column_or_1d(where).astype(bool),
+        )  # fmt: skip
 
+    def _check_settings(self) -> None:
         if self.equation not in EQUATIONS:
             raise UnknownOptionError(
                 f"equation is {self.equation!r}.", f"one of {', '.join(EQUATIONS)}", "Say what y is."
@@ -337,30 +310,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             raise UnknownOptionError(
                 f"units names {', '.join(map(repr, strange))}.", "target, position, pressure", "Correct units=."
             )
-        library = chosen_effects(self.effects, self._kind())
-        # On one equation, damping of a joint is viscous friction by another name.
-        return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
-
-    def _kind(self) -> str:
-        """Return what the equation is about, of `pamid.effects.base.KINDS`."""
-        if self._contraction():
-            return "muscle"
-        return {"force": "actuator", "torque": "motor" if self._units().target == "V" else "joint"}.get(
-            self.equation, "gas"
-        )
-
-    def _contraction(self) -> bool:
-        """Whether the position is a contraction ratio."""
-        name = self._labels().get("position", "").lower()
-        return self.plant is not None or name.startswith(("eps", "contraction"))
-
-    def _units(self) -> Any:
-        """Return the units in which parameters are told."""
-        from pamid.gap.residuals.units import Units
-
-        si = {"target": "kg/s" if self.equation == "flow" else "N", "position": "-", "pressure": "Pa"}
-        unnamed = {role: f"{role} unit" for role in si}
-        return Units(**{**(si if self._contraction() else unnamed), **(self.units or {})})
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Predict with the causes added to the nominal model.
@@ -407,8 +356,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _corrected(self, table: Any, signals: dict[str, np.ndarray], codes: np.ndarray) -> np.ndarray:
         """Return the nominal model with the causes added."""
-        from pamid.gap.one_equation import evidence_in
-
         nominal = self._nominal(table)
         modelled = nominal(signals)
         if not self.effects_:
@@ -442,26 +389,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
 
     def _table(self, table: np.ndarray, codes: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the signals by role; a velocity that was not given is differentiated within each run.
-
-        Where nothing is a position, the command (or the force) that drives the thing stands for it: hysteresis and
-        creep then act on that.
-        """
-        from pamid.gap.residuals.rates import with_rates
-
-        signals = {role: table[:, k] for role, k in self.signal_columns_.items()}
-        if "position" not in signals and "velocity" not in signals:
-            driving = next((r for r in ("command", "force", "pressure") if r in signals), None)
-            if driving and not (driving == "pressure" and self.equation == "flow"):
-                signals["position"] = signals[driving]
-        return with_rates(signals, codes, sampling_interval(signals, codes, self.sampling_interval))
-
-    def _strain(self, signals: dict[str, np.ndarray]) -> float:
-        from pamid.gap.residuals.scaling import strain_scale
-
-        if self.position_scale is not None:
-            return float(self.position_scale)
-        return strain_scale(signals.get("position", np.zeros(1)), self._contraction())
+        """Return the signals by role, rates included."""
+        given = {role: table[:, k] for role, k in self.signal_columns_.items()}
+        return role_signals(given, codes, sampling_interval(given, codes, self.sampling_interval), self.equation)
 
     def _nominal(self, table: np.ndarray) -> Callable[[Any], np.ndarray]:
         names = getattr(self, "feature_names_in_", None)

@@ -27,16 +27,20 @@ def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any],
 def renamed(
     package: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
 ) -> Callable[[str], Any]:
-    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning."""
+    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning.
+
+    A new name with a dot lives in another package.
+    """
 
     def lookup(name: str) -> Any:
         if name in names:
+            home, _, new = (names[name] if "." in names[name] else f"{package}.{names[name]}").rpartition(".")
             warnings.warn(
-                f"{package}.{name} is called {package}.{names[name]}; the next version knows the new name only.",
+                f"{package}.{name} is called {home}.{new}; the next version knows the new name only.",
                 FutureWarning,
                 stacklevel=2,
             )
-            return getattr(importlib.import_module(package), names[name])
+            return getattr(importlib.import_module(home), new)
         if otherwise is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return otherwise(name)

@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from .gap.several.conditions import Conditions
     from .gap.several.history import History
     from .simulators import Simulator
-    from .systems import System
 
 
-def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters | System | Simulator:
+def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters | Simulator:
     """Read a simulator of any kind.
 
     Parameters
@@ -34,7 +33,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
 
     Returns
     -------
-    BenchParameters, System or Simulator
+    BenchParameters or Simulator
         The simulator, for `evaluate` and `diagnose`.
 
     Raises
@@ -67,7 +66,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
 
 def evaluate(
     log: pd.DataFrame | Iterable[pd.DataFrame],
-    simulator: BenchParameters | System | Simulator,
+    simulator: BenchParameters | Simulator,
     *,
     progress: Callable[[str], None] | None = None,
 ) -> LogEvaluation:
@@ -77,7 +76,7 @@ def evaluate(
     ----------
     log : DataFrame or iterable of DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; or pieces of such a log, each of whole runs.
-    simulator : BenchParameters, System or Simulator
+    simulator : BenchParameters or Simulator
         The simulator.
     progress : callable, optional
         Called with a short text at each step.
@@ -102,27 +101,21 @@ def evaluate(
     >>> found["force"].rmse < 2.0 * found["force"].noise_floor  # N
     True
     """
-    import pandas as pd
-
     from .equations import evaluate_log
     from .gap import evaluate_simulator
     from .signals.frames import as_pandas
     from .simulators import Simulator
-    from .systems import System, evaluate_system
 
     log = as_pandas(log)
 
     if isinstance(simulator, Simulator):
         return evaluate_simulator(log, simulator, progress=progress)
-    if isinstance(simulator, System):
-        whole = log if isinstance(log, pd.DataFrame) else pd.concat(log, ignore_index=True)
-        return evaluate_system(whole, simulator)
     return evaluate_log(log, simulator, progress=progress)
 
 
 def diagnose(
     log: pd.DataFrame | Mapping[str, pd.DataFrame],
-    simulator: BenchParameters | System | Simulator,
+    simulator: BenchParameters | Simulator,
     effects: str | Sequence[str] = "all",
     *,
     conditions: Mapping[str, Conditions] | None = None,
@@ -138,9 +131,8 @@ def diagnose(
     ----------
     log : DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; several logs by name, in the order in which they were
-        recorded. Of several logs causes are shared unless one came or went between two days; the simulator file of a
-        cylinder, a joint or a muscle takes them as runs of one log.
-    simulator : BenchParameters, System or Simulator
+        recorded. Of several logs causes are shared unless one came or went between two days.
+    simulator : BenchParameters or Simulator
         The simulator, see `read_simulator`.
     effects : "all" or sequence of str, default="all"
         Effects that may be causes; at ports every port is tried, unless one is named: ``"viscous_friction@motor"``.
@@ -168,7 +160,7 @@ def diagnose(
     UnknownOptionError
         The library has no effect of such a name.
     ParameterError
-        ``effects`` with ``since``, or ``conditions`` for the simulator file of a cylinder, a joint or a muscle.
+        ``effects`` with ``since``, or ``rows`` for several logs or another simulator.
     MissingColumnError, ShortTrajectoryError, ExcitationError, IncompatibleError
         The logs cannot be used.
 
@@ -188,7 +180,8 @@ def diagnose(
 
     from .gap.several import History, go_on
     from .signals.frames import logs_as_pandas
-    from .systems import System
+    from .simulators import Simulator
+    from .simulators.problem import COUNTS
 
     log = logs_as_pandas(log)
 
@@ -200,53 +193,28 @@ def diagnose(
         )
     history = since if since is not None else History(simulator, _library(effects, simulator))
     logs = {_free_name(history): log} if isinstance(log, pd.DataFrame) else dict(log)
-    if not isinstance(simulator, System):
-        alone = isinstance(log, pd.DataFrame) if alone is None else alone
-        return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
-    if conditions:
-        raise ParameterError(
-            f"Conditions are given for the page of a {simulator.kind}.", "none", "Diagnose logs of other numbers apart."
-        )
-    return _system(history, logs, simulator, rows, seed, progress)
+    if rows is not None:
+        if len(logs) > 1 or not isinstance(simulator, Simulator) or not simulator.states_equation:
+            raise ParameterError(
+                "Rows that count are given for several logs, or for a simulator with readings of its own.",
+                "one log of a cylinder, a joint or a muscle",
+                "Set the readings in other rows to NaN: they are then left out.",
+            )
+        logs = {name: one.assign(**{COUNTS: rows}) for name, one in logs.items()}
+    alone = isinstance(log, pd.DataFrame) if alone is None else alone
+    return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
 
 
 def _library(effects: str | Sequence[str], simulator: Any) -> list[str]:
     """Return the names that a choice among the effects stands for, with a kind of simulator."""
     from .effects.registry import chosen_effects
     from .simulators import Simulator, port_effects
-    from .systems import System
 
-    if isinstance(simulator, Simulator):
+    if isinstance(simulator, Simulator) and not simulator.library:
         return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
-    return chosen_effects(effects, simulator.library if isinstance(simulator, System) else "bench")
+    return chosen_effects(effects, simulator.library if isinstance(simulator, Simulator) else "bench")
 
 
 def _free_name(history: History) -> str:
     """Return a name for a log that has none."""
     return next(name for name in ("log", *(f"log {k}" for k in range(2, 10_000))) if name not in history.logs)
-
-
-def _system(
-    history: History,
-    logs: Mapping[str, pd.DataFrame],
-    system: System,
-    rows: np.ndarray | None,
-    seed: int,
-    progress: Callable[[str], None] | None,
-) -> Diagnosis:
-    """Diagnose logs of a cylinder, a joint or a muscle as the runs of one log, those of its history among them."""
-    import pandas as pd
-
-    from .gap.several import Conditions
-    from .systems import diagnose_system
-
-    every = {**history.logs, **logs}
-    if len(every) == 1:
-        (whole,) = every.values()
-    else:
-        rows = None
-        named = [t.assign(trajectory=[f"{n}: {run}" for run in t["trajectory"]]) for n, t in every.items()]
-        whole = pd.concat(named, ignore_index=True)
-    found = diagnose_system(whole, system, history.library, rows=rows, seed=seed, progress=progress)
-    history.add(found, logs, [Conditions({}, name) for name in logs])
-    return found

@@ -154,7 +154,8 @@ class SimulatorWatch:
         from .online import ChangeMonitor
 
         self.history = found.history
-        self.known = [f"{e} at {w}" for c in found.causes for e, w in zip(c.effects, c.where, strict=True)]
+        causes = [zip(c.effects, c.where or ("",) * len(c.effects), strict=True) for c in found.causes]
+        self.known = [f"{e} at {w}" if w else e for each in causes for e, w in each]
         self._now = found.corrected if found.corrected is not None else self.simulator
         spans = log.groupby("trajectory", sort=False)["time"].agg(["first", "last"])
         self.piece = float((spans["last"] - spans["first"]).sum()) / PIECES
@@ -191,15 +192,15 @@ class SimulatorWatch:
         """Return for each equation signals, what is left in units of the noise, and times, by windows."""
         import pandas as pd
 
-        from .gap.simulated import evidence_of
+        from .gap.evaluation import residuals_of
 
         try:
-            evidence = evidence_of(piece, self._now)
+            evidence = residuals_of(piece, self._now)
         except (ShortTrajectoryError, MissingColumnError):  # the rest of a run, or a signal that does not come
             return {}
         # Inputs and states are compared: an output that left its old values is a change.
-        by = {p.name for p in self.simulator.ports if p.kind in ("input", "state")}
-        table = pd.DataFrame({k: v[evidence.centre] for k, v in evidence.log.channels.items() if k in by})
+        by = {k: v for k, v in evidence.log.channels.items() if k not in self.simulator.outputs}
+        table = pd.DataFrame({k: v[evidence.centre] for k, v in by.items()})
         begins = float(piece["time"].iloc[0])
         found = {}
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):

@@ -209,7 +209,7 @@ def ask_for_numbers(draft: Draft, ask: Asker) -> None:
 
     if not ask.interactive:
         return
-    quantities = {} if draft.kind == "bench" else {q.name: q for q in all_systems()[draft.kind].numbers}
+    quantities = {} if draft.kind == "bench" else {q.name: q for q in all_systems()[draft.kind].quantities}
     for name in draft.assumed():
         q = quantities.get(name)
         what = f"{q.meaning}, {q.unit}" if q else MEANING.get(name, "")

@@ -6,15 +6,13 @@ import argparse
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import ShortTrajectoryError, UnknownOptionError
-from ._simulators import port_simulator_of
-from .common import load_log, page_numbers, page_of
+from .common import any_simulator_of, load_log, page_numbers, page_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
     from ..simulators import Simulator
-    from ..systems import System
 
 
 _PLAIN = {"eps": "position", "deps": "speed"}
@@ -30,22 +28,19 @@ class Left(NamedTuple):
 
 def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
     """Return what a simulator or a model leaves, by equation."""
-    from ..systems import System
+    from ..bench.parameters import BenchParameters
 
     if args.model is not None:
         return _of_model(args)
-    ported = port_simulator_of(args)
-    if ported is not None:
-        return _of_ports(load_log(args, simulator=ported), ported)
-    page = page_of(args)
-    if page is None:
+    simulator = any_simulator_of(args)
+    if simulator is None:
         raise UnknownOptionError(
             "Neither --sim nor --model is given, and no simulator lies beside the log.",
             "a simulator or a model",
             "Add --sim SIM.toml or --model MODEL.",
         )
-    log = load_log(args)
-    return _of_system(log, page) if isinstance(page, System) else _of_bench(log, page)
+    log = load_log(args, simulator=simulator)
+    return _of_bench(log, simulator) if isinstance(simulator, BenchParameters) else _of_ports(log, simulator)
 
 
 def _of_model(args: argparse.Namespace) -> dict[str, Left]:
@@ -62,18 +57,6 @@ def _of_model(args: argparse.Namespace) -> dict[str, Left]:
     inputs = [n for n in read if n not in ("run", "time")]
     left = signals[["trajectory", "time", *inputs]].assign(residual=error)
     return {equation.name: Left(left[left["residual"].notna()], equation.unit)}
-
-
-def _of_system(log: pd.DataFrame, system: System) -> dict[str, Left]:
-    import numpy as np
-
-    from ..systems.evaluation import complete
-
-    problem = system.problem(complete(log, system))
-    error = problem.y - np.asarray(problem.nominal(problem.X), dtype=float)
-    inputs = [str(c) for c in problem.X.columns if c not in ("time", "nominal")]
-    table = problem.X[["time", *inputs]].assign(trajectory=problem.groups, residual=error)
-    return {problem.equation: Left(table, problem.unit)}
 
 
 def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
@@ -113,9 +96,9 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     import numpy as np
     import pandas as pd
 
-    from ..gap.simulated import evidence_of
+    from ..gap.evaluation import residuals_of
 
-    evidence = evidence_of(log, simulator)
+    evidence = residuals_of(log, simulator)
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]

@@ -96,7 +96,6 @@ def diagnosed(
     from ..gap.engine import rows_used
     from ..gap.several import read_conditions
     from ..simulators import Simulator
-    from ..systems import System
 
     if args.since and effects != "all":
         raise ParameterError(
@@ -104,15 +103,13 @@ def diagnosed(
             "the library of the earlier diagnosis, whose posterior is the prior",
             "Leave the option out, or diagnose all logs anew.",
         )
-    rows, notes = None, []
+    notes: list[str] = []
     logs = logs_of(args, simulator)
     step("read the log")
     if logs is None:
         log, total = _used(args, simulator)
         if len(log) < total:
             notes = [rows_used(len(log), total)]
-        if isinstance(simulator, System):
-            rows = rows_where(log, args.where)
         found_in: Any = {Path(args.log[0]).stem: log}
     else:
         found_in = {name: _counted(args, simulator, log) for name, log in logs.items()}
@@ -120,12 +117,12 @@ def diagnosed(
     table = read_conditions(args.conditions, ported) if args.conditions else None
     since = _history(args, simulator) if args.since else None
     found = diagnose(
-        found_in, simulator, effects, conditions=table, since=since, rows=rows, alone=logs is None, seed=args.seed,
+        found_in, simulator, effects, conditions=table, since=since, alone=logs is None, seed=args.seed,
         progress=step,
     )  # fmt: skip
     found.notes[:0] = notes
     assert found.history is not None
-    if args.sim and isinstance(simulator, Simulator | System):
+    if args.sim and isinstance(simulator, Simulator):
         found.history.page = str(Path(args.sim).resolve())
     return found, pd.concat(found.history.logs.values(), ignore_index=True)
 
@@ -137,7 +134,7 @@ def judged_after(
     from ..opinion import second_opinion
     from ..simulators import Simulator
 
-    if not isinstance(simulator, Simulator):
+    if not isinstance(simulator, Simulator) or simulator.states_equation:
         raise ParameterError(
             "--after is given, and --sim names no simulator with ports.",
             "a MuJoCo model, an FMU, or a page of one's own",
@@ -154,10 +151,13 @@ def judged_after(
 def _counted(args: argparse.Namespace, simulator: Any, log: pd.DataFrame) -> pd.DataFrame:
     """Return a log without the readings that do not count."""
     from ..simulators import Simulator
+    from ..simulators.problem import COUNTS
 
-    if isinstance(simulator, Simulator):
-        return readings_where(log, args.where, [p.source for p in simulator.ports if p.kind != "input"])
-    return readings_where(log, args.where, _JUDGED)
+    if not isinstance(simulator, Simulator):
+        return readings_where(log, args.where, _JUDGED)
+    if simulator.states_equation:
+        return log if (rows := rows_where(log, args.where)) is None else log.assign(**{COUNTS: rows})
+    return readings_where(log, args.where, [p.source for p in simulator.ports if p.kind != "input"])
 
 
 def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
@@ -165,9 +165,8 @@ def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
     from ..bench.parameters import BenchParameters
     from ..gap.settings import MAX_ROWS
     from ..signals import read_log_part
-    from ..systems import System
 
     if isinstance(simulator, BenchParameters) and not args.where:
         return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)
     log = load_log(args, simulator=simulator)  # what is left of a condition is not known before all is read
-    return (log if isinstance(simulator, System) else _counted(args, simulator, log)), len(log)
+    return _counted(args, simulator, log), len(log)

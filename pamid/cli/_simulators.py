@@ -47,19 +47,6 @@ def add_trust_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def port_simulator_of(args: argparse.Namespace) -> Simulator | None:
-    """Read the simulator with ports that --sim names; None where it names another kind, or nothing."""
-    if not args.sim:
-        return None
-    from ..simulators import read_simulator, simulator_kinds
-    from ..simulators.page import MODELS
-    from ..systems import kind_of_file
-
-    path, trust = Path(args.sim), bool(getattr(args, "trust", False))
-    ported = path.suffix.lower() in MODELS or kind_of_file(path) in simulator_kinds()
-    return read_simulator(path, trust=trust) if ported else None
-
-
 def runs_code(sim: str) -> bool:
     """Return whether diagnosing with a simulator runs code of its own, which the user must allow."""
     from ..simulators import simulator_kinds

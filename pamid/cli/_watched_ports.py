@@ -7,18 +7,15 @@ import json
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
 from .common import note
 
-if TYPE_CHECKING:
-    from ..simulators import Simulator
-
 
 def events_at_ports(
-    args: argparse.Namespace, source: Iterator[bytes | None], simulator: Simulator
+    args: argparse.Namespace, source: Iterator[bytes | None], simulator: Any
 ) -> Iterator[dict[str, Any]]:
     """Yield what a stream of samples shows, as it comes."""
     import pandas as pd
@@ -84,14 +81,15 @@ def events_at_ports(
         )
 
 
-def _in_si(args: argparse.Namespace, simulator: Simulator) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Return what turns a sample under a log's names into one of the ports, in their units."""
     import numpy as np
 
     from ..signals import LogMapping
     from ..signals._tidy import to_si
 
-    mapping = LogMapping.load(args.columns, own=[port.source for port in simulator.ports])
+    own = [] if simulator.states_equation else [port.source for port in simulator.ports]
+    mapping = LogMapping.load(args.columns, own=own)
     path = Path(args.stream)
 
     def convert(row: dict[str, Any]) -> dict[str, Any]:

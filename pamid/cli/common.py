@@ -79,7 +79,7 @@ def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
     from ..signals import LogMapping
     from ..simulators import Simulator
 
-    ports = simulator.ports if isinstance(simulator, Simulator) else ()
+    ports = simulator.ports if isinstance(simulator, Simulator) and not simulator.states_equation else ()
     mapping = LogMapping.load(args.columns, own=[port.source for port in ports])
     return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
 
@@ -92,7 +92,7 @@ def load_log(
     from ..simulators import Simulator
 
     files = paths or (args.log if isinstance(args.log, list) else [args.log])
-    if not isinstance(simulator, Simulator):
+    if not isinstance(simulator, Simulator) or simulator.states_equation:
         return read_log(files, args.columns, nan=nan or args.nan, encoding=args.encoding)
     return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=False)
 
@@ -105,7 +105,7 @@ def load_pieces(
     from ..simulators import Simulator
 
     paths = args.log if isinstance(args.log, list) else [args.log]
-    if not isinstance(simulator, Simulator):
+    if not isinstance(simulator, Simulator) or simulator.states_equation:
         return read_log_pieces(paths, mapping_of(args), rows=rows, nan=nan or args.nan)
     return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=False)
 

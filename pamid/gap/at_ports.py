@@ -99,6 +99,10 @@ def diagnose_simulator(
     say = progress or (lambda _: None)
     say("read the log")
     log = logs_as_pandas(log)
+    if simulator.states_equation:
+        from .equation import diagnose_stated
+
+        return diagnose_stated(log, simulator, effects, conditions, seed, say)
     if isinstance(log, Mapping):
         from .several.ports import diagnose_port_logs
 

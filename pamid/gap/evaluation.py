@@ -9,10 +9,19 @@ from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, summed
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
+from .equation import stated_evidence
 from .simulated import evidence_of
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from .residuals.ports import PortEvidence
+    from .residuals.single import SignalEvidence
+
+
+def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence | SignalEvidence:
+    """Return what a simulator with ports, or one that states its equation, leaves of a log, in the units there."""
+    return stated_evidence(log, simulator) if simulator.states_equation else evidence_of(log, simulator)
 
 
 def evaluate_simulator(
@@ -63,9 +72,12 @@ def evaluate_simulator(
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
     log = as_pandas(log)
-    for piece in [log] if isinstance(log, pd.DataFrame) else log:
+    pieces = [log] if isinstance(log, pd.DataFrame) else log
+    if simulator.states_equation and not isinstance(log, pd.DataFrame):
+        pieces = [pd.concat(log, ignore_index=True)]  # some of its numbers may be fitted to the log
+    for piece in pieces:
         say("evaluate")
-        evidence = evidence_of(piece, simulator)
+        evidence = residuals_of(piece, simulator)
         units |= evidence.units
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
             for k, name in enumerate(evidence.trajectories):

@@ -67,11 +67,11 @@ _PORTS: ContextVar[Mapping[str, str]] = ContextVar("ports", default=MappingProxy
 
 @contextmanager
 def names_of(diagnosis: Diagnosis) -> Iterator[None]:
-    """Let signals have the names and units of the simulator's ports, where it has any.
+    """Let signals have the names and units of the simulator's ports, where these are not pamid's own signals.
 
     `u` is then what that simulator calls `u`, and not the command of a valve.
     """
-    ports = getattr(diagnosis.nominal, "ports", ())
+    ports = () if getattr(diagnosis.nominal, "states_equation", True) else diagnosis.nominal.ports
     token = _PORTS.set({p.name: p.unit for p in ports})
     try:
         yield

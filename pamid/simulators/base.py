@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from ..errors import MissingParameterError, ParameterError, UnknownParameterError
 from .between import Between
 from .ports import ModelParameter, Port, as_parameters
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .problem import Problem
 
 
 class Simulator:
@@ -51,6 +56,12 @@ class Simulator:
     """Whether reading a simulator file runs code that it names."""
     one_by_one: ClassVar[bool] = False
     """Whether it is evaluated one instant at a time."""
+    states_equation: ClassVar[bool] = False
+    """Whether it states one equation of pamid's own signals, see `problem`, instead of having one of the forms."""
+    library: ClassVar[str] = ""
+    """Of `pamid.effects.base.KINDS` the one whose effects "all" are; empty for those that can act at ports."""
+    sense: str | int = 1
+    """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
     between: tuple[Between, ...] = ()
     """Pairs of ports between which effects may act, besides those that it couples itself."""
 
@@ -62,7 +73,7 @@ class Simulator:
     ) -> None:
         self.ports = tuple(ports)
         self.parameters: dict[str, ModelParameter] = as_parameters(parameters)
-        self.effects = tuple((name, where, dict(values)) for name, where, values in effects)
+        self.effects: tuple[Any, ...] = tuple((name, where, dict(values)) for name, where, values in effects)
         names = [p.name for p in self.ports]
         if twice := sorted({n for n in names if names.count(n) > 1 or n in self.parameters}):
             raise ParameterError(f"The name {', '.join(twice)} stands for two ports.", "one each", "Rename one.")
@@ -186,6 +197,14 @@ class Simulator:
             out.between = tuple(between)
         return out
 
+    def doubts(self, log: pd.DataFrame) -> list[str]:
+        """Return what a log has against its units and the reference of its pressure."""
+        return []
+
+    def corrected(self, effects: Sequence[Any], sense: int, unit: str) -> Simulator:
+        """Return it with further effects on the equation that it states, which act in a sense on a target in a unit."""
+        raise NotImplementedError
+
     def identity(self) -> dict[str, Any]:
         """Return what identifies the simulator: kind, ports, numbers, tolerances and effects, as plain data."""
         return {
@@ -231,6 +250,10 @@ class Simulator:
         return value
 
     # --- the forms ------------------------------------------------------------------------------------------
+    def problem(self, log: pd.DataFrame) -> Problem:
+        """Return the one equation that it states, on a log."""
+        raise NotImplementedError
+
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates of the states, shape (n_states, n); t (n,), x (n_states, n), u (n_inputs, n), p (n_p, n)."""
         raise NotImplementedError

@@ -5,21 +5,20 @@ A module of this package that defines a `System` adds a kind; ``pamid init --kin
 
 from __future__ import annotations
 
-from .._lazy import attach
+from .._lazy import attach, renamed
 
 _HOME = {
     "Input": "base",
     "Quantity": "base",
     "System": "base",
     "all_systems": "registry",
-    "diagnose_system": "diagnosis",
     "read_system": "file",
     "kind_of_file": "file",
     "system_text": "file",
     "draft_for": "draft",
-    "evaluate_system": "evaluation",
     "compare_system": "comparison",
 }
 """In which module each public name lives."""
 
-__getattr__, __dir__, __all__ = attach(__name__, _HOME)
+_lookup, __dir__, __all__ = attach(__name__, _HOME)
+__getattr__ = renamed(__name__, {"diagnose_system": "pamid.diagnose", "evaluate_system": "pamid.evaluate"}, _lookup)

@@ -4,9 +4,7 @@ from .base import Input as Input
 from .base import Quantity as Quantity
 from .base import System as System
 from .comparison import compare_system as compare_system
-from .diagnosis import diagnose_system as diagnose_system
 from .draft import draft_for as draft_for
-from .evaluation import evaluate_system as evaluate_system
 from .file import kind_of_file as kind_of_file
 from .file import read_system as read_system
 from .file import system_text as system_text
@@ -18,9 +16,7 @@ __all__ = [
     "System",
     "all_systems",
     "compare_system",
-    "diagnose_system",
     "draft_for",
-    "evaluate_system",
     "kind_of_file",
     "read_system",
     "system_text",

@@ -20,7 +20,9 @@ from ..errors import (
 )
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
-from .problem import Problem
+from ..simulators.base import Simulator
+from ..simulators.ports import ModelParameter, Port
+from ..simulators.problem import COUNTS, Problem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,7 +170,7 @@ class Choice(NamedTuple):
         return str(value)
 
 
-class System(ABC):
+class System(Simulator, ABC):
     """One equation of a system: the measured side and the nominal model's prediction.
 
     Parameters
@@ -176,7 +178,7 @@ class System(ABC):
     effects : sequence of (str, dict), default=()
         Effects that the nominal equation gets: names, with all their parameters in the units of the system.
     **values : float or str
-        Numbers by name, see `numbers`; those with a default may be left out.
+        Numbers by name, see `quantities`; those with a default may be left out.
 
     Attributes
     ----------
@@ -193,33 +195,34 @@ class System(ABC):
     Examples
     --------
     >>> from pamid.systems.cylinder import Cylinder
-    >>> Cylinder.kind, [i.name for i in Cylinder.inputs][:2]
+    >>> Cylinder.kind, [i.name for i in Cylinder.signals][:2]
     ('cylinder', ['x', 'P'])
     """
 
-    kind: ClassVar[str]
-    """Word for it in the file and on the command line."""
+    form = "algebraic"
+    states_equation = True
+    executes = False
     title: ClassVar[str]
     """What it is, in one line."""
-    inputs: ClassVar[tuple[Input, ...]]
+    signals: ClassVar[tuple[Input, ...]]
     """Signals of its log, beside ``trajectory`` and ``time``."""
+    targets: ClassVar[tuple[str, ...]]
+    """Those that its equation predicts: its outputs; the others are inputs."""
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Groups of inputs of which it needs one each."""
-    numbers: ClassVar[tuple[Quantity, ...]]
+    quantities: ClassVar[tuple[Quantity, ...]]
     """Numbers of its simulator file."""
     choices: ClassVar[tuple[Choice, ...]] = ()
     """Words of its simulator file."""
     law: ClassVar[str]
     """Nominal equation, in words of the signals."""
-    sense: ClassVar[str | int] = "auto"
-    """1 where effects subtract from the target, -1 where they add to it."""
-    library: ClassVar[str] = "actuator"
-    """Of `pamid.effects.base.KINDS` the one whose effects "all" are."""
+    sense: str | int = "auto"
+    library = "actuator"
     estimator: ClassVar[str] = "GeometricForce"
     """Name of the estimator that fits its parameters."""
 
     def __init__(self, *, effects: Sequence[EffectLike] = (), **values: Any) -> None:
-        entries: list[Quantity | Choice] = [*self.numbers, *self.choices]
+        entries: list[Quantity | Choice] = [*self.quantities, *self.choices]
         known = {q.name for q in entries}
         if extra := sorted(set(values) - set(known)):
             raise UnknownParameterError(
@@ -227,21 +230,29 @@ class System(ABC):
                 f"only {', '.join(known) or 'nothing'}",
                 "Remove or correct the name.",
             )
-        if lacking := [q.name for q in self.numbers if q.default is None and q.name not in values]:
+        if lacking := [q.name for q in self.quantities if q.default is None and q.name not in values]:
             raise MissingParameterError(
                 f"[{self.kind}] lacks {', '.join(lacking)}.",
-                ", ".join(f"{q.name} ({q.meaning}, {q.unit})" for q in self.numbers if q.name in lacking),
+                ", ".join(f"{q.name} ({q.meaning}, {q.unit})" for q in self.quantities if q.name in lacking),
                 "Add what is missing.",
             )
         self.values: dict[str, float | str] = {
             q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries
+        }
+        super().__init__(
+            [Port(s.name, "output" if s.name in self.targets else "input", s.unit.split(",")[0]) for s in self.signals]
+        )
+        self.parameters = {
+            q.name: ModelParameter(v, unit=q.unit)
+            for q in self.quantities
+            if not isinstance(v := self.values[q.name], str)
         }
         self.effects = tuple(EffectSpec.of(entry, in_units=True) for entry in effects)
 
     @classmethod
     def own(cls, signals: Collection[str]) -> list[str]:
         """Return the numbers that only the owner of a system knows, where its log has some signals."""
-        return [q.name for q in cls.numbers if q.default is None]
+        return [q.name for q in cls.quantities if q.default is None]
 
     def identity(self) -> dict[str, Any]:
         """Return what identifies the system: kind, numbers and effects, as plain data."""
@@ -257,6 +268,16 @@ class System(ABC):
         """Return a number that is given."""
         return float(self.values[name])
 
+    def with_(
+        self,
+        parameters: Mapping[str, float] | None = None,
+        effects: Sequence[Any] | None = None,
+        between: Sequence[Any] | None = None,
+    ) -> System:
+        """Return the system with other numbers, or other effects."""
+        given: dict[str, Any] = {**self.values, **(parameters or {})}
+        return type(self)(**given, effects=self.effects if effects is None else effects)
+
     def require(self, log: pd.DataFrame) -> None:
         """Raise if a log lacks a signal that the system needs.
 
@@ -265,17 +286,14 @@ class System(ABC):
         MissingColumnError
             If it does.
         """
-        lacking = [i for i in self.inputs if i.needed and i.name not in log.columns]
+        lacking = [i for i in self.signals if i.needed and i.name not in log.columns]
         if lacking:
             has = ", ".join(str(c) for c in log.columns[:20])
             raise MissingColumnError(
                 f"The log lacks {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; it has {has}.",
-                f"the signals of a {self.kind}: {', '.join(i.name for i in self.inputs if i.needed)}",
+                f"the signals of a {self.kind}: {', '.join(i.name for i in self.signals if i.needed)}",
                 "Map your columns to these names ('pamid init' writes the mapping).",
             )
-
-    tolerance: ClassVar[Mapping[str, float]] = {}
-    """Tolerances of its numbers: none are stated."""
 
     @property
     def units(self) -> dict[str, str]:
@@ -292,8 +310,7 @@ class System(ABC):
 
     def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the system with further effects, which act in a sense, 1 or -1, on a target in a unit."""
-        given: dict[str, Any] = dict(self.values)
-        return type(self)(**given, effects=[*self.effects, *effects])
+        return self.with_(effects=[*self.effects, *effects])
 
     def to_toml(self, path: str | Path) -> None:
         """Write the simulator file of the system, whole or not at all."""
@@ -316,7 +333,7 @@ class System(ABC):
             "",
             f"[{cls.kind}]",
         ]
-        for q in cls.numbers:
+        for q in cls.quantities:
             value = values.get(q.name, q.default)
             shown = f'"{FIT}"' if value == FIT else f"{float(value):g}" if value is not None else '"?"'
             unit = f"{q.unit}: " if q.unit != "-" else ""
@@ -334,7 +351,8 @@ class System(ABC):
         Parameters
         ----------
         log : DataFrame
-            Tidy log.
+            Tidy log; rows with missing values are left out. A column `pamid.simulators.problem.COUNTS` says which rows
+            count.
 
         Returns
         -------
@@ -346,6 +364,8 @@ class System(ABC):
         EmptyLogError
             The log has no row.
         """
+        known = log[["time", *(s.name for s in self.signals if s.name in log.columns)]].notna().all(axis=1).to_numpy()
+        share, log = known.mean() if len(known) else 1.0, log[known].reset_index(drop=True)
         if log.empty:
             raise EmptyLogError(
                 f"No row holds all signals of a {self.kind} that the log has columns for.",
@@ -353,12 +373,24 @@ class System(ABC):
                 "Run 'pamid check' to see which column is empty, and leave it out.",
             )
         problem = self.nominal_problem(log)
+        if share < 1.0:
+            problem.notes.append(f"{100 * (1 - share):.1f} % of the rows have a missing value and are left out.")
+        if COUNTS in log.columns:
+            counts = log[COUNTS].to_numpy(dtype=bool, na_value=True)
+            problem.notes.append(f"Only rows that meet the condition are used: {100 * counts.mean():.0f} % of all.")
+            problem = problem._replace(counts=counts[problem.X.index])
         if not self.effects:
             return problem
         from .correction import WithEffects
 
         sense = self.sense if isinstance(self.sense, int) else 1
         return problem._replace(nominal=WithEffects(problem, self.effects, sense))
+
+    def doubts(self, log: pd.DataFrame) -> list[str]:
+        """Return what force, pressure and size of a log have against its units and the reference of its pressure."""
+        from .reference import doubts
+
+        return doubts(log, self)
 
     @abstractmethod
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
@@ -374,3 +406,19 @@ class System(ABC):
         Problem
             One equation, ready for a diagnosis.
         """
+
+
+def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return time and signals with their rates, taken within each run."""
+    import numpy as np
+
+    from ..signals import differentiate
+
+    X = log[["time", *columns]].copy()
+    for signal, rate in columns.items():
+        parts = []
+        for _, run in log.groupby("trajectory", sort=False):
+            y, t = run[signal].to_numpy(dtype=float), run["time"].to_numpy(dtype=float)
+            parts.append(differentiate(y, t, warn=False)[1] if len(run) > 10 else np.zeros(len(run)))
+        X[rate] = np.concatenate(parts)
+    return X

@@ -14,9 +14,8 @@ from ..compare.entries import CandidateModel
 from ..compare.protocol import Prepared, folds
 from ..compare.run import score_candidates
 from ..errors import UnknownOptionError
-from .base import System
-from .evaluation import complete, noise_of
-from .problem import Problem, with_rates
+from ..simulators.problem import Problem
+from .base import System, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +41,7 @@ def compare_system(
     Parameters
     ----------
     log : DataFrame
-        Tidy log with the system's `inputs`; rows with missing values are left out.
+        Tidy log with the system's `signals`; rows with missing values are left out.
     system : System
         The system.
     estimators : "all" or sequence of str, default="all"
@@ -79,7 +78,7 @@ def compare_system(
     >>> compare_system(pd.concat(runs), Cylinder(bore=0.025), ["nominal*"], cv=3).best.estimator
     'nominal with friction'
     """
-    problem = system.problem(complete(log, system))
+    problem = system.problem(log)
     table, columns = _table(problem)
     usable = np.ones(len(table), dtype=bool) if rows is None or (kept := rows(table)) is None else kept
     even = np.arange(0, len(table), max(1, -(-len(table) // score_rows)))
@@ -100,9 +99,8 @@ def compare_system(
             "Correct the names.",
         )
     found = score_candidates(chosen, ready, splits, problem.unit, random_state=random_state, progress=progress)
-    names = dict.fromkeys(problem.groups.tolist())
-    floors = [noise_of(problem, np.flatnonzero(problem.groups == name), 1) for name in names]
-    found.noise_floor = float(np.sqrt(np.mean(np.square(floors))))
+    runs = [np.flatnonzero(problem.groups == name) for name in dict.fromkeys(problem.groups.tolist())]
+    found.noise_floor = float(np.sqrt(np.mean(np.square([problem.noise(run, 1) for run in runs]))))
     found.rows = found.rows.reset_index(drop=True)
     return found
 

@@ -11,24 +11,14 @@ from ..effects import Effect, EffectSpec
 from ..gap.one_equation import evidence_in
 from ..gap.residuals.rates import with_rates
 from ..gap.residuals.scaling import Scaling, Table
-from .problem import Problem
+from ..simulators.problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 class WithEffects:
-    """What a nominal equation says once effects are added, each in the units of the system.
-
-    Parameters
-    ----------
-    problem : Problem
-        The equation on a log.
-    effects : sequence of EffectSpec
-        Names and parameters.
-    sense : int
-        1 where effects subtract from the target, -1 where they add to it.
-    """
+    """What a nominal equation says once effects are added, which in a sense of -1 add to the target."""
 
     def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:
         self.problem, self.sense = problem, sense

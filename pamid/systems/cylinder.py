@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects.spec import EffectLike
+from ..simulators.problem import Problem
 from .base import Choice, Input, Quantity, System
-from .problem import Problem
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,12 +35,13 @@ class Cylinder(System):
     kind = "cylinder"
     title = "a pneumatic cylinder: force against pressure times area"
     law = "F = (P - atmospheric_pressure) · π/4 · (bore² - rod²)"
-    inputs = (
+    targets = ("F",)
+    signals = (
         Input("x", "m", "stroke"),
         Input("P", "Pa, absolute", "pressure in the chamber"),
         Input("F", "N", "force on the rod"),
     )
-    numbers = (
+    quantities = (
         Quantity("bore", "m", 1e-3, 1.0, "inner diameter", hint="Lengths are in m: 25 mm is 0.025."),
         Quantity("rod", "m", 0.0, 1.0, "diameter of the rod, if it passes through the chamber under pressure", 0.0),
         Quantity("atmospheric_pressure", "Pa", 3e4, 1.2e5, "absolute", ATMOSPHERIC_PRESSURE),

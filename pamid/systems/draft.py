@@ -126,7 +126,7 @@ class Draft:
         """Return the signals of its kind, time first."""
         if self.ports:
             return (Input("time", "s", "time"), *self.ports)
-        own = BENCH_INPUTS if self.kind == "bench" else all_systems()[self.kind].inputs if self.kind else ()
+        own = BENCH_INPUTS if self.kind == "bench" else all_systems()[self.kind].signals if self.kind else ()
         return (Input("time", "s", "time"), *own)
 
     def of(self, signal: str) -> Guess | None:
@@ -464,7 +464,7 @@ def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
             found[name] = value if name == "name" else parse_quantity(value, name)
         BenchParameters.for_muscle("B").replace(**found)
         return found
-    known = {q.name: q for q in all_systems()[kind].numbers}
+    known = {q.name: q for q in all_systems()[kind].quantities}
     for name in pairs:
         if name not in known:
             raise UnknownOptionError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from ..effects.spec import EffectLike
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
 from ..signals.resting import at_rest, resting_rows
 from ..signals.savgol import rate_over
+from ..simulators.problem import Problem
 from .base import FIT, Choice, Input, Quantity, System
-from .problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,8 @@ class Joint(System):
     kind = "joint"
     title = "a driven joint (servo, motor): what drives it against inertia and gravity"
     law = "drive = inertia · d²q/dt² + gravity · sin q + level · cos q + offset"
-    inputs = (
+    targets = ("drive",)
+    signals = (
         Input("q", "rad", "angle"),
         Input("drive", "any", "torque, current or voltage that drives it", needed=False),
         Input("q_ref", "rad", "wanted angle, where a proportional controller drives it", needed=False),
@@ -47,11 +48,13 @@ class Joint(System):
         Input("enabled", "-", "1 while the drive is on", needed=False),
     )
     one_of = (("drive", "q_ref"),)
-    numbers = (
+    quantities = (
         Quantity("gain", "1/rad", 0.0, 1e9, "drive for 1 rad of control error; 0: the log has drive, or gain", 0.0),
         Quantity("limit", "-", 0.0, 1e9, "largest drive the controller can set, before the voltage; 0: none", 1.0),
         Quantity("inertia", "drive s^2/rad", 0.0, 1e9, "drive for 1 rad/s²", FIT, may_fit=True),
         Quantity("gravity", "drive", -1e9, 1e9, "drive that holds the lever level (m g l)", FIT, may_fit=True),
+        Quantity("level", "drive", -1e9, 1e9, "drive by cos q", FIT, may_fit=True),
+        Quantity("offset", "drive", -1e9, 1e9, "drive at rest", FIT, may_fit=True),
         Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
     )
     choices = (Choice("unit", ("unknown", "N m", "V", "A"), "unit of the logged drive", "unknown"),)
@@ -63,6 +66,12 @@ class Joint(System):
     def own(cls, signals: Collection[str]) -> list[str]:
         """Return ``gain`` where the log has neither the drive nor the controller's gain."""
         return [] if {"drive", "gain"} & set(signals) else ["gain"]
+
+    def identity(self) -> dict[str, Any]:
+        """Return what identifies the joint; numbers that earlier versions always fitted only where they are given."""
+        found = super().identity()
+        numbers = {k: v for k, v in found["numbers"].items() if v != FIT or k not in ("level", "offset")}
+        return {**found, "numbers": numbers}
 
     @property
     def units(self) -> dict[str, str]:
@@ -110,7 +119,7 @@ class Joint(System):
         if resting.any() and (usable & ~resting).sum() >= _LEAST:
             usable &= ~resting
             notes.append(at_rest("q", float(resting.mean())))
-        nominal, said = self._nominal(q, dq, ddq, drive, usable)
+        nominal, said, numbers = self._nominal(q, dq, ddq, drive, usable)
         load = np.abs(nominal - np.mean(nominal[usable]))
         X = pd.DataFrame({"time": log["time"].to_numpy(dtype=float), "q": q, "dq": dq, "load": load})[usable]
         X["nominal"] = X["transmitted"] = nominal[usable]
@@ -121,7 +130,8 @@ class Joint(System):
             "The 'pressure' of load-dependent friction is the load by inertia and gravity, in the drive's unit.",
         ]
         units = {"target": unit, "position": "rad", "pressure": unit}
-        return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes, units)
+        fitted = self.with_(numbers)
+        return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes, units, None, fitted)
 
     def _drive(self, log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
         """Return what drives the joint, the rows in which it is known, its unit, and notes."""
@@ -179,26 +189,31 @@ class Joint(System):
 
     def _nominal(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, drive: np.ndarray, usable: np.ndarray
-    ) -> tuple[np.ndarray, str]:
-        """Return inertia and gravity on every row; friction stands beside them in the fit and is then left out."""
-        columns = {"inertia": ddq, "gravity": np.sin(q)}
+    ) -> tuple[np.ndarray, str, dict[str, float]]:
+        """Return inertia and gravity on every row, what is said of them, and the joint with their numbers.
+
+        Friction stands beside them in the fit and is then left out.
+        """
+        columns = {"level": np.cos(q), "inertia": ddq, "gravity": np.sin(q), "offset": np.ones(len(q))}
         given = {name: self.number(name) for name in columns if self.values[name] != FIT}
         known = sum((value * columns[name] for name, value in given.items()), np.zeros(len(q)))
         fitted = {name: x for name, x in columns.items() if name not in given}
-        fitted["offset"] = np.ones(len(q))
-        others = np.column_stack([*(columns[name] for name in fitted if name in columns), fitted["offset"]])[usable]
-        level = np.cos(q)[usable]
-        if np.std(level - others @ np.linalg.lstsq(others, level, rcond=None)[0]) > _TELLING:
-            fitted = {"level": np.cos(q), **fitted}
+        if "level" in fitted:
+            others = np.column_stack([x for name, x in fitted.items() if name != "level"] or [np.zeros(len(q))])[usable]
+            level = columns["level"][usable]
+            if np.std(level - others @ np.linalg.lstsq(others, level, rcond=None)[0]) <= _TELLING:
+                fitted.pop("level")
         A = np.column_stack([*fitted.values(), np.tanh(dq / _STILL), dq])
         found, *_ = np.linalg.lstsq(A[usable], (drive - known)[usable], rcond=None)
         n = len(fitted)
         nominal = known + A[:, :n] @ found[:n]
-        values = {**given, **dict(zip(fitted, found[:n], strict=True))}
+        values = {**given, **dict(zip(fitted, map(float, found[:n]), strict=True))}
         said = ", ".join(f"{name} {value:.3g}{'' if name in given else ' (fitted)'}" for name, value in values.items())
         left = (drive - known)[usable] - A[usable] @ found
         share = 1.0 - float(np.var(left) / max(np.var(drive[usable]), 1e-300))
-        return nominal, f"Nominal model: {said}; with dry and viscous friction beside it, R² = {share:.3f}."
+        plausible = {q.name: (q.lower, q.upper) for q in self.quantities}
+        kept = {k: v for k, v in {"level": 0.0, **values}.items() if plausible[k][0] <= v <= plausible[k][1]}
+        return nominal, f"Nominal model: {said}; with dry and viscous friction beside it, R² = {share:.3f}.", kept
 
 
 def _given(X: pd.DataFrame) -> np.ndarray:

@@ -10,8 +10,8 @@ from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
 from ..effects.plant import BRAID_ANGLE, Plant
 from ..errors import MissingColumnError
 from ..signals.roles import STATE_ROLES
-from .base import Input, Quantity, System
-from .problem import Problem, with_rates
+from ..simulators.problem import Problem
+from .base import Input, Quantity, System, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,14 +32,15 @@ class Muscle(System):
     kind = "muscle"
     title = "a single muscle: its force (or flow) against its geometry"
     law = "F = (P - atmospheric_pressure) / rest_length · ∂V/∂ε of the braided cylinder; without F: mdot = d(P V)/dt"
-    inputs = (
+    targets = ("F", "mdot")
+    signals = (
         Input("eps", "-", "contraction ratio (rest length - length) / rest length"),
         Input("P", "Pa, absolute", "pressure in the muscle"),
         Input("F", "N", "tension", needed=False),
         Input("mdot", "kg/s", "mass flow into the muscle", needed=False),
     )
     one_of = (("F", "mdot"),)
-    numbers = (
+    quantities = (
         Quantity(
             "rest_length",
             "m",

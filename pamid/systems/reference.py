@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from ..signals.thinning import spaced
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from .base import System
 
 _TIMES = 3.0
 """How many times larger the error under one reading has to be than under the other: offsets of load cells and the
@@ -70,7 +68,7 @@ def _way(log: pd.DataFrame, position: str) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def disagreement(log: pd.DataFrame, system: System) -> str:
+def disagreement(log: pd.DataFrame, system: Any) -> str:
     """Say that the measured force is far from that of the nominal equation; nothing where the two roughly agree."""
     if not {"P", "F"} <= set(log.columns):
         return ""
@@ -88,7 +86,7 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
     left = float(np.sqrt(np.mean(np.square(problem.y - ratio * nominal))))
     if left > 0.5 * float(np.sqrt(np.mean(np.square(problem.y)))) or 1 / _FAR < ratio < _FAR:
         return ""
-    size = next((q.name for q in system.numbers if q.default is None and q.unit == "m"), "size")
+    size = next((q.name for q in system.quantities if q.default is None and q.unit == "m"), "size")
     if ratio < 0:
         return (
             "The force has the opposite sign of what pressure and size make it: its sign, or the column or kind of the "
@@ -98,7 +96,7 @@ def disagreement(log: pd.DataFrame, system: System) -> str:
     return f"The force is {times} than pressure and size make it: a unit of F or P, or the {size}, is wrong"
 
 
-def doubts(log: pd.DataFrame, system: System) -> list[str]:
+def doubts(log: pd.DataFrame, system: Any) -> list[str]:
     """Say what force, pressure and size of a tidy log have against its units and the reference of its pressure."""
     ambient = float(system.values.get("atmospheric_pressure", ATMOSPHERIC_PRESSURE))
     zero = zero_of_force(log, (ambient, 0.0, 2 * ambient))

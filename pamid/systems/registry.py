@@ -7,19 +7,7 @@ from functools import cache
 from .._discovery import subclasses
 from .base import System
 
-_NOT_SYSTEMS = {
-    "base",
-    "bench_page",
-    "comparison",
-    "correction",
-    "diagnosis",
-    "draft",
-    "evaluation",
-    "file",
-    "raw",
-    "reference",
-    "registry",
-}
+_NOT_SYSTEMS = {"base", "bench_page", "comparison", "correction", "draft", "file", "raw", "reference", "registry"}
 
 
 @cache

@@ -17,7 +17,6 @@ from pamid.gap.diagnosis.result import Diagnosis
 from pamid.gap.simulated import evidence_of
 from pamid.report.sentences import which
 from pamid.simulators import FunctionSimulator, Port
-from pamid.systems import diagnose_system
 from pamid.systems.cylinder import Cylinder
 
 DT, FINE = 5e-3, 10
@@ -287,7 +286,7 @@ def test_a_seal_that_the_pressure_lifts_has_a_slope_below_zero() -> None:
         F = gauge * np.pi / 4 * 0.025**2 - np.sign(v) * friction + 0.2 * rng.standard_normal(len(t))
         tables.append(pd.DataFrame({"trajectory": str(k), "time": t, "x": x, "P": gauge + 101_325.0, "F": F}))
     library = ["directional_friction", "coulomb_friction", "viscous_friction", "force_bias"]
-    diagnosis = diagnose_system(pd.concat(tables, ignore_index=True), Cylinder(bore=0.025), library)
+    diagnosis = diagnose_simulator(pd.concat(tables, ignore_index=True), Cylinder(bore=0.025), library)
     found = sizes(diagnosis, "directional_friction")
     assert (found["forward"], found["backward"]) == pytest.approx((30.0, 12.0), abs=0.5)
     slopes = found["forward_per_pressure"], found["backward_per_pressure"]

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from pamid.estimators import GapDiagnoser
 
+from pamid import diagnose
 from pamid.effects import Signals, all_effects, make_effect
 from pamid.errors import UnknownOptionError
 from pamid.gap.residuals.scaling import Scaling
@@ -14,7 +15,6 @@ from pamid.gap.residuals.units import Units, powers_of
 from pamid.report import answers
 from pamid.report.sections import Source
 from pamid.report.sections.parameters import ParametersSection
-from pamid.systems import diagnose_system
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.joint import Joint
 
@@ -39,7 +39,7 @@ def damped():
         return pd.DataFrame({"x": x, "P": P, "F": F})
 
     log = runs(make)
-    return log, diagnose_system(log, Cylinder(bore=0.025), FEW)
+    return log, diagnose(log, Cylinder(bore=0.025), FEW)
 
 
 def test_a_cylinder_tells_newton_seconds_per_metre(damped):
@@ -61,7 +61,7 @@ def test_a_joint_tells_newton_metre_seconds_per_radian():
         drive = 0.02 * ddq + 0.8 * np.sin(q) + 0.05 * dq + 0.004 * rng.standard_normal(len(TIME))
         return pd.DataFrame({"q": q, "drive": drive})
 
-    found = diagnose_system(runs(make), Joint(inertia=0.02, gravity=0.8, unit="N m"), FEW)
+    found = diagnose(runs(make), Joint(inertia=0.02, gravity=0.8, unit="N m"), FEW)
     assert found.causes[0].effects == ("viscous_friction",)
     p = found.causes[0].parameters["coefficient"]
     assert (p.unit, p.value) == ("N m s/rad", pytest.approx(0.05, rel=0.05))

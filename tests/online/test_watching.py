@@ -12,6 +12,7 @@ import pytest
 from pamid.cli import main
 from pamid.errors import ParameterError
 from pamid.simulators import EquationSimulator, Port, page_text
+from pamid.systems.cylinder import Cylinder
 from pamid.watching import SimulatorWatch
 
 LIBRARY = ["parameter_deviation", "sensor_bias"]
@@ -41,6 +42,22 @@ def test_what_has_changed_is_named_and_what_was_so_from_the_start_is_no_change()
     assert found.time == pytest.approx(CHANGED, abs=3.0) and found.equation == "F"
     [change] = found.changes
     assert (change.effect, change.where) == ("parameter_deviation", "area")
+
+
+@pytest.mark.slow
+def test_a_seal_that_begins_to_rub_is_named() -> None:
+    rng, t = np.random.default_rng(0), np.arange(0, 240, 0.02)
+    x, v = 0.02 + 0.015 * np.sin(2.0 * t), 0.03 * np.cos(2.0 * t)
+    P = 3e5 + 8e4 * np.sin(1.3 * t)
+    dry = np.where(t < CHANGED, 0.0, 6.0) * np.tanh(v / 1e-3)
+    F = 4.9087e-4 * (P - 101_325.0) - dry + 0.3 * rng.standard_normal(len(t))
+    log = pd.DataFrame({"trajectory": "a", "time": t, "x": x, "P": P, "F": F})
+    watch = SimulatorWatch(Cylinder(bore=0.025), ["coulomb_friction", "force_bias"]).learn(log[:5000])
+    assert watch.known == []
+    [found] = [c for k in range(5000, 12_000, 500) for c in watch.update(log[k : k + 500])]
+    assert found.time == pytest.approx(CHANGED, abs=3.0) and found.equation == "force"
+    [change] = found.changes
+    assert change.effect == "coulomb_friction" and change.after == pytest.approx(6.0, rel=0.1)
 
 
 @pytest.mark.slow

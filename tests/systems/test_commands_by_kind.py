@@ -26,11 +26,10 @@ SAYS = {
     "simulate": (("muscle", "cylinder", "joint"), "a simulator file of the bench"),
     "next": (("muscle", "cylinder", "joint"), "for the bench and for simulators with ports"),
     "passport": (("muscle", "cylinder", "joint"), "not a simulator with ports"),
-    "watch": (("cylinder", "joint"), "the simulator file of a muscle or a bench"),
 }
 """Commands for some kinds alone: those that they are not for, and the words in which they say so."""
-WITHOUT = ("completion", "demo")
-"""Commands without a log."""
+WITHOUT = ("completion", "demo", "watch")
+"""Commands without a log; a stream is watched in tests/online."""
 
 pytestmark = pytest.mark.filterwarnings("ignore::pamid.errors.PamidWarning")
 
@@ -110,7 +109,6 @@ def test_commands_that_are_for_some_kinds_say_so(command, kind, every, capsys):
         "simulate": [*log[1:], "--trajectory", "sine:frequency=4,amplitude=5", "--out", str(every / "new.csv")],
         "next": [str(every / "gap")],
         "passport": [str(every / "passport.toml"), *log],
-        "watch": [str(every / "samples.jsonl"), *log[1:]],
     }[command]
     assert main([command, *argv]) == 2
     said = capsys.readouterr().err

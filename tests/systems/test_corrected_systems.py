@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid import diagnose, evaluate
 from pamid.cli import main
 from pamid.effects import make_effect
 from pamid.errors import ImplausibleParameterError, UnknownParameterError
 from pamid.signals import write_log
-from pamid.systems import diagnose_system, evaluate_system, read_system
+from pamid.systems import read_system
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.joint import Joint
 from pamid.systems.muscle import Muscle
@@ -71,20 +72,20 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_corrected_page_closes_what_the_diagnosis_said(case, tmp_path):
     system, log, library = CASES[case]()
-    found = diagnose_system(log, system, library)
+    found = diagnose(log, system, library)
     assert found.verdict == "cause" and found.corrected.effects
     found.corrected.to_toml(tmp_path / "corrected.toml")
     again = read_system(tmp_path / "corrected.toml")
     assert type(again) is type(system) and again.effects == found.corrected.effects
     [closure] = found.closure
-    before, after = (evaluate_system(log, s)[closure.equation] for s in (system, again))
+    before, after = (evaluate(log, s)[closure.equation] for s in (system, again))
     assert before.rmse == pytest.approx(closure.rmse_before, rel=0.05)
     assert after.rmse == pytest.approx(closure.rmse_after, rel=0.1)
     text = (tmp_path / "corrected.toml").read_text()
     assert {"cylinder": "# N s/m", "cylinder that is pushed": "imposed", "joint": "# N m s/rad", "muscle": "# N"}[
         case
     ] in text
-    assert diagnose_system(log, again, library).verdict == "none"
+    assert diagnose(log, again, library).verdict == "none"
 
 
 def test_the_commands_take_a_corrected_page(tmp_path, capsys):

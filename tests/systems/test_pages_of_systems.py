@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid import evaluate
 from pamid.cli import main
 from pamid.errors import EmptyLogError, TooFewTrajectoriesError, UnknownOptionError
-from pamid.systems import compare_system, evaluate_system
+from pamid.systems import compare_system
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.reference import disagreement
 
@@ -23,7 +24,7 @@ def arguments(files, kind: str) -> list[str]:
 
 # --- evaluate -----------------------------------------------------------------------------------------------
 def test_an_evaluation_is_the_friction_beside_the_noise(cylinder):
-    found = evaluate_system(cylinder, Cylinder(bore=0.025))["force"]
+    found = evaluate(cylinder, Cylinder(bore=0.025))["force"]
     assert found.rmse == pytest.approx(6.0, rel=0.03)
     expected = np.hypot(0.2, 50 * AREA) / np.sqrt(2)  # two samples in a window of 20 ms
     assert found.noise_floor == pytest.approx(expected, rel=0.1)
@@ -100,8 +101,8 @@ def test_what_needs_a_bench_says_so(files, capsys):
     argv = ["simulate", "--sim", str(files / "cylinder.toml"), "--trajectory", "sine:frequency=4,amplitude=5"]
     assert main([*argv, "--out", str(files / "log.csv")]) == 2
     assert "is the simulator file of a cylinder" in capsys.readouterr().err
-    assert main(["evaluate", *arguments(files, "joint"), "--refit"]) == 2
-    assert "--refit is given for the page of a joint" in capsys.readouterr().err
+    assert main(["evaluate", *arguments(files, "joint"), "--refit"]) == 0
+    assert "no parameter of the simulator has a tolerance" in capsys.readouterr().err
 
 
 # --- one format ---------------------------------------------------------------------------------------------
@@ -118,7 +119,7 @@ def test_every_page_names_its_kind(tmp_path):
     assert 'kind = "bench"' in page.read_text()
     assert BenchParameters.from_toml(page) == bench
     for kind, system in all_systems().items():
-        page.write_text(system_text(system, {q.name: q.lower for q in system.numbers if q.default is None}))
+        page.write_text(system_text(system, {q.name: q.lower for q in system.quantities if q.default is None}))
         assert kind_of_file(page) == kind
         assert read_system(page).kind == kind
 
@@ -126,7 +127,7 @@ def test_every_page_names_its_kind(tmp_path):
 def test_a_column_without_a_reading_and_one_of_zeros_are_named(cylinder):
     page = Cylinder(bore=0.025)
     with pytest.raises(EmptyLogError, match="No row holds all signals of a cylinder"):
-        evaluate_system(cylinder.assign(F=np.nan), page)
+        evaluate(cylinder.assign(F=np.nan), page)
     assert disagreement(cylinder.assign(F=np.nan), page) == ""
     assert "reads 0 in all rows" in disagreement(cylinder.assign(F=0.0), page)
 

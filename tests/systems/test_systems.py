@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid import diagnose
 from pamid.bench import BenchParameters, isometric, simulate, sine, unfold
 from pamid.cli import main
 from pamid.cli.rows import readings_where
@@ -21,7 +22,7 @@ from pamid.errors import (
 )
 from pamid.report import GapDisplay, report_html
 from pamid.signals import read_log, write_log
-from pamid.systems import all_systems, diagnose_system, read_system, system_text
+from pamid.systems import all_systems, read_system, system_text
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.joint import Joint
 from pamid.systems.muscle import Muscle
@@ -50,7 +51,7 @@ def stroke() -> pd.DataFrame:
 @pytest.mark.parametrize("kind", all_systems())
 def test_a_page_is_read_back(kind, tmp_path):
     cls = all_systems()[kind]
-    given = {q.name: 0.5 * (q.lower + min(q.upper, 2.0)) for q in cls.numbers if q.default is None}
+    given = {q.name: 0.5 * (q.lower + min(q.upper, 2.0)) for q in cls.quantities if q.default is None}
     (tmp_path / "sim.toml").write_text(system_text(cls, given, tuple(given)), encoding="utf-8")
     again = read_system(tmp_path / "sim.toml")
     assert type(again) is cls
@@ -58,7 +59,7 @@ def test_a_page_is_read_back(kind, tmp_path):
         assert again.values[name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
     text = (tmp_path / "sim.toml").read_text()
     assert text.count("ASSUMED") == len(given)
-    assert all(q.meaning in text for q in cls.numbers)
+    assert all(q.meaning in text for q in cls.quantities)
 
 
 def test_units_in_a_page():
@@ -108,7 +109,7 @@ def test_a_log_without_a_signal(stroke):
 
 
 def test_the_friction_of_a_cylinder_is_named(stroke):
-    found = diagnose_system(stroke, Cylinder(bore=0.025), ["coulomb_friction", "force_bias"])
+    found = diagnose(stroke, Cylinder(bore=0.025), ["coulomb_friction", "force_bias"])
     assert found.verdict == "cause"
     assert found.causes[0].effects == ("coulomb_friction",)
     assert found.closure[0].unit == "N"
@@ -135,11 +136,12 @@ def test_a_servo_with_a_proportional_controller():
     }
     assert values["inertia"] == pytest.approx(0.1, abs=0.02)
     assert values["gravity"] == pytest.approx(3.0, abs=0.1)
-    found = diagnose_system(log, system, ["coulomb_friction", "viscous_friction"])
+    found = diagnose(log, system, ["coulomb_friction", "viscous_friction"])
     assert found.causes[0].effects == ("coulomb_friction",)
     assert found.windows.columns.is_unique
     assert "joint angle / deg" in [ax.get_xlabel() for ax in GapDisplay(found).plot("loop").axes_]
     assert "joint angle" in report_html(found)
+    assert found.corrected.number("inertia") == pytest.approx(0.1, abs=0.02)  # the page that closes the gap is whole
     limited = Joint(gain=0.5, limit=0.2).problem(log)
     assert len(limited.y) < len(log)
     assert any("left out" in note for note in limited.notes)

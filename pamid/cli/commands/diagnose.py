@@ -180,7 +180,7 @@ def write(
     from ...simulators import Simulator
 
     with replacing_together(folder, FILES) as stage:
-        if isinstance(d.corrected, Simulator):
+        if isinstance(d.corrected, Simulator) and not d.corrected.states_equation:
             d.notes.extend(write_corrected(d.corrected, stage, folder))
         elif d.corrected is not None:
             d.corrected.to_toml(stage / "corrected.toml")
@@ -202,10 +202,9 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     from ...effects import all_effects
     from ...effects.registry import chosen_effects
     from ...simulators import Simulator, port_effects
-    from ...systems import System
 
-    at_ports = isinstance(simulator, Simulator)
-    kind = simulator.library if isinstance(simulator, System) else "bench"
+    kind = simulator.library if isinstance(simulator, Simulator) else "bench"
+    at_ports = not kind
     known = set(port_effects()) if at_ports else set(all_effects())
 
     def names(text: str, option: str) -> list[str]:

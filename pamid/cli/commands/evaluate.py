@@ -85,8 +85,7 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     from ...any_simulator import evaluate
     from ...bench import BenchParameters
     from ...gap import refit_within_tolerance
-    from ...systems import System
-    from ...systems.reference import doubts
+    from ...simulators import Simulator
 
     simulator: Any = any_simulator_of(args)
     said: list[str] = []
@@ -95,15 +94,8 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
         log: Any = load_log(args, simulator=simulator)
     else:
         log = load_pieces(args, args.piece_rows, simulator=simulator)
-    if isinstance(simulator, System):
-        if args.refit:
-            raise ParameterError(
-                f"--refit is given for the page of a {simulator.kind}, whose numbers have no tolerances.",
-                "a simulator with parameters under [tolerance], or 'tolerance' of a parameter",
-                'Leave it out; what the page has as "fit" is fitted to the log anyway.',
-            )
-        if args.piece_rows is None:
-            extra["doubts"] = said = doubts(log, simulator)
+    if isinstance(simulator, Simulator) and simulator.states_equation and args.piece_rows is None:
+        extra["doubts"] = said = simulator.doubts(log)
     if args.refit:
         with progress(args, "Refitting within tolerances"):
             refit = refit_within_tolerance(log, simulator)

@@ -9,8 +9,8 @@ from typing import Any
 from ...errors import ParameterError
 from ...file_sets import check_folder
 from .._progress import progress
-from .._simulators import add_trust_option, port_simulator_of
-from ..common import DONE, add_command, add_log_options, load_log, print_json, table
+from .._simulators import add_trust_option
+from ..common import DONE, add_command, add_log_options, any_simulator_of, load_log, print_json, table
 
 _DESCRIPTION = """\
 Test a parameter passport, written by 'pamid diagnose --after', on a log of another system, or of the same one on
@@ -41,11 +41,12 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...opinion import Passport
+    from ...simulators import Simulator
 
     folder = check_folder(args.out, ("passport.toml", "passport.html")) if args.out else None
     known = Passport.read(args.passport)
-    simulator = port_simulator_of(args)
-    if simulator is None:
+    simulator = any_simulator_of(args)
+    if not isinstance(simulator, Simulator) or simulator.states_equation:
         raise ParameterError(
             f"{args.sim} is not a simulator with ports.",
             "a MuJoCo model, an FMU or a page",

@@ -10,12 +10,12 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from ...errors import IncompatibleError, ParameterError, StreamError, UnknownOptionError
+from ...errors import IncompatibleError, ParameterError, StreamError
 from ...json_data import json_ready
 from ...requirements import last_step
-from .._simulators import add_trust_option, port_simulator_of
+from .._simulators import add_trust_option
 from .._watched_ports import events_at_ports
-from ..common import add_command, load_simulator, note
+from ..common import add_command, note
 
 if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
@@ -91,6 +91,8 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    from ...any_simulator import read_simulator
+    from ...bench.parameters import BenchParameters
     from ...online.lines import lines, pipe_lines
 
     if not all(math.isfinite(x) and x > 0 for x in (args.learn, args.interval or 1.0, args.false_alarms)):
@@ -99,12 +101,13 @@ def run(args: argparse.Namespace) -> int:
         source = pipe_lines(sys.stdin.buffer)
     else:
         source = lines(args.stream, follow=args.follow, patience=args.patience)
-    ported = port_simulator_of(args)
-    if args.columns and ported is None:
+    simulator = read_simulator(args.sim, trust=args.trust)
+    of_muscles = isinstance(simulator, BenchParameters) or simulator.kind == "muscle"
+    if args.columns and of_muscles:
         raise ParameterError(
             "--columns is given for a muscle or a bench.", "samples in SI under pamid's names", "Leave it out."
         )
-    for event in _events(args, source) if ported is None else events_at_ports(args, source, ported):
+    for event in (_events if of_muscles else events_at_ports)(args, source, simulator):
         if args.json:
             print(json.dumps(json_ready(event), allow_nan=False), flush=True)
         else:
@@ -112,10 +115,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _events(args: argparse.Namespace, source: Iterator[bytes | None]) -> Iterator[dict[str, Any]]:
+def _events(args: argparse.Namespace, source: Iterator[bytes | None], simulator: Any) -> Iterator[dict[str, Any]]:
     from ...online.stream import Samples
 
-    params, bench = _simulator(args.sim)
+    params, bench = _numbers(simulator)
     samples = Samples(
         ("eps", "P", *_TARGETS), interval=args.interval, convert=lambda row: _one_muscle(row, args.muscle, params)
     )
@@ -147,22 +150,14 @@ def _events(args: argparse.Namespace, source: Iterator[bytes | None]) -> Iterato
         )
 
 
-def _simulator(path: str) -> tuple[BenchParameters, bool]:
-    """Read the numbers of a bench, or of a single muscle, and tell whether there is a bench."""
+def _numbers(simulator: Any) -> tuple[BenchParameters, bool]:
+    """Return the numbers of a bench, or of a single muscle, and tell whether there is a bench."""
     from ...bench.parameters import BenchParameters
-    from ...systems import kind_of_file, read_system
 
-    if (kind := kind_of_file(path)) in ("cylinder", "joint"):
-        raise UnknownOptionError(
-            f"{path} is the simulator file of a {kind}.",
-            "the simulator file of a muscle or a bench, since the effects to watch for are those of a muscle",
-            f"'pamid diagnose' says of a log of a {kind} what has changed.",
-        )
-    if kind != "muscle":
-        return load_simulator(path), True
-    page = read_system(path)
+    if isinstance(simulator, BenchParameters):
+        return simulator, True
     own = ("rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature")
-    return BenchParameters.for_muscle("B").replace(**{name: page.number(name) for name in own}), False
+    return BenchParameters.for_muscle("B").replace(**{name: simulator.number(name) for name in own}), False
 
 
 def _one_muscle(row: dict[str, Any], muscle: int, params: Any) -> dict[str, Any]:

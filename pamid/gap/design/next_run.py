@@ -80,7 +80,7 @@ def next_run_after(history: History, *, progress: Callable[[str], None] | None =
     rivals = _left(history)
     if isinstance(simulator, BenchParameters):
         return plan_next(rivals, now, simulator, library=history.library, progress=progress, **options)
-    if isinstance(simulator, Simulator):
+    if isinstance(simulator, Simulator) and not simulator.states_equation:
         return plan_port_run(rivals, now, simulator, library=history.library, progress=progress, **options)
     raise ParameterError(
         f"Runs are designed for the bench and for simulators with ports, and this is the file of a {simulator.kind}.",

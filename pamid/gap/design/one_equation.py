@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
-from ..one_equation import evidence_in
+from ..one_equation import Measured, evidence_in
 from ..residuals.rates import with_rates
 from ..residuals.scaling import Scaling
-from ..residuals.single import SignalEvidence
 from .plan import TELLS
 
 MOVED = ("position", "pressure", "command")
@@ -22,16 +21,7 @@ Signals = dict[str, np.ndarray]
 
 
 def next_for_equation(
-    rivals: Sequence[Rival],
-    signals: Mapping[str, np.ndarray],
-    driven: Sequence[str],
-    evidence: Callable[[Signals, np.ndarray], SignalEvidence],
-    noise: float,
-    dt: float,
-    seconds: float,
-    *,
-    designs: int = 60,
-    seed: int = 0,
+    rivals: Sequence[Rival], m: Measured, scaling: Scaling, noise: float, *, designs: int = 60, seed: int = 0
 ) -> NextExperiment | None:
     r"""Return the run that best distinguishes the two likeliest explanations of one equation.
 
@@ -39,9 +29,13 @@ def next_for_equation(
     by d, less what a change of the second one's size could explain:
 
     .. math:: D = \tfrac{n}{2} \log\Big(1 + \frac{\min_a \|d - a\,g_2\|^2}{n \sigma^2}\Big)
+
+    with the noise σ of a window, in typical units.
     """
-    two = list(rivals)[:2]
-    moved = [role for role in MOVED if role in driven and np.ptp(signals[role]) > 0.0]
+    two, signals, dt = list(rivals)[:2], m.signals, m.dt
+    may_move = MOVED[:1] if m.equation == "torque" else MOVED  # a joint's load follows from its motion
+    moved = [role for role in may_move if role in m.columns and np.ptp(signals[role]) > 0.0]
+    seconds = float(np.median(np.bincount(m.codes))) * dt
     n = round(seconds / dt)
     if len(two) < 2 or not moved or n < 50:
         return None
@@ -57,8 +51,9 @@ def next_for_equation(
     for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
         if rate in made and of in moved:
             made[rate] = with_rates({of: made[of]}, codes, dt)[rate]
-    source = evidence(made, codes)
-    first, second = (_averaged(source, source.added(r.effects)) for r in two)
+    nominal = m.usual(designs * n)
+    source = evidence_in(scaling, made, nominal(made), nominal, codes, dt, m.equation, m.plant)
+    first, second = (source.means(r.effects) for r in two)
     run = source.run
     told = np.array([_difference(first[run == k], second[run == k], noise) for k in range(designs)])
     best = int(np.argmax(told))
@@ -74,18 +69,6 @@ def next_for_equation(
         f"{names[0]} and {names[1]} would differ in log-likelihood by about {told[best]:.0f} over {seconds:.3g} s of it"
     )
     return NextExperiment(trajectory, names, float(told[best]), reason)
-
-
-def evidence_maker(
-    scaling: Scaling, nominal: Callable[[Signals], np.ndarray], dt: float, equation: str, plant: object
-) -> Callable[[Signals, np.ndarray], SignalEvidence]:
-    """Return a function that makes evidence without a gap from signals in the user's units."""
-
-    def made(signals: Signals, codes: np.ndarray) -> SignalEvidence:
-        modelled = nominal(signals)
-        return evidence_in(scaling, signals, modelled, nominal, codes, dt, equation, plant)  # type: ignore[arg-type]
-
-    return made
 
 
 def _drawn(
@@ -106,12 +89,6 @@ def _drawn(
 def _wave(numbers: tuple[float, float, float], t: np.ndarray) -> np.ndarray:
     middle, amplitude, frequency = numbers
     return middle + amplitude * np.sin(frequency * t)
-
-
-def _averaged(source: SignalEvidence, x: np.ndarray) -> np.ndarray:
-    """Return the mean of a signal over each window."""
-    total = np.concatenate([[0.0], np.cumsum(x)])
-    return np.asarray((total[source.first + source.n] - total[source.first]) / source.n)
 
 
 def _difference(first: np.ndarray, second: np.ndarray, noise: float) -> float:

@@ -16,6 +16,7 @@ from ...effects.plant import Surroundings
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
+from ...simulators.port_log import PortLog
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
 from .remembered import Remembered
@@ -49,32 +50,9 @@ def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], n
 class SignalEvidence(Straight):
     """Residuals of one equation under effects that its model leaves out.
 
-    A `pamid.gap.residuals.protocol.ResidualSource` without tolerances.
-
-    Parameters
-    ----------
-    table : mapping of str to array, shape (n_samples,)
-        Signals by role; ``position`` in the user's unit.
-    y : array, shape (n_samples,)
-        Measured target.
-    nominal : callable
-        Takes a table of signals, returns the modelled target.
-    codes : array of int, shape (n_samples,)
-        Run of each row; contiguous.
-    dt : float
-        Sampling interval, s.
-    equation : str
-        ``"force"``, ``"torque"`` or ``"flow"``: which hooks of an effect add to the target.
-    plant : Plant, optional
-        Numbers of the bench; effects that need them are left out without.
-    position_scale : float
-        Length (or angle) that counts as a strain of one.
-    columns : mapping of str to str, optional
-        The user's name of each role, for reports.
-    shown : mapping of str to array, optional
-        Signals by role in the user's units, for reports.
-    without : array of bool, shape (n_samples,), optional
-        Rows that are left out, such as those of a clipped sensor.
+    A `pamid.gap.residuals.protocol.ResidualSource` without tolerances. Effects see the position over `position_scale`,
+    a length or an angle; `columns` and `shown` are the user's names of the roles and the signals in the user's units,
+    and windows with a row of `without` are left out.
     """
 
     exact = False
@@ -85,6 +63,8 @@ class SignalEvidence(Straight):
     least_gain = 1.5 * LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least: how the noise of any target depends on its past
     is not known."""
+    log: PortLog
+    """The log at the ports of a simulator, where one states the equation."""
     decisive = np.inf
     """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
 
@@ -141,7 +121,7 @@ class SignalEvidence(Straight):
         self.free: list[str] = []
         self.skipped: dict[str, str] = {}
         self._touched: dict[str, bool] = {}
-        centre = self.first + self.n // 2
+        self.centre = centre = self.first + self.n // 2
         empty = np.full(len(self.first), np.nan)
         seen = self.table if shown is None else shown
         self.state = {k: seen[r][centre] if (r := _ROLES.get(k, "")) in seen else empty for k in STATE}
@@ -338,6 +318,16 @@ class SignalEvidence(Straight):
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return None: the noise of the target is the same under any model."""
         return None
+
+    def deviated(self, deviations: Mapping[str, float]) -> None:
+        """Return None: whoever states the equation says how its simulator is corrected."""
+
+    def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> None:
+        """Return None, see `deviated`."""
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return the signals at each row, by the user's names."""
+        return {self._columns.get(role, role): x for role, x in self.table.items()}
 
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     AnySimulator = Any
-    """A simulator of the bench, one with ports, or a system: anything with an identity."""
+    """A simulator of the bench or any other: anything with an identity."""
 
 STATE, LOGS = "state.json", "logs.parquet"
 _TOLD = frozenset(("parameter", "value", "low", "high", "unit"))
@@ -83,7 +83,7 @@ class History:
 
     Parameters
     ----------
-    simulator : BenchParameters, Simulator or System
+    simulator : BenchParameters or Simulator
         The simulator.
     library : list of str
         Effects that may be causes; at ports their names there, such as ``"viscous_friction"`` at every joint.
@@ -167,7 +167,7 @@ def read_history(
     ----------
     folder : path-like
         What ``--out`` of the earlier diagnosis named.
-    simulator : BenchParameters, Simulator or System, optional
+    simulator : BenchParameters or Simulator, optional
         The simulator of today, which must be that of the earlier one.
     read : callable, optional
         Reads the file of the earlier simulator where none is given and it was not of the bench;

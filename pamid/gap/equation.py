@@ -1,0 +1,198 @@
+"""Diagnose one equation: that of an estimator's table, or the one that a simulator states on its logs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..effects.registry import effects_beside
+from ..errors import PamidError, ShortTrajectoryError
+from ..signals.roles import STATE_ROLES
+from ..simulators.base import Simulator
+from ..simulators.problem import Problem, joined
+from .design.one_equation import next_for_equation
+from .diagnosis.findings import NextExperiment
+from .diagnosis.result import Diagnosis
+from .engine import explain
+from .one_equation import Gathered, Measured, gather, library_for, outward
+from .residuals.single import SignalEvidence
+from .several.conditions import Conditions, conditions_of
+from .several.engine import explained, refuse_twice, sized
+from .several.stacked import Log, StackedEvidence
+from .several.variants import Variants
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NOISE = (
+    "The noise is estimated from differences between neighbouring samples and between repeated runs. A learner on the "
+    "same signals and their past predicts {:.0f} % of the gap on held-out runs."
+)
+ADDS = "Effects add to y: the target is the driving force, not the delivered one."
+
+
+class Answer(NamedTuple):
+    """A diagnosis of one equation in the units of the log and in typical ones, its evidence, and rows left out."""
+
+    found: Diagnosis
+    inward: Diagnosis
+    gathered: Gathered
+    without: np.ndarray
+
+
+def diagnose_equation(m: Measured, library: Sequence[str], sense: str | int, seed: np.random.RandomState) -> Answer:
+    """Diagnose one equation on one log."""
+    without, notes = m.checked()
+    gathered = gather(m, library, sense, without)
+    found = explain(gathered.evidence, library, seed, [*_heard(gathered), *notes])
+    return Answer(_outward(found, m, gathered), found, gathered, without)
+
+
+def _heard(gathered: Gathered) -> list[str]:
+    return [NOISE.format(100 * gathered.share)] + ([ADDS] if gathered.scaling.target < 0 else [])
+
+
+def _outward(found: Diagnosis, m: Measured, gathered: Gathered) -> Diagnosis:
+    told = outward(found, gathered.scaling, m.units)
+    noise = gathered.noise / abs(gathered.scaling.target)
+    return replace(told, next_experiment=next_for_equation(found.rivals, m, gathered.scaling, noise))
+
+
+# --- simulators that state their equation -------------------------------------------------------------------
+def stated_evidence(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
+    """Return the evidence on the equation that a simulator states, in the units of the log."""
+    problem = simulator.problem(log)
+    found = Measured.of(problem).at_ports()
+    for k, name in enumerate(dict.fromkeys(problem.groups.tolist())):
+        if (mine := found.run == k).any():
+            found.noise[mine] = problem.noise(np.flatnonzero(problem.groups == name), found.n)
+    if not len(found.first):
+        raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
+    return found
+
+
+def diagnose_stated(
+    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    simulator: Simulator,
+    effects: str | Sequence[str],
+    conditions: Mapping[str, Conditions] | None,
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """Diagnose the equation that a simulator states, on one log or on several."""
+    rng = np.random.RandomState(np.random.RandomState(seed).randint(2**31 - 1))
+    if not isinstance(log, Mapping):
+        problem, doubts = simulator.problem(log), simulator.doubts(log)
+        m = Measured.of(problem)
+        say("compare with the library")
+        answer = diagnose_equation(m, _library(effects, m), simulator.sense, rng)
+        causes = [(c.effects[0], {k: p.value for k, p in c.parameters.items()}) for c in answer.found.causes]
+        notes = [*doubts, *problem.notes]
+        return _named(answer.found, simulator, problem, causes, answer.gathered, notes)
+    held = conditions_of(list(log), conditions)
+    problem, owner = _of_logs(log, simulator, held)
+    m = Measured.of(problem)
+    say("compare with the library")
+    found, gathered = _several(log, m, owner, held, _library(effects, m), simulator.sense, rng, say)
+    found = _outward(found, m, gathered)
+    last = {name: {k: p.value for k, p in values.items()} for name, values in found.logs[-1].parameters.items()}
+    doubts = [f"{name}: {text}" for name, one in log.items() for text in simulator.doubts(one)]
+    if problem.fitted is not None:
+        problem = problem._replace(fitted=held[-1].under(problem.fitted))
+    return _named(found, held[-1].under(simulator), problem, list(last.items()), gathered, [*doubts, *problem.notes])
+
+
+def _library(effects: str | Sequence[str], m: Measured) -> list[str]:
+    return library_for(effects, m.equation, m.plant is not None, m.units)
+
+
+def _of_logs(
+    logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]
+) -> tuple[Problem, np.ndarray]:
+    """Return the equation of several logs as one, and the log of each row; logs of the same numbers are fitted as one.
+
+    An error names its log.
+    """
+    import pandas as pd
+
+    apart: dict[str, list[pd.DataFrame]] = {}
+    under, of_run = dict[str, Simulator](), dict[str, int]()
+    for k, ((name, log), conditions) in enumerate(zip(logs.items(), held, strict=True)):
+        here = conditions.under(simulator)
+        try:
+            here.problem(log)
+        except PamidError as error:
+            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
+            raise
+        runs = [f"{name}: {run}" for run in log["trajectory"]]
+        of_run |= dict.fromkeys(runs, k)
+        key = repr(sorted(conditions.numbers.items()))
+        under[key] = here
+        apart.setdefault(key, []).append(log.assign(trajectory=runs))
+    problem = joined([under[key].problem(pd.concat(some, ignore_index=True)) for key, some in apart.items()])
+    return problem, np.array([of_run[run] for run in problem.groups])
+
+
+def _several(
+    logs: Mapping[str, pd.DataFrame], m: Measured, owner: np.ndarray, held: Sequence[Conditions],
+    library: Sequence[str], sense: str | int, rng: np.random.RandomState, say: Callable[[str], None],
+) -> tuple[Diagnosis, Gathered]:  # fmt: skip
+    """Return the joint diagnosis of several logs in typical units: causes are shared unless one came or went."""
+    from threadpoolctl import threadpool_limits
+
+    refuse_twice(logs)
+    without, notes = m.checked()
+    gathered = gather(m, library, sense, without)
+    names, days, each = list(logs), [c.day for c in held], list[Log]()
+    for k, name in enumerate(names):
+        rows = np.flatnonzero(owner == k)
+        one = m.evidence(gathered.scaling, slice(rows[0], rows[-1] + 1), without)
+        one.assume(gathered.noise / abs(gathered.scaling.target))
+        one.weights, one.stretch = gathered.evidence.weights, gathered.evidence.stretch
+        one.trajectories = [run.removeprefix(f"{name}: ") for run in one.trajectories]
+        each.append(Log(name, one, days[k]))
+    variants = Variants(library, names, days)
+    stack = StackedEvidence(each, variants.acts, variants.plain)
+    with threadpool_limits(1), effects_beside(variants.effects):
+        found, _ = explained(stack, stack, variants, [*_heard(gathered), *notes], rng, say)
+    sizes = {name: (len(log), log["trajectory"].nunique()) for name, log in logs.items()}
+    return replace(found, logs=sized(found.logs, sizes, held)), gathered
+
+
+def _named(
+    found: Diagnosis, simulator: Simulator, problem: Problem, causes: Sequence[tuple[str, Mapping[str, float]]],
+    gathered: Gathered, notes: Sequence[str],
+) -> Diagnosis:  # fmt: skip
+    """Return a diagnosis in the names of the log's signals, with the simulator and the corrected one."""
+    names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
+    speed = f"d{problem.roles['position']}" if "position" in problem.roles else "velocity"
+    names = {name: speed if label == "velocity" else label for name, label in names.items()}
+    taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
+    corrected: Any = problem.fitted or simulator
+    if causes:
+        corrected = corrected.corrected(causes, -1 if gathered.scaling.target < 0 else 1, problem.unit)
+    run = found.next_experiment
+    return replace(
+        found,
+        nominal=simulator,
+        corrected=corrected,
+        windows=found.windows.drop(columns=taken).rename(columns=names),  # a stroke is not a contraction
+        regions=[replace(r, query=re.sub(r"\bvelocity\b", speed, r.query)) for r in found.regions],
+        notes=[*notes, *found.notes],
+        next_experiment=run and _in_columns(run, problem.roles),
+    )
+
+
+def _in_columns(run: NextExperiment, roles: Mapping[str, str]) -> NextExperiment:
+    """Return a designed run with the names of the log's signals in place of roles."""
+    roles_first = sorted(roles, key=len, reverse=True)
+
+    def column(key: str) -> str:
+        role = next((r for r in roles_first if key == r or key.startswith(f"{r}_")), "")
+        return roles[role] + key[len(role) :] if role else key
+
+    return replace(run, trajectory={column(key): value for key, value in run.trajectory.items()})
