@@ -82,7 +82,7 @@ mV: millivolt
 µV: uv microvolt
 A: amp amps ampere
 mA: milliampere
-Nm: n*m n-m newtonmeter
+Nm: n*m n.m n-m newtonmeter
 Nmm: n*mm
 Ncm: n*cm
 lbf in: lbf*in in-lb in-lbs lb-in inlb lbin

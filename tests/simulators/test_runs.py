@@ -91,3 +91,24 @@ def test_one_cause_takes_not_too_many_runs(make, most, monkeypatch):
     named = zip(found.causes[0].effects, found.causes[0].where, strict=True)  # a gain of the pump says the same
     assert ("parameter_deviation", "k3") in named
     assert kept[0].simulated <= most
+
+
+def test_repeated_runs_of_a_simulator_without_states_say_how_large_the_noise_is():
+    def tank(u, p, x0):
+        h, out = 3.0, []
+        for pump in u["pump"]:
+            out.append(h)
+            h = h + DT * (p.k1 * pump - p.k2 * np.sqrt(max(h, 0.0)))
+        return [np.array(out)]
+
+    ports = [Port("pump", "input", "V"), Port("level", "output", "cm")]
+    simulator = FunctionSimulator(tank, ports, {"k1": 0.06, "k2": 0.05}, form="run")
+    rng, t = np.random.default_rng(2), DT * np.arange(200)
+    pump = 3.0 + np.sin(0.02 * t)
+    [level] = tank({"pump": pump}, type("P", (), {"k1": 0.06, "k2": 0.05}), np.zeros(0))
+    runs = [
+        pd.DataFrame({"trajectory": f"{k}", "time": t, "pump": pump, "level": level + rng.normal(0, 0.02, len(t))})
+        for k in range(2)
+    ]
+    evidence = ShootingEvidence(port_log(pd.concat(runs), simulator), simulator)
+    assert evidence.noise.mean() == pytest.approx(0.02 / np.sqrt(evidence.n), rel=0.5)

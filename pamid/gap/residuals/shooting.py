@@ -303,6 +303,8 @@ class ShootingEvidence(PredictedEvidence):
         Projections over stretches of other lengths differ by themselves: initial states are projected out of the
         difference, not of each run.
         """
+        if not len(self._x0):
+            return super()._differences(a, b)
         left = self._left(self.log.channels, self._plain)
         whole = np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
         slopes = [np.concatenate([o[:, j] for o in self._O], axis=1) for j in range(len(self.shown))]
