@@ -85,7 +85,8 @@ def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
         return ""
     for position, rate, force in (("angle", "angular rate", "torque"), ("length", "speed", "force")):
         kinds = {p.name: (p.kind, dimension(p.unit)) for p in simulator.ports}
-        free = [n for n, kind in kinds.items() if kind == ("input", force) and n not in said]
+        acting = [n for n, kind in kinds.items() if kind == ("input", force)]
+        acting = [n for n in acting if n not in said] or acting  # what is not logged may stand for a load
         pairs = [
             (q, v)
             for q, of_q in kinds.items()
@@ -93,8 +94,8 @@ def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
             if of_q == ("output", position) and of_v == ("output", rate) and {q, v} <= set(said)
             if rate_between(t, frame[said[q]], frame[said[v]])[0] > 0.9
         ]
-        if len(free) == 1 == len(pairs):
-            (q, v), through = pairs[0], free[0]
+        if len(acting) == 1 == len(pairs):
+            (q, v), through = pairs[0], acting[0]
             unit = simulator.port(through).unit
             joint = Port(f"joint_of_{q}", "joint", unit, position=q, velocity=v, through=through)
             simulator.ports = (*simulator.ports, joint)

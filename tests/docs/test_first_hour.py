@@ -46,8 +46,8 @@ def test_printed_commands_alone_lead_from_a_raw_log_to_a_correction_that_runs(
             errors["corrected" in command] = max(
                 float(r) for r in re.findall(r"^\w+ +\S+ +\S+ +\S+ +\S+ +(\S+) ", said, re.M)[1:]
             )
-    assert set(printed) == set(commands[k][1:])
-    folder = tmp_path / ("arm", "motor")[k] / "diagnosis"
-    found = json.loads((folder / "diagnosis.json").read_text())
+    folder = ("arm", "motor")[k]
+    assert set(printed) == {*commands[k][1:], f"pamid next {folder}/diagnosis{' --trust' * k}"}
+    found = json.loads((tmp_path / folder / "diagnosis" / "diagnosis.json").read_text())
     assert [c["effects"][0] for c in found["causes"]] == ["viscous_friction"]
     assert errors[True] < 0.2 * errors[False]
