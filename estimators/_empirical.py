@@ -18,6 +18,7 @@ from pamid.signals.state import State
 from pamid.volume import FitParameter
 
 from ._base import SignalRegressor, state_of
+from ._bounded_fit import BoundedFit
 from ._classical import warn_of_still_signals
 from ._parameters import parameters
 from ._streaming import Streaming
@@ -29,7 +30,7 @@ _NORMAL_95 = 1.959963984540054
 
 
 @parameters
-class EmpiricalForce(Streaming, SignalRegressor):
+class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
     """A force as a formula of the state; subclasses give the formula, its parameters and where the search starts.
 
     Parameters
@@ -45,23 +46,8 @@ class EmpiricalForce(Streaming, SignalRegressor):
 
     Attributes
     ----------
-    parameters_ : dict of str to float
-        Every parameter, fitted or held, SI units.
-    standard_errors_ : dict of str to float
-        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
-        on a bound. With `groups`, cluster-robust.
     intervals_ : dict of str to tuple of two floats
         Their 95 % intervals.
-    units_ : dict of str to str
-        Their units.
-    fitted_names_ : list of str
-        The parameters that were fitted, in the order of `covariance_`.
-    covariance_ : ndarray, shape (n_fitted, n_fitted)
-        Covariance of the fitted parameters.
-    at_bound_ : list of str
-        Fitted parameters that lie on a bound.
-    n_iter_ : int
-        Evaluations used.
     """
 
     equations = ("force",)
@@ -218,12 +204,6 @@ class EmpiricalForce(Streaming, SignalRegressor):
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         state = State(*(signals.get(s, 0.0) for s in State._fields))
         return {"force": ("N", self._force(self.parameters_, state))}
-
-    @property
-    def n_parameters_(self) -> int:
-        """Number of fitted parameters."""
-        check_is_fitted(self, "fitted_names_")
-        return len(self.fitted_names_)
 
     def _gauge(self, state: State) -> Any:
         return state.P - self.atmospheric_pressure

@@ -9,7 +9,6 @@ from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError, VolumeWarning
@@ -17,6 +16,7 @@ from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, FitParameter, VolumeJet, all_volumes
 
+from ._bounded_fit import BoundedFit
 from ._classical import ClassicalRegressor, warn_of_still_signals
 from ._parameters import parameters
 from ._streaming import Streaming
@@ -44,7 +44,7 @@ def _changed(nominal: ClassicalVolume, values: tuple[tuple[str, float], ...]) ->
 
 
 @parameters
-class GeometricRegressor(Streaming, ClassicalRegressor):
+class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
     """From the name of a volume model to its parameters with units and errors, whatever the law.
 
     Parameters
@@ -64,23 +64,6 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
     max_iter : int
         Maximum number of evaluations of the model.
 
-    Attributes
-    ----------
-    parameters_ : dict of str to float
-        Every parameter of the model, fitted or held, SI units.
-    standard_errors_ : dict of str to float
-        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
-        on a bound. With `groups`, cluster-robust.
-    units_ : dict of str to str
-        Their units.
-    fitted_names_ : list of str
-        The parameters that were fitted, in the order of `covariance_`.
-    covariance_ : ndarray, shape (n_fitted, n_fitted)
-        Covariance of the fitted parameters.
-    at_bound_ : list of str
-        Fitted parameters that lie on a bound.
-    n_iter_ : int
-        Evaluations used.
     """
 
     model: str = "chou_hannaford"
@@ -291,12 +274,6 @@ class GeometricRegressor(Streaming, ClassicalRegressor):
             if cost < least:
                 best, least = x, cost
         return best
-
-    @property
-    def n_parameters_(self) -> int:
-        """Number of fitted parameters."""
-        check_is_fitted(self, "fitted_names_")
-        return len(self.fitted_names_)
 
     def _jet(self, state: State) -> VolumeJet:
         return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)

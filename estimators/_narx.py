@@ -99,6 +99,10 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
     delay: int = field(default=0, init=False)
     alpha: float = field(default=0.0, init=False)
 
+    @classmethod
+    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
+        return {"": {}, "one step": {"horizon": 1}}
+
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))

@@ -160,13 +160,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
         With `forget_rows` their weight fades by 1/e over so many rows. Once most of it has faded, the network goes on
         from where it stands, which it keeps as far as the memory says nothing, and its error on the memory never rises.
         A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit` starts again.
-
-        Parameters
-        ----------
-        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
-            Target.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, as in fit.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 

@@ -190,13 +190,6 @@ class CarriedForce(Streaming, SignalRegressor):
 
         Up to 5,000 different rows, with memory 20,000 rows of whole runs, the model after any number of batches is
         that of one `fit` on all of them.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            As in `fit`.
-        y : array_like, shape (n_samples,)
-            Tension, N.
         """
         return self._partial_fit_rows(X, y, sample_weight, groups)
 

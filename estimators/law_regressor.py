@@ -104,15 +104,7 @@ class LawRegressor(SignalRegressor):
         return self
 
     def partial_fit(self, X: Any, y: Any) -> Self:
-        """Find the columns at the first call, and check those of later ones: a law has nothing to learn.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle, its volume and the volume's derivatives.
-        y : array, shape (n_samples,)
-            What was measured; only checked.
-        """
+        """Find the columns at the first call, and check those of later ones: a law has nothing to learn."""
         if not hasattr(self, "signal_columns_"):
             return self.fit(X, y)
         self._read_targets(X, y, reset=False)

@@ -73,10 +73,6 @@ class NNARX(NARXRegressor):
     alpha: float = 1.0
     random_state: Any = None
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}, "one step": {"horizon": 1}}
-
     def _check_parameters(self) -> None:
         super()._check_parameters()
         check_counts(self, "hidden")

@@ -77,10 +77,6 @@ class PolynomialNARX(NARXRegressor):
     threshold: float = 1e-6
     alpha: float = 1e-3
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}, "one step": {"horizon": 1}}
-
     def _check_parameters(self) -> None:
         super()._check_parameters()
         check_counts(self, "degree", "n_terms")

@@ -202,15 +202,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
         They are those of one `fit` on all runs up to 20,000 rows; above, those of a random sample of whole ones.
         A repeated run adds nothing.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, run by run.
-        y : None
-            Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
         """
         return self._partial_fit_rows(X, y, None, groups)
 
@@ -288,15 +279,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> Any:
         """Fit to X and append the rates to it.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, run by run.
-        y : None
-            Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------

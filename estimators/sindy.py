@@ -104,11 +104,6 @@ class SINDyRegressor(PolynomialLibraryMixin, SignalRegressor):
         The rows are compressed into a triangular factor of fixed size, which gives the sparse regression the same
         information as the rows; an optimizer of PySINDy that draws among rows draws among those of the factor, in `fit`
         too.
-
-        Parameters
-        ----------
-        y : array_like, shape (n_samples,)
-            Target, as in `fit`.
         """
         if not hasattr(self, "factor_"):
             return self.fit(X, y, sample_weight)

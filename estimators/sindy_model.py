@@ -147,10 +147,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            States and inputs, SI units, in time order within each run.
-        y : array_like, shape (n_samples,) or (n_samples, n_states), optional
-            Rates of the states, as in `fit`.
         groups : array_like, shape (n_samples,), optional
             Run of each row; no run continues from one call to the next.
         """

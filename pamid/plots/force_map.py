@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@dataclass(eq=False, repr=False)
 class ForceMapDisplay:
     """Force over contraction and gauge pressure at rest, with the samples that a fit had.
 
@@ -43,11 +45,10 @@ class ForceMapDisplay:
     (60, 60)
     """
 
-    def __init__(self, eps: np.ndarray, p_gauge: np.ndarray, force: np.ndarray, samples: np.ndarray) -> None:
-        self.eps = eps
-        self.p_gauge = p_gauge
-        self.force = force
-        self.samples = samples
+    eps: np.ndarray
+    p_gauge: np.ndarray
+    force: np.ndarray
+    samples: np.ndarray
 
     @classmethod
     def from_estimator(

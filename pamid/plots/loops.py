@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
+@dataclass(eq=False, repr=False)
 class LoopDisplay:
     """Target over the contraction (or another signal), run by run, measured and predicted.
 
@@ -56,22 +58,15 @@ class LoopDisplay:
     'force / N'
     """
 
-    def __init__(
-        self,
-        x: np.ndarray,
-        y_true: np.ndarray,
-        y_pred: np.ndarray,
-        groups: np.ndarray,
-        across: str = "eps",
-        unit: str = "N",
-    ) -> None:
-        same_length(x=x, y_true=y_true, y_pred=y_pred, groups=groups)
-        self.x = x
-        self.y_true = y_true
-        self.y_pred = y_pred
-        self.groups = groups
-        self.across = across
-        self.unit = unit
+    x: np.ndarray
+    y_true: np.ndarray
+    y_pred: np.ndarray
+    groups: np.ndarray
+    across: str = "eps"
+    unit: str = "N"
+
+    def __post_init__(self) -> None:
+        same_length(x=self.x, y_true=self.y_true, y_pred=self.y_pred, groups=self.groups)
 
     @classmethod
     def from_estimator(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -18,6 +19,7 @@ _BACK = "#E4E4E4"  # where there are no data
 _FEWEST = 3  # samples in a cell that is drawn
 
 
+@dataclass(eq=False, repr=False)
 class ResidualMapDisplay:
     """Mean of measured less predicted over two signals of the state.
 
@@ -54,19 +56,11 @@ class ResidualMapDisplay:
     ((14, 18), True)
     """
 
-    def __init__(
-        self,
-        edges_x: np.ndarray,
-        edges_y: np.ndarray,
-        residual: np.ndarray,
-        over: tuple[str, str],
-        unit: str = "N",
-    ) -> None:
-        self.edges_x = edges_x
-        self.edges_y = edges_y
-        self.residual = residual
-        self.over = over
-        self.unit = unit
+    edges_x: np.ndarray
+    edges_y: np.ndarray
+    residual: np.ndarray
+    over: tuple[str, str]
+    unit: str = "N"
 
     @classmethod
     def from_estimator(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pale
 
 
+@dataclass(eq=False, repr=False)
 class VolumeSurfaceDisplay:
     """Identified volume over contraction and gauge pressure, and its relative uncertainty as lines.
 
@@ -59,14 +61,11 @@ class VolumeSurfaceDisplay:
     ((40, 40), True)
     """
 
-    def __init__(
-        self, eps: np.ndarray, p_gauge: np.ndarray, V: np.ndarray, V_std: np.ndarray, known: np.ndarray
-    ) -> None:
-        self.eps = eps
-        self.p_gauge = p_gauge
-        self.V = V
-        self.V_std = V_std
-        self.known = known
+    eps: np.ndarray
+    p_gauge: np.ndarray
+    V: np.ndarray
+    V_std: np.ndarray
+    known: np.ndarray
 
     @classmethod
     def from_estimator(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -21,6 +22,7 @@ _POINTS = 81
 _LEAST = 5e-3  # contraction over which a volume is drawn at least
 
 
+@dataclass(eq=False, repr=False)
 class VolumeDisplay:
     """Identified volume of a muscle over its contraction, at several pressures, beside its geometry.
 
@@ -54,21 +56,12 @@ class VolumeDisplay:
     (3, 81)
     """
 
-    def __init__(
-        self,
-        eps: np.ndarray,
-        pressures: np.ndarray,
-        V: np.ndarray,
-        V_eps: np.ndarray,
-        covered: np.ndarray,
-        geometry: dict[str, tuple[np.ndarray, np.ndarray]],
-    ) -> None:
-        self.eps = eps
-        self.pressures = pressures
-        self.V = V
-        self.V_eps = V_eps
-        self.covered = covered
-        self.geometry = geometry
+    eps: np.ndarray
+    pressures: np.ndarray
+    V: np.ndarray
+    V_eps: np.ndarray
+    covered: np.ndarray
+    geometry: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @classmethod
     def from_estimator(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from ..compare.whiteness import ResidualTest
 
 
+@dataclass(eq=False, repr=False)
 class ResidualTestDisplay:
     """Autocorrelation of a residual, and its correlation with each input, with their bands.
 
@@ -47,8 +49,7 @@ class ResidualTestDisplay:
     2
     """
 
-    def __init__(self, test: ResidualTest) -> None:
-        self.test = test
+    test: ResidualTest
 
     @classmethod
     def from_estimator(
