@@ -1,6 +1,6 @@
-"""Readings that a sensor cannot give, or hardly gives: found in every log that is read, and told.
+"""Impossible or unlikely readings of a sensor: found in every log that is read, and reported.
 
-The pass is one for all commands: it runs while a log is read, on signals in SI.
+All commands share this check: it runs while a log is read, on signals in SI.
 """
 
 from __future__ import annotations
