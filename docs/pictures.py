@@ -134,6 +134,7 @@ def arm() -> Figure:
     from contextlib import chdir
 
     from pamid.gap import diagnose_simulator
+    from pamid.signals import read_log
     from pamid.simulators import MujocoSimulator
 
     page = (IMAGES.parent / "simulator-mujoco.md").read_text(encoding="utf-8")
@@ -141,8 +142,8 @@ def arm() -> Figure:
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         for block in (model, recorded):
             exec(block, {"__name__": "page"})
-        columns = {"current": "motor", "angle": "hinge_q", "speed": "hinge_dq"}
-        log = pd.read_csv("arm.csv").rename(columns=columns)
+        columns = {"motor": "torques[0]", "hinge_q": "positions[0]", "hinge_dq": "velocities[0]"}
+        log = read_log("run*/*.csv", {"time": {"column": "timestamp", "unit": "us"}, **columns})
         library = ["viscous_friction", "coulomb_friction", "quadratic_drag", "actuator_gain", "sensor_gain"]
         found = diagnose_simulator(log, MujocoSimulator("arm.xml"), library)
     with style():
@@ -159,7 +160,7 @@ def arm() -> Figure:
 
 
 def _swing(ax: mpl.axes.Axes, log: pd.DataFrame) -> None:
-    angles = log.loc[log["trajectory"] == "run 0", "hinge_q"].to_numpy()[:160:20]
+    angles = log.loc[log["trajectory"] == "run0", "hinge_q"].to_numpy()[:160:20]
     for place, angle in enumerate(angles):
         x, z = -0.3 * np.sin(angle), -0.3 * np.cos(angle)
         ax.plot([0, x], [0, z], color=BLUE, linewidth=9, solid_capstyle="round", alpha=0.15 + 0.1 * place)
