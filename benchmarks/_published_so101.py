@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from benchmarks._so101_fits import (
     TOOLS,
     Fit,
     Motions,
-    Numbers,
+    directions,
     errors_of,
     free_runs,
     loaded,
@@ -43,7 +43,9 @@ EFFECTS = (
 )
 """What may act between the command of a position servo and the reading of its joint."""
 STEP = 0.01
-"""Step of MuJoCo's implicit integrator in fits and diagnoses, s; errors are told at MuJoCo's usual 0.002 s."""
+"""Step of MuJoCo's implicit integrator, s."""
+PIECE, THIN = 15.0, 2
+"""A diagnosis reads the first and the last seconds of a motion, each second row."""
 PROCESSES = 2
 Causes = list[tuple[str, str, dict[str, float]]]
 """Effect, port, values."""
@@ -97,33 +99,40 @@ def servo(folder: Path, joint: str) -> Any:
 
 
 def of_servo(motions: Motions, joint: str) -> pd.DataFrame:
-    """Return the log of a servo in the motions that command it to move; a run begins at its first reading."""
-    moved = {n: log for n, log in motions.items() if np.ptp(log[f"{joint}_ctrl"]) > 0.0}
+    """Return the log of a servo where it is commanded to move; a run begins at its first reading."""
+    pieces = {}
+    for n, log in motions.items():
+        rows = round(PIECE / float(np.median(np.diff(log["time"]))))
+        pieces |= {f"{n}, begin": log.iloc[:rows:THIN], f"{n}, end": log.iloc[-rows::THIN]}
+    moved = {n: log for n, log in pieces.items() if np.ptp(log[f"{joint}_ctrl"]) > 0.0}
     parts = [
         pd.DataFrame({"trajectory": n, "time": log["time"], "command": log[f"{joint}_ctrl"], "angle": log[joint],
                       "begin": log[joint].iloc[0]}) for n, log in moved.items()]  # fmt: skip
     return pd.concat(parts, ignore_index=True)
 
 
-def diagnosed(job: tuple[Path, str, Motions]) -> tuple[str, Causes, str, float]:
-    """Return the causes that a diagnosis of a servo names, what it says, and its time, s."""
+def diagnosed(job: tuple[Path, str, Motions]) -> tuple[str, Causes, float]:
+    """Return the causes that a diagnosis of a servo names, and its time of CPU, s."""
     from pamid.gap import diagnose_simulator
 
     folder, joint, motions = job
-    begun = time.perf_counter()
+    begun = time.process_time()
     found = diagnose_simulator(of_servo(motions, joint), servo(folder, joint), EFFECTS, seed=0)
     causes = [] if found.corrected is None else [(n, w, dict(v)) for n, w, v in found.corrected.effects]
-    return joint, causes, str(found), time.perf_counter() - begun
+    return joint, causes, time.process_time() - begun
 
 
-def all_diagnosed(folder: Path, motions: Motions) -> dict[str, tuple[Causes, str, float]]:
-    """Return the same of all servos, in processes."""
+def all_diagnosed(folder: Path, motions: Motions) -> tuple[dict[str, Causes], float]:
+    """Return and print the causes at all servos, diagnosed in processes; and the time of CPU, s."""
     import multiprocessing
 
+    answers, total = {}, 0.0
     with multiprocessing.get_context("fork").Pool(PROCESSES) as pool:
-        found = pool.imap_unordered(diagnosed, [(folder, j, motions) for j in JOINTS])
-        answers = {joint: (causes, said, seconds) for joint, causes, said, seconds in found}
-    return {j: answers[j] for j in JOINTS}
+        for joint, causes, seconds in pool.imap_unordered(diagnosed, [(folder, j, motions) for j in JOINTS]):
+            said = "; ".join(f"{n} {', '.join(f'{k} {x:.3g}' for k, x in v.items())}" for n, _, v in causes)
+            print(f"  {joint}, {seconds:.0f} s of CPU: {said or 'no cause'}", flush=True)
+            answers[joint], total = causes, total + seconds
+    return answers, total
 
 
 def corrected(model: Any, motions: Motions, causes: Mapping[str, Causes]) -> dict[str, np.ndarray]:
@@ -169,25 +178,21 @@ def told(errors: Mapping[str, Sequence[float]], names: Sequence[str]) -> tuple[f
     return 1e3 * float(np.sqrt(squares.mean())), 1e3 * np.sqrt(squares.mean(axis=0))
 
 
-def other_tools(folder: Path, model: Any, motions: Motions, train: Motions) -> dict[str, dict[str, np.ndarray]]:
-    """Return free runs of what other tools fit, and what they fitted in words."""
-    found = {"public model": free_runs(model, public(model), motions),
-             "vendor's fit, another arm": free_runs(model, vendors(model), motions)}  # fmt: skip
+def others(folder: Path, motions: Motions, train: Motions) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Yield free runs of what other tools fit, and print what they fitted and what their motions leave open."""
+    model = loaded(folder, STEP, implicit=True)
+    yield "public model", free_runs(model, public(model), motions)
+    yield "vendor's fit, another arm", free_runs(model, vendors(model), motions)
     for title, free in TOOLS.items():
-        begun = time.perf_counter()
-        numbers = fitted(folder, train, free)
-        print(f"  {title}, {time.perf_counter() - begun:.0f} s: " + "; ".join(
+        begun, fit = time.process_time(), Fit(model, train, free)
+        numbers, slopes = fit.run({w: x for w, x in SOFT.items() if w in free})
+        print(f"  {title}, {time.process_time() - begun:.0f} s of CPU: " + "; ".join(
             f"{w} {', '.join(f'{x:.3g}' for x in numbers[w])}" for w in free), flush=True)  # fmt: skip
-        found[title] = free_runs(model, numbers, motions)
-    found["boosted trees on the residual"] = trees(model, train, motions)
-    return found
-
-
-def fitted(folder: Path, train: Motions, free: Sequence[str]) -> Numbers:
-    """Return what fits best, from the public numbers and from a soft servo with friction."""
-    fit = Fit(loaded(folder, STEP, implicit=True), train, free)
-    tries = [fit.run({}), fit.run({w: x for w, x in SOFT.items() if w in free})]
-    return min(tries, key=lambda found: found[1])[0]
+        if "kp" in free:
+            for joint, found in directions(fit, slopes).items():
+                print(f"    {joint}: " + "; ".join(f"{size:.2g} mrad for {words}" for size, words in found), flush=True)
+        yield title, free_runs(model, numbers, motions)
+    yield "boosted trees on the residual", trees(model, train, motions)
 
 
 def draw(motions: Motions, runs: Mapping[str, Mapping[str, np.ndarray]], where: tuple[str, str], path: Path) -> None:
@@ -218,31 +223,31 @@ def study(folder: Path, plots: Path | None = None) -> None:
     motions = {p.parent.name: read(p.parent) for p in sorted(folder.glob("*/state_motor.csv"))}
     fit, left = split(list(motions))
     train = {n: motions[n] for n in fit}
-    model = loaded(folder)
     print(f"SO-101: {len(motions)} motions; fitted (seed {SEED}): {', '.join(fit)}")
-    started = time.perf_counter()
-    answers = all_diagnosed(folder, train)
-    seconds = time.perf_counter() - started
-    for joint, (causes, _, took) in answers.items():
-        said = "; ".join(f"{n} {', '.join(f'{k} {x:.3g}' for k, x in v.items())}" for n, _, v in causes)
-        print(f"  {joint}, {took:.0f} s: {said or 'no cause'}", flush=True)
-    runs = other_tools(folder, model, motions, train)
-    runs["pamid: causes it names"] = corrected(model, motions, {j: a[0] for j, a in answers.items()})
-    print(f"  {'free-run error, mrad':34s} {'fitted':>6s} {'left out':>8s}  by joint, left out ({', '.join(JOINTS)})")
-    errors = {title: errors_of(found, motions) for title, found in runs.items()}
-    for title, found in errors.items():
-        here, (there, joints) = told(found, fit)[0], told(found, left)
-        print(f"  {title:34s} {here:6.1f} {there:8.1f}  {', '.join(f'{x:.1f}' for x in joints)}")
-    own, others = (
-        [told(e, left)[0] for t, e in errors.items() if t.startswith("pamid") is mine] for mine in (True, False)
-    )
-    best = min(others)
+    print(f"  free-run error, mrad: fitted, left out, by joint of those left out ({', '.join(JOINTS)})", flush=True)
+    best, runs = np.inf, {}
+    for title, runs[title] in others(folder, motions, train):
+        best = min(best, line(title, runs[title], motions, fit, left))
+    causes, seconds = all_diagnosed(folder, train)
+    name = "pamid: causes it names"
+    runs[name] = corrected(loaded(folder, STEP, implicit=True), motions, causes)
+    own = line(name, runs[name], motions, fit, left)
     said = {True: "reached", False: "missed"}
-    print(f"  target {TARGET:.0f} mrad: {said[own[0] <= TARGET]}; {own[0] / best:.2f} of the best other")
-    print(f"  target {RATIO} of the best other: {said[own[0] <= RATIO * best]}")
-    print(f"  {seconds:.0f} s for {len(JOINTS)} diagnoses on {PROCESSES} processes, target {60 * MINUTES:.0f} s:")
-    print(f"    {said[seconds <= 60 * MINUTES]}; {time.perf_counter() - begun:.0f} s in all")
+    print(f"  target {TARGET:.0f} mrad: {said[own <= TARGET]}")
+    print(f"  target {RATIO} of the best other: {own / best:.2f}, {said[own <= RATIO * best]}")
+    print(f"  {seconds:.0f} s of CPU for {len(JOINTS)} diagnoses; target {60 * MINUTES:.0f} s of {PROCESSES} cores:")
+    print(f"    {said[seconds <= 60 * MINUTES * PROCESSES]}; {time.perf_counter() - begun:.0f} s in all")
     if plots is not None:
-        shown = {"public model": runs["public model"], "with the named causes": runs["pamid: causes it names"]}
+        shown = {"public model": runs["public model"], "with the named causes": runs[name]}
         place = "multisine" if "multisine" in left else left[0]
         draw(motions, shown, (place, "elbow_flex"), plots / "published-so101.svg")
+
+
+def line(
+    title: str, runs: Mapping[str, np.ndarray], motions: Motions, fit: Sequence[str], left: Sequence[str]
+) -> float:
+    """Print a row of the table; return the error on the motions left out, mrad."""
+    errors = errors_of(runs, motions)
+    here, (there, joints) = told(errors, fit)[0], told(errors, left)
+    print(f"  {title:34s} {here:6.1f} {there:8.1f}  {', '.join(f'{x:.1f}' for x in joints)}", flush=True)
+    return there

@@ -145,8 +145,8 @@ class Fit:
                 out[j::many, k * many + j] = change[:, j]
         return out
 
-    def run(self, start: Mapping[str, float], rounds: int = 8) -> tuple[Numbers, float]:
-        """Return the numbers that fit best from a start, and what is left, mrad."""
+    def run(self, start: Mapping[str, float], rounds: int = 8) -> tuple[Numbers, np.ndarray]:
+        """Return the numbers that fit best from a start, and the slopes of the residuals there."""
         from scipy.optimize import least_squares
 
         begin = np.concatenate([
@@ -155,7 +155,22 @@ class Fit:
         inside = np.clip(begin, self.low + 1e-6, self.high - 1e-6)
         found = least_squares(lambda z: self.residuals(z).ravel(), inside, self.slopes, (self.low, self.high),
                               x_scale="jac", max_nfev=rounds, ftol=1e-3, xtol=1e-4)  # fmt: skip
-        return self.numbers(found.x), float(np.sqrt(2 * found.cost / len(self.motions) / len(JOINTS)))
+        return self.numbers(found.x), np.asarray(found.jac)
+
+
+def directions(fit: Fit, slopes: np.ndarray) -> dict[str, list[tuple[float, str]]]:
+    """Return by joint by how much its free runs change, mrad, along products of powers of its numbers.
+
+    From the largest change to the smallest: along the last the motions hardly tell the numbers apart.
+    """
+    many, found = len(JOINTS), {}
+    for j, joint in enumerate(JOINTS):
+        _, sizes, ways = np.linalg.svd(slopes[j::many, j::many] / np.sqrt(len(fit.motions)), full_matrices=False)
+        words = [
+            " ".join(f"{w}^{x:+.1f}" for w, x in zip(fit.free, way, strict=True) if abs(x) >= 0.15) for way in ways
+        ]
+        found[joint] = list(zip(map(float, sizes), words, strict=True))
+    return found
 
 
 def columns(log: pd.DataFrame, run: np.ndarray) -> np.ndarray:
