@@ -73,7 +73,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     left_out = [line(blocks["festo"], f"{length} cm, all contractions")[-1] for length in (20, 30, 40)]
     yield "benchmarks/figures.md", "its pooled error is {}, {} and {} of the plain network's".format(*left_out)
     memory = line(blocks["festo"], "StaticPIHM(effects=...)")[:3]
-    yield "docs/measured.md", "{}, {}, {} N with `StaticPIHM(effects=".format(*memory)
+    yield "benchmarks/targets.md", "{}, {}, {} N with `StaticPIHM(effects=".format(*memory)
 
     lift, force, festo = (
         line(blocks[name], "jax-sysid")[0] for name in ("peers-dynamic", "peers-force", "peers-festo")
@@ -171,7 +171,7 @@ def disagreements(text: str, blocks: dict[str, str]) -> list[str]:
     return wrong
 
 
-MARKED = ("README.md", "docs/adaptation.md", "docs/choosing.md", "docs/inverse.md", "docs/measured.md")
+MARKED = ("README.md", "docs/adaptation.md", "docs/choosing.md", "docs/inverse.md", "benchmarks/targets.md")
 
 
 @pytest.mark.parametrize("name", MARKED)
