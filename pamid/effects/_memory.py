@@ -55,10 +55,10 @@ def relax(x: Array, v0: Array, v1: Array, dt: float, tau: float) -> Array:
     return x * decay + v0 * (mean - decay) + v1 * (1.0 - mean)
 
 
-def half_relaxed(stiffness: Sequence[float], taus: Sequence[float], seconds: float) -> bool:
-    """Return whether springs that relax lose at least half of their stiffness in a time."""
-    left = sum(k * np.exp(-seconds / tau) for k, tau in zip(stiffness, taus, strict=True))
-    return bool(left <= 0.5 * sum(stiffness))
+def mostly_lasting(stiffness: Sequence[float], taus: Sequence[float], seconds: float) -> bool:
+    """Return whether more stiffness is in springs that lose less than a tenth of it in a time than in others."""
+    lasting = sum(k for k, tau in zip(stiffness, taus, strict=True) if np.exp(-seconds / tau) > 0.9)
+    return lasting > 0.5 * sum(stiffness)
 
 
 def relax_along(v: Array, dt: float, tau: float, starts: Array) -> Array:

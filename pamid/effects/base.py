@@ -358,7 +358,7 @@ class Effect(ABC):
         return ()
 
     def elastic(self, seconds: float) -> bool:
-        """Return whether it relaxes by less than half within a run of this length: a spring, whatever it is later."""
+        """Return whether most of it does not relax within a run of this length: it is a spring there."""
         return False
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:

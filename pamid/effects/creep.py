@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import half_relaxed, relax, relax_along
+from ._memory import mostly_lasting, relax, relax_along
 from .base import Effect, Signals
 from .plant import Plant
 from .values import Parameter
@@ -92,9 +92,9 @@ class Creep(Effect):
         return tuple(("force", tau, stiffness * off) for tau, stiffness in springs if stiffness * off > 0.0)
 
     def elastic(self, seconds: float) -> bool:
-        """Return whether the springs keep more than half of their stiffness."""
+        """Return whether most of the stiffness does not relax."""
         stiffness = (self.stiffness, self.slow_stiffness)
-        return not half_relaxed(stiffness, (self.time_constant, self.slow_time_constant), seconds)
+        return mostly_lasting(stiffness, (self.time_constant, self.slow_time_constant), seconds)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of both springs, N."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import branches_along, branches_at, branches_relax, half_relaxed
+from ._memory import branches_along, branches_at, branches_relax, mostly_lasting
 from .base import Effect, Signals
 from .plant import Plant
 from .values import Parameter
@@ -73,8 +73,8 @@ class Maxwell(Effect):
         return branches_along(s.position, dt, self._taus, starts)
 
     def elastic(self, seconds: float) -> bool:
-        """Return whether the branches keep more than half of their stiffness."""
-        return not half_relaxed((self.fast, self.middle, self.slow), self._taus, seconds)
+        """Return whether most of the stiffness does not relax."""
+        return mostly_lasting((self.fast, self.middle, self.slow), self._taus, seconds)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of the three branches, N."""

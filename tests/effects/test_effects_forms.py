@@ -210,5 +210,5 @@ def test_what_does_not_relax_within_a_run_is_a_spring():
     slow = make_effect("creep", stiffness=0.0, slow_stiffness=7.5, slow_time_constant=1000.0)
     assert slow.elastic(2.6) and not slow.elastic(1000.0)
     assert not make_effect("creep", slow_stiffness=7.5, slow_time_constant=1000.0).elastic(2.6)  # most of it is fast
-    assert make_effect("maxwell", time_constant=100.0).elastic(2.6)
+    assert make_effect("maxwell", fast=0.0, middle=0.0, time_constant=100.0).elastic(2.6)
     assert not make_effect("coulomb_friction").elastic(2.6)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.gap import simulated
+from pamid.gap import at_ports, diagnose_simulator
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
@@ -85,9 +85,9 @@ def test_what_small_changes_do_follows_without_runs(make):
 
 @pytest.mark.parametrize(("make", "most"), [(tanks, 240.0), (whole_tanks, 140.0)])
 def test_one_cause_takes_not_too_many_runs(make, most, monkeypatch):
-    kept, of = [], simulated.evidence_of
-    monkeypatch.setattr(simulated, "evidence_of", lambda *a, **k: kept.append(of(*a, **k)) or kept[-1])
-    found = simulated.diagnose_simulator(tank_log(k3=0.06), make())
+    kept, of = [], at_ports.evidence_of
+    monkeypatch.setattr(at_ports, "evidence_of", lambda *a, **k: kept.append(of(*a, **k)) or kept[-1])
+    found = diagnose_simulator(tank_log(k3=0.06), make())
     named = zip(found.causes[0].effects, found.causes[0].where, strict=True)  # a gain of the pump says the same
     assert ("parameter_deviation", "k3") in named
     assert kept[0].simulated <= most
