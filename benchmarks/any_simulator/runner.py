@@ -45,7 +45,7 @@ def _pamid(case: Case, simulator: Simulator) -> dict[str, Any]:
         closed = 1.0 - after / before if before > 0 else None
     return {
         "verdict": d.verdict, "p": d.p_value, "effect": first.effect, "port": first.where or "",
-        "confidence": first.confidence, "named": d.verdict in ("cause", "class", "several"),
+        "confidence": first.confidence, "named": any(c.grade != "family" for c in d.causes),
         "reserved": d.with_reserve,
         "gap": d.verdict != "none", "closed": closed, "seconds": seconds,
         "causes": [{"effects": list(c.effects), "where": list(c.where), "share": c.share,

@@ -130,11 +130,12 @@ def answer(
     where = d.get("where", {}).get("equations", [])
     closures = {c["equation"]: c for c in d.get("closure", [])}
     closure = closures.get(true.equations[0]) if true.equations else None
+    names = [c for c in d.get("causes", []) if c.get("grade") != "family"]  # a family is not the name of its member
     return Answer(
         gap=bool(d["gap"]),
-        verdict=d["verdict"],
+        verdict=d["verdict"] if names or not d.get("causes") else "unknown",
         confidence={c["effect"]: float(c["confidence"]) for c in d["candidates"]},
-        causes=tuple(tuple(c["effects"]) for c in d.get("causes", [])),
+        causes=tuple(tuple(c["effects"]) for c in names),
         families=dict(families),
         equation=max(where, key=lambda e: e["share"])["equation"] if where and d["gap"] else None,
         region_f1=region and region[0],

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..effects import Effect
 from ..simulators.base import Simulator
+from ..simulators.dimensions import unit_powers
 from ..simulators.forces import as_force, force_per_input
 from ..simulators.of_parameters import FIXED
 from ..simulators.placement import Placement
@@ -158,15 +159,15 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     places = evidence.placements
     corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
     corrected = corrected if found.added else None
-    forces = _forces(evidence, found, corrected) if corrected is not None else []
+    notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
     about = (source or evidence).about
     free = source.free if source is not None else evidence.free
     begun = dict(zip(free, map(float, about), strict=True))
     return replace(
         found,
-        notes=[*found.notes, *forces],
-        causes=[_cause(c, places) for c in found.causes],
-        families=[_cause(c, places) for c in found.families],
+        notes=[*found.notes, *notes],
+        causes=[_cause(c, places, physical) for c in found.causes],
+        families=[_cause(c, places, physical) for c in found.families],
         candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         nominal=evidence.given,
@@ -198,11 +199,18 @@ def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
     )  # fmt: skip
 
 
-def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> list[str]:
-    """Return notes that convert sizes in the unit of an input to newtons, where a mass allows it."""
+def _forces(
+    evidence: PortEvidence, found: Diagnosis, corrected: Simulator
+) -> tuple[list[str], dict[tuple[str, str], str]]:
+    """Return notes and sizes in newtons for those in the unit of an input or an acceleration, where a mass allows it.
+
+    Sizes are by effect and parameter.
+    """
+    notes: list[str] = []
+    physical: dict[tuple[str, str], str] = {}
     if corrected.form != "ode":
-        return []
-    notes, some, signals = [], some_instants(evidence.log.n), evidence.signals()
+        return notes, physical
+    some, signals = some_instants(evidence.log.n), evidence.signals()
     x, u = (np.array([signals[n][some] for n in names]) for names in (corrected.states, corrected.inputs))
     for joint in evidence.joints:
         force = force_per_input(corrected, joint, evidence.log.t[some], x, u)
@@ -212,20 +220,25 @@ def _forces(evidence: PortEvidence, found: Diagnosis, corrected: Simulator) -> l
         for cause in found.added:
             for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False):
                 place = evidence.placements[name]
-                volts = place.name == "back_emf" or place.port != joint.name  # a back-EMF is not a force
-                sizes = {} if volts else _at(place, parameters)
-                for word, p in sizes.items():
-                    if (size := as_force(p.value, p.unit, joint.unit, force)) is not None:
-                        told[f"{place.name} {word}".replace("_", " ")] = f"{size[0]:.4g} {size[1]}"
+                if place.name == "back_emf" or place.port != joint.name:  # a back-EMF is not a force
+                    continue
+                for word, p in _at(place, parameters).items():
+                    if unit_powers(parameters[word].unit).get("N", 0) == 1:
+                        value, unit = as_force(p.value, p.unit, joint.unit, force)
+                        physical[name, word] = f"{value:.4g} {unit}"
+                        told[f"{place.name} {word}".replace("_", " ")] = physical[name, word]
         if told:
-            at = f"1 {joint.unit} at {joint.through} acts like {force.factor:.4g} {force.unit} at {joint.name}"
-            notes.append(f"With {force.mass}, {at}: {', '.join(f'{k} {v}' for k, v in told.items())}.")
-    return notes
+            at = f"at {joint.through} acts like" if joint.through else f"of {joint.name} takes"
+            notes.append(
+                f"With {force.mass}, 1 {joint.unit} {at} {force.factor:.4g} {force.unit}"
+                f"{f' at {joint.name}' if joint.through else ''}: {', '.join(f'{k} {v}' for k, v in told.items())}."
+            )
+    return notes, physical
 
 
-def _cause(cause: Cause, places: Mapping[str, Placement]) -> Cause:
+def _cause(cause: Cause, places: Mapping[str, Placement], physical: Mapping[tuple[str, str], str]) -> Cause:
     first, *others = [
-        _at(places[name], parameters)
+        {k: replace(p, physical=physical.get((name, k), "")) for k, p in _at(places[name], parameters).items()}
         for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False)
     ]
     names = tuple(places[e].name for e in cause.effects)

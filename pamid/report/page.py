@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
-from .quantities import names_of
+from .quantities import names_of, typeset
 from .sections import Section, Source, all_sections
 
 if TYPE_CHECKING:
@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from ..gap.diagnosis.result import Diagnosis
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNIT = re.compile(r"(?<=\d) (?=%|(?:N|mg|Hz|bar|Pa|deg|rad|kg|K|m|s)\b)")
-_POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
 
 
 def report_html(
@@ -129,10 +127,8 @@ def _environment() -> Environment:
 
 
 def _typeset(text: str) -> str:
-    """Write powers as such: ``2e-10 m^3`` becomes 2 · 10⁻¹⁰ m³."""
-    text = _UNIT.sub("\u00a0", text)
-    text = _POWER.sub(lambda m: f" · 10{(m[1].replace('+', '') + m[2]).translate(_RAISED)}", text)
-    return re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), text)
+    """Write powers as such, and keep numbers and their units on one line."""
+    return typeset(_UNIT.sub("\u00a0", text))
 
 
 def _bar(share: Any) -> str:

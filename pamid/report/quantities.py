@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..plots.style import SHOWN
 from ..simulators.between import ends_of
+from ..simulators.dimensions import unit_powers
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause
@@ -41,7 +42,8 @@ class DisplayedQuantity(NamedTuple):
     @property
     def label(self) -> str:
         """Text for an axis."""
-        return f"{self.words} / {self.unit}" if self.unit else self.words
+        unit = typeset(self.unit)
+        return f"{self.words} / {f'({unit})' if '/' in unit else unit}" if unit else self.words
 
 
 SIGNALS = {
@@ -62,26 +64,43 @@ SIGNALS = {
 }
 """Signals of a log and what follows from them."""
 
-_PORTS: ContextVar[Mapping[str, str]] = ContextVar("ports", default=MappingProxyType({}))
+
+class _Spoken(NamedTuple):
+    """What words need to know of a diagnosis: its simulator's ports, parameters, and units of its equations."""
+
+    ports: Mapping[str, str] = MappingProxyType({})
+    numbers: Mapping[str, Any] = MappingProxyType({})
+    units: Mapping[str, str] = MappingProxyType({})
+
+
+_SILENT = _Spoken()
+_SPOKEN: ContextVar[_Spoken] = ContextVar("spoken", default=_SILENT)
 
 
 @contextmanager
 def names_of(diagnosis: Diagnosis) -> Iterator[None]:
-    """Let signals have the names and units of the simulator's ports, where these are not pamid's own signals.
+    """Let signals, equations and parameters have the names and units of the simulator's ports, where it has any.
 
     `u` is then what that simulator calls `u`, and not the command of a valve.
     """
     ports = () if getattr(diagnosis.nominal, "states_equation", True) else diagnosis.nominal.ports
-    token = _PORTS.set({p.name: p.unit for p in ports})
+    numbers = diagnosis.nominal.parameters if ports else {}
+    units = {e.equation: e.unit for e in diagnosis.equations} if ports else {}
+    token = _SPOKEN.set(_Spoken({p.name: p.unit for p in ports}, numbers, units))
     try:
         yield
     finally:
-        _PORTS.reset(token)
+        _SPOKEN.reset(token)
 
 
 def of_port(name: str) -> bool:
     """Return whether a signal is that of a port, see `names_of`."""
-    return name in _PORTS.get()
+    return name in _SPOKEN.get().ports
+
+
+def number_of(name: str) -> Any:
+    """Return the parameter of the simulator of a name; None where there is none."""
+    return _SPOKEN.get().numbers.get(name)
 
 
 RESIDUALS = {
@@ -95,12 +114,40 @@ RESIDUALS = {
 """What an equation's residual is called."""
 
 
+_FORCES = {"N m": "torque at", "N": "force at", "m/s^2": "acceleration of", "rad/s^2": "acceleration of"}
+"""What an equation of a simulator with ports balances, by its unit."""
+
+
 def equation(name: str) -> str:
-    """Return what an equation is called; one that combines two, by both."""
+    """Return what an equation is called: a bench's by its title, that of ports by what it balances."""
     from ..equations import all_equations
 
-    known = all_equations()
-    return known[name].title() if name in known else name
+    spoken, known = _SPOKEN.get(), all_equations()
+    if name not in spoken.units:
+        return known[name].title() if name in known else name
+    unit = spoken.units[name]
+    if unit == spoken.ports.get(name, unit):
+        return name
+    rate = unit_powers(unit) == unit_powers(f"{spoken.ports.get(name, '')}/s")
+    return f"{_FORCES[unit]} {name}" if unit in _FORCES else f"rate of {name}" if rate else name
+
+
+def in_equation(name: str) -> str:
+    """Return in which equation something is: ``in the force equation``, ``in the torque at hinge``, ``in y``."""
+    told = equation(name)
+    if name not in _SPOKEN.get().units:
+        return f"in the {told} equation"
+    return f"in {told}" if told == name else f"in the {told}"
+
+
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
+
+
+def typeset(text: str) -> str:
+    """Write powers as such: ``2e-10 m^3`` becomes 2 · 10⁻¹⁰ m³."""
+    text = _POWER.sub(lambda m: f" · 10{(m[1].replace('+', '') + m[2]).translate(_RAISED)}", text)
+    return re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), text)
 
 
 NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii")
@@ -110,7 +157,7 @@ NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii
 def signal(name: str) -> DisplayedQuantity:
     """Return a signal by its column, ``eps1`` or ``eps`` alike; that of a port as its simulator has it."""
     if of_port(name):
-        unit = _PORTS.get()[name]
+        unit = _SPOKEN.get().ports[name]
         return DisplayedQuantity(name, 1.0, "" if unit == "-" else unit)
     bare = re.sub(r"[12]$", "", name)
     known = SIGNALS.get(name) or SIGNALS.get(bare)
@@ -123,8 +170,15 @@ def signal(name: str) -> DisplayedQuantity:
 def residual(equation: str, unit: str) -> DisplayedQuantity:
     """Return an equation's residual as people read it."""
     of = target(equation, unit)
-    words = f"{of.words} error" if equation == "torque" else RESIDUALS.get(equation, f"{equation} error")
-    return DisplayedQuantity(words, of.factor, of.unit)
+    return DisplayedQuantity(residual_words(equation, of.words), of.factor, of.unit)
+
+
+def residual_words(name: str, words: str = "") -> str:
+    """Return what the residual of an equation is called."""
+    if name in _SPOKEN.get().units:
+        told = equation(name)
+        return f"error of {told}" if told == name else f"error of the {told}"
+    return f"{words or target(name, '').words} error" if name == "torque" else RESIDUALS.get(name, f"{name} error")
 
 
 _TARGETS = {
@@ -138,10 +192,11 @@ _TARGETS = {
 }
 
 
-def target(equation: str, unit: str) -> DisplayedQuantity:
+def target(name: str, unit: str) -> DisplayedQuantity:
     """Return the measured side of an equation as people read it; a torque in another unit than N m is a drive."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
-    words = "drive" if equation == "torque" and unit not in ("", "N m") else _TARGETS.get(equation, equation)
+    words = "drive" if name == "torque" and unit not in ("", "N m") else _TARGETS.get(name, name)
+    words = equation(name) if name in _SPOKEN.get().units else words
     return DisplayedQuantity(words, factor, "" if shown == "drive unit" else shown)
 
 

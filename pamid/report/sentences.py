@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..effects import all_effects
+from .causes import cause_names, causes_listed, either, size
 from .doubts import question
 from .quantities import (
     NOT_EFFECTS,
@@ -15,22 +15,18 @@ from .quantities import (
     at_least,
     effect,
     equation,
+    in_equation,
     listed,
     names_of,
     of_port,
-    parameter,
     percent,
-    placed,
-    places,
     probability,
-    said_at,
     share_span,
     signal,
-    span,
 )
 
 if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, ParameterEstimate, Region
+    from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
     from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
@@ -41,6 +37,7 @@ _EXPERIMENT_UNITS = {
     "frequency": "rad/s", "amplitude": "deg", "angle": "deg", "start": "deg", "end": "deg", "seconds": "s",
     "rise": "Pa", "at": "s", "after": "s", "phase": "rad",
 }  # fmt: skip
+_READABLE = 4  # conditions of a region that a sentence holds
 _NOTHING = 0.02  # share closed that is not worth a name
 _FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
 
@@ -53,7 +50,7 @@ class Answers(NamedTuple):
     verdict : str
         The answer in a few words.
     where, which, how_far : str
-        One sentence each.
+        One sentence each; of several causes `which` has a line each.
 
     Examples
     --------
@@ -71,7 +68,7 @@ class Answers(NamedTuple):
     how_far: str
 
     def __str__(self) -> str:
-        return "\n".join(sentence for sentence in self if sentence)
+        return "\n".join(" ".join(sentence.splitlines()) for sentence in self if sentence)
 
 
 def answers(diagnosis: Diagnosis) -> Answers:
@@ -109,9 +106,6 @@ def verdict(d: Diagnosis) -> str:
         return "Nothing could be tested"
     if d.verdict == "none":
         return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
-    if d.families:
-        kinds = listed(list(dict.fromkeys(c.family for c in d.families)))
-        return f"A gap whose cause is unknown and acts like {kinds}: {listed([_either(c) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     return _named(d) + _more(d)
@@ -120,33 +114,41 @@ def verdict(d: Diagnosis) -> str:
 def _named(d: Diagnosis) -> str:
     """Return the named causes."""
     if d.verdict == "several":
-        main = [c for c in d.causes if c.share >= _NOTHING] or d.causes[:1]
+        main = main_causes(d)
         few = len(d.causes) - len(main)
         beside = f"; {_count(few).lower() if few > 1 else 'one'} more of under 2 % of the gap" if few else ""
         head = f"{_count(len(main))} causes" if len(main) > 1 else "One cause"
         if all(c.with_reserve for c in main):
-            return f"{head}: {listed([_either(c) for c in main])}{_reserve(d, len(main))}{beside}"
-        told = [_either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in main]
-        return f"{head}: {listed(told)}{beside}"
-    first = d.causes[0]
-    if len(first.effects) > 1:
-        return f"One cause, and this log cannot tell which: {_either(first)}{_reserve(d)}"
-    return f"One cause: {cause_names(first)[0]}{_reserve(d)}"
+            return f"{head}: {causes_listed([either(c) for c in main])}{_reserve(d, main)}{beside}"
+        told = [either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in main]
+        return f"{head}: {causes_listed(told)}{beside}"
+    first = cause_names(d.causes[0])
+    if len(first) > 1:
+        return f"One cause, and this log cannot tell which: {either(d.causes[0])}{_reserve(d, d.causes)}"
+    return f"One cause: {first[0]}{_reserve(d, d.causes)}"
+
+
+def main_causes(d: Diagnosis) -> list[Cause]:
+    """Return the causes of at least 2 % of the gap; the first where all are smaller."""
+    return [c for c in d.causes if c.share >= _NOTHING] or d.causes[:1]
 
 
 def _more(d: Diagnosis) -> str:
     """Return that a gap is left whose cause is none of the named ones."""
     if not d.unexplained:
         return ""
-    where_left = listed([equation(name) for name in d.unexplained])
-    return f"; and a gap in the {where_left} equation{'s' * (len(d.unexplained) > 1)} that the library does not explain"
+    where_left = listed([in_equation(name).removeprefix("in ") for name in d.unexplained])
+    return f"; and a gap in {where_left} that the library does not explain"
 
 
-def _reserve(d: Diagnosis, named: int = 0) -> str:
+def _reserve(d: Diagnosis, main: list[Cause]) -> str:
     """Return what is added to names of which a cause beyond the library cannot be excluded."""
-    if not d.with_reserve:
+    if not any(c.with_reserve for c in main):
         return ""
-    return f", or something that looks like {'them' if (named or len(d.causes)) > 1 else 'it'} on this log"
+    them = "them" if len(main) > 1 else "it"
+    if all(c.grade == "family" for c in main):
+        return f", or something else that acts like {listed(list(dict.fromkeys(c.family for c in main)))}"
+    return f", or something that looks like {them} on this log"
 
 
 # --- where --------------------------------------------------------------------------------------------------
@@ -169,11 +171,12 @@ def where(d: Diagnosis) -> str:
             break
     first = told[0].equation
     if len(told) == 1:
-        text = f"{_capital(percent(told[0].share))} of the gap is in the {equation(first)} equation"
+        text = f"{_capital(percent(told[0].share))} of the gap is {in_equation(first)}"
     else:
-        places = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
-        text = f"The gap is in the equations of {listed(places)}"
-    part = "that" if len(told) == 1 else f"the {equation(first)} part"
+        parts = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
+        bench = in_equation(first).endswith(" equation")
+        text = f"The gap is in {'the equations of ' if bench else ''}{listed(parts)}"
+    part = "that" if len(told) == 1 else f"the part {in_equation(first)}"
     return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
 
 
@@ -202,11 +205,18 @@ def _region_text(regions: list[Region], equation: str, part: str) -> str:
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
         found = f"{percent(share)} of {part} is found in {percent(samples)} of the samples"
-        return f"{found}, most of all {query_words(region.query)}"
+        return f"{found}, most of all {_region_words(region.query)}"
     return (
         f"{percent(region.share)} of {part} is found in {percent(region.samples)} of the samples, "
-        f"{query_words(region.query)}"
+        f"{_region_words(region.query)}"
     )
+
+
+def _region_words(query: str) -> str:
+    """Return a region in words; of more conditions than one reads at once, the signals alone."""
+    found = [_CONDITION.match(part.strip()) for part in query.split(" and ")]
+    names = list(dict.fromkeys(signal(m[1]).words for m in found if m is not None))
+    return f"in a region of {listed(names)}" if len(found) > _READABLE and names else query_words(query)
 
 
 def leading_region(regions: list[Region], equation: str) -> Region | None:
@@ -271,10 +281,6 @@ def which(d: Diagnosis) -> str:
             return f"None: {text}."
         silent = listed([effect(name) for name in d.cannot_show], "or")
         return f"None among those that this log can show: {text}. It cannot show {silent}."
-    if d.families:
-        sizes = [f"{cause_names(c)[0]} {brief}" if (brief := _brief(c)) else cause_names(c)[0] for c in d.families]
-        it = "its form is" if len(d.families) == 1 else "their forms are"
-        return f"No effect of the library explains it, even if {it} inexact. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -287,42 +293,30 @@ def which(d: Diagnosis) -> str:
             text += f"; the remaining error depends on {listed([signal(str(s)).words for s in depends])}"
         return text + "."
     if d.verdict == "several":
-        parts = [f"{_either(c)} ({_in_equation(c)}{percent(c.share)} of the gap)" for c in d.causes]
-        sizes = [f"{cause_names(c)[0]} {brief}" for c in d.causes if (brief := _brief(c))]
-        text = f"{_capital(listed(parts))}; confidence {at_least(min(c.confidence for c in d.causes))} in each."
-        return f"{text} Sizes: {'; '.join(sizes)}." if sizes else text
-    cause = d.causes[0]
-    certain, place = f"confidence {percent(cause.confidence)}", f"in the {equation(cause.equation)} equation"
-    if len(cause.effects) > 1:
-        text = f"Either {_either(cause)}, {place} ({certain} that it is one of them)"
+        return _one_a_line(d)
+    cause, names = d.causes[0], cause_names(d.causes[0])
+    certain, place = f"confidence {percent(cause.confidence)}", in_equation(cause.equation)
+    if cause.grade == "family":
+        certain = f"{certain}: what is left shows that its form differs"
+    if len(names) > 1:
+        text = f"Either {either(cause)}, {place} ({certain} that it is one of them)"
         text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
-        return f"{text} Size: {cause_names(cause)[0]} {brief}." if (brief := _brief(cause)) else text
-    return f"{_capital(cause_names(cause)[0])}, {place} ({certain}){_sizes(cause)}."
+        return f"{text} Size: {names[0]} {told}." if (told := size(cause)) else text
+    told = size(cause, full=True)
+    return f"{_capital(names[0])}, {place} ({certain}){f': {told}' if told else ''}."
 
 
-def _sized(cause: Cause) -> list[tuple[str, ParameterEstimate]]:
-    """Return the first two parameters of a cause, and what else adds to it by more than nothing, as slopes do."""
-    kind = all_effects().get(cause.effects[0])
-    adding = {p.name for p in kind.parameters if p.linear} if kind else set()
-    found = list(cause.parameters.items())
-    return found[:2] + [(name, p) for name, p in found[2:] if name in adding and p.ci90[0] * p.ci90[1] > 0.0]
-
-
-def _brief(cause: Cause) -> str:
-    """Return the first parameters of a cause's likeliest effect, those that a log bounds with their intervals."""
-    told = []
-    for name, p in _sized(cause):
-        known = all(math.isfinite(end) for end in p.ci90)
-        told.append(f"{parameter(name)} {amount(p.value, p.unit)}" + (f" ({span(*p.ci90, p.unit)})" if known else ""))
-    return ", ".join(told)
-
-
-def _sizes(cause: Cause) -> str:
-    told = []
-    for name, p in _sized(cause):
-        bound = ", at its physical limit" if p.at_bound else ""
-        told.append(f"{parameter(name)} {amount(p.value, p.unit)} (90 % interval {span(*p.ci90, p.unit)}{bound})")
-    return f": {', '.join(told)}" if told else ""
+def _one_a_line(d: Diagnosis) -> str:
+    """Return several causes, a line each with its size; those of under 2 % of the gap in one."""
+    main, lines = main_causes(d), []
+    for c in main:
+        names = cause_names(c)
+        rest = f", or {listed(names[1:], 'or')}" if len(names) > 1 else ""
+        told = f"{_capital(names[0])} {size(c)}".rstrip()
+        lines.append(f"{told}{rest}: {percent(c.share)} of the gap, {in_equation(c.equation)}.")
+    small = [cause_names(c)[0] for c in d.causes if c not in main]
+    lines += [f"{_capital(listed(small))}: under 2 % of the gap{' each' * (len(small) > 1)}."] if small else []
+    return "\n".join([*lines, f"Confidence {at_least(min(c.confidence for c in main))}{' in each' * (len(main) > 1)}."])
 
 
 def _confidence(d: Diagnosis) -> str:
@@ -356,14 +350,14 @@ def how_far(d: Diagnosis) -> str:
     if not closures:
         return f"How much of the gap closes could not be tested on unseen {_unseen(d)}."
     c = closures[0]
-    it = "them" if len(causes) > 1 else "the likelier one" if len(causes[0].effects) > 1 else "it"
+    it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0])) > 1 else "it"
     text = (
-        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the "
-        f"{equation(c.equation)} gap on unseen {_unseen(d)}: "
+        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the gap "
+        f"{in_equation(c.equation)} on unseen {_unseen(d)}: "
         f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     )
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
-    others = [f"{equation(o.equation)} {percent(o.closed_share)}" for o in rest]
+    others = [f"{percent(o.closed_share)} {in_equation(o.equation)}" for o in rest]
     return f"{text}; {listed(others)}." if others else f"{text}."
 
 
@@ -380,9 +374,9 @@ def _errors(d: Diagnosis) -> str:
     lines, known = [], all_equations()
     for finding in d.equations[:2]:
         part = d.windows[d.windows["equation"] == finding.equation]
-        if len(part) and finding.equation in known:
+        unit = finding.unit or (known[finding.equation].unit if finding.equation in known else "")
+        if len(part) and unit:
             error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
-            unit = known[finding.equation].unit
             lines.append(f"{equation(finding.equation)} {amount(error, unit)} at a noise of {amount(noise, unit)}")
     return f": {listed(lines)}" if lines else ""
 
@@ -452,24 +446,6 @@ def _plain(value: Any) -> str:
 
 
 # --- words --------------------------------------------------------------------------------------------------
-def _either(cause: Cause) -> str:
-    """Return the effects of a cause as alternatives, each place said once."""
-    at: dict[str, list[str]] = {}
-    for name, port in zip(cause.effects, places(cause), strict=True):
-        at.setdefault(port, []).append(effect(name))
-    return listed([said_at(listed(names, "or"), port) for port, names in at.items()], "or")
-
-
-def _in_equation(cause: Cause) -> str:
-    """Return the equation of a cause, unless its place says it."""
-    return "" if set(places(cause)) == {cause.equation} else f"{equation(cause.equation)}, "
-
-
-def cause_names(cause: Cause) -> list[str]:
-    """Return the effects of a cause as words, with the ports at which they act."""
-    return [placed(name, port) for name, port in zip(cause.effects, places(cause), strict=True)]
-
-
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 

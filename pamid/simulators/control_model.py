@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import MissingDependencyError, ParameterError
 from .base import Simulator
-from .function import load_function, written_source
+from .function import ask_function, load_function, written_source
 from .ports import ModelParameter, Port, merged
 
 
@@ -87,7 +87,7 @@ class ControlSimulator(Simulator):
         source = cls.text_of(table, "system")
         system = load_function(source, folder)
         if callable(system) and not hasattr(system, "input_labels"):
-            system = system()
+            system = ask_function(system, returns="a StateSpace or TransferFunction")
         out = cls(system, ports, parameters, effects, source)
         out.folder = folder
         return out
@@ -127,7 +127,17 @@ def _state_space(system: Any) -> Any:
         raise ParameterError(
             f"The system is a {type(system).__name__}.", "a StateSpace or TransferFunction", "Convert it first."
         )
-    return control.ss(system)
+    try:
+        found = control.ss(system)
+    except Exception as error:  # python-control's own kinds, for improper and for some systems of several outputs
+        raise ParameterError(
+            f"python-control makes no state space of the system: {error}.",
+            "a proper system",
+            "Write it as a StateSpace.",
+        ) from error
+    if not all(np.isfinite(np.asarray(m, dtype=float)).all() for m in (found.A, found.B, found.C, found.D)):
+        raise ParameterError("The system's matrices are not finite.", "finite numbers", "Correct the system.")
+    return found
 
 
 def _plain(label: str) -> str:

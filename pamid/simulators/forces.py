@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Simulator
 from .dimensions import unit_powers, unit_text
-from .structure import JointPort, pushes_of
+from .structure import JointPort, pushes_of, spread_numbers
 
 _STEP, _CLOSE = 1e-3, 1e-4
 
@@ -36,32 +36,47 @@ def force_per_input(
 ) -> ForcePerInput | None:
     r"""Return the force of one unit of the input that drives a joint; None where no parameter is the mass.
 
-    A parameter m is the mass of the joint if it has that unit and the input's influence on the velocity's rate is
-    inversely proportional to it. Then
+    A parameter m is the mass of the joint if it has that unit and all influences on the velocity's rate, or that of the
+    input, are inversely proportional to it. Then
 
     .. math:: F/u = m\,\partial\dot v/\partial u
+
+    Where no input drives the joint, a force there is said as the acceleration that it gives, and m is the factor.
     """
-    if not joint.through or simulator.form != "ode":
+    if simulator.form != "ode" or not joint.velocity:
         return None
     speed = unit_powers(simulator.port(joint.velocity).unit)
     turns = "rad" in speed
     wanted, unit = ({"kg": 1, "m": 2}, "N m") if turns else ({"kg": 1}, "N")
     if (not turns and "m" not in speed) or unit_powers(joint.unit) in (unit_powers("N"), unit_powers("N m")):
         return None
-    step, where = 1e-3 * np.array([np.ptp(v) or 1.0 for v in u]), (joint.through, joint.velocity)
-    base = pushes_of(simulator, t, x, u, step).get(where)
+    base = _pushes(simulator, joint, t, x, u)
     for name, p in simulator.parameters.items():
-        if base is None or unit_powers(p.unit) != wanted or not p.value > 0.0:
+        if not len(base) or unit_powers(p.unit) != wanted or not p.value > 0.0:
             continue
-        heavier = simulator.with_({name: p.value * (1.0 + _STEP)})
-        there = pushes_of(heavier, t, x, u, step).get(where, 0.0)
-        if abs(there * (1.0 + _STEP) / base - 1.0) < _CLOSE:
-            return ForcePerInput(abs(base) * p.value, unit, name)
+        there = _pushes(simulator.with_({name: p.value * (1.0 + _STEP)}), joint, t, x, u)
+        if len(there) == len(base) and np.all(np.abs(there * (1.0 + _STEP) / base - 1.0) < _CLOSE):
+            return ForcePerInput(float(abs(base[0])) * p.value if joint.through else p.value, unit, name)
     return None
 
 
-def as_force(value: float, unit: str, own: str, force: ForcePerInput) -> tuple[float, str] | None:
-    """Return a size in newtons instead of the joint's own unit; None where it is not a force."""
-    if own in ("", "-") or unit_powers(unit).get(own, 0) != 1:
-        return None
+def _pushes(simulator: Simulator, joint: JointPort, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return the slopes of a joint's acceleration over its input, or over all signals but its own where it has none."""
+    if joint.through:
+        step = 1e-3 * np.array([np.ptp(v) or 1.0 for v in u])
+        push = pushes_of(simulator, t, x, u, step).get((joint.through, joint.velocity))
+        return np.array([] if push is None else [push])
+    p, row, slopes = spread_numbers(simulator, x.shape[1]), simulator.states.index(joint.velocity), []
+    for which, values in (("x", x), ("u", u)):
+        for k, value in enumerate(values):
+            moved = values.copy()
+            moved[k] += 1e-3 * (float(np.ptp(value)) or 1.0)
+            there = simulator.rate(t, moved if which == "x" else x, moved if which == "u" else u, p)[row]
+            slopes.append(there - simulator.rate(t, x, u, p)[row])
+    found = np.concatenate(slopes)
+    return found[np.abs(found) > 1e-6 * np.max(np.abs(found))] if np.any(found) else np.array([])
+
+
+def as_force(value: float, unit: str, own: str, force: ForcePerInput) -> tuple[float, str]:
+    """Return a size that is proportional to a force in newtons instead of the joint's own unit."""
     return value * force.factor, unit_text([(force.unit, 1), (own, -1), (unit, 1)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -176,7 +177,7 @@ class FunctionSimulator(Simulator):
         """Return the outputs of a whole run, shape (n_outputs, n)."""
         given = Values.of(np.vstack([u, t[None]]), (*self.inputs, "time"))
         own = Values.of(np.array(p), self.parameters), Values.of(np.array(x0), self.states)
-        answer = _asked(self.function, given, *own)
+        answer = ask_function(self.function, given, *own)
         out = _rows(answer, self.outputs, self.function)
         if out.shape != (len(self.outputs), len(t)):
             raise ShapeError(
@@ -216,7 +217,7 @@ def load_function(source: str, folder: Path | None = None) -> Callable[..., Any]
     return found
 
 
-def _asked(function: Callable[..., Any], *given: Any) -> Any:
+def ask_function(function: Callable[..., Any], *given: Any, returns: str = "numbers") -> Any:
     """Call a user's function: its errors are reported as its own, and its printout stays out of the results."""
     out, sys.stdout = sys.stdout, sys.stderr
     try:
@@ -229,7 +230,7 @@ def _asked(function: Callable[..., Any], *given: Any) -> Any:
         line = f" in line {trace.tb_lineno}" if trace is not None else ""
         raise SimulatorRunError(
             f"{_name(function)} raised {type(error).__name__}{line}: {_said(error)}.",
-            f"a function of {len(given)} arguments that returns numbers",
+            f"a function of {len(given) or 'no'} arguments that returns {returns}",
             "Correct the function.",
         ) from error
     finally:
@@ -248,7 +249,7 @@ def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np
     """Call a user's function with numbers by name; non-finite values are checked later."""
     # Copies: a function may keep or overwrite what it is given.
     given = [Values.of(np.array(rows), labels) for rows, labels in arguments]
-    return _asked(function, *given) if t is None else _asked(function, np.array(t)[()], *given)
+    return ask_function(function, *given) if t is None else ask_function(function, np.array(t)[()], *given)
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:
@@ -332,7 +333,12 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
             )
         answer = [answer[n] for n in names]
     one = len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer)
-    rows = list(itertools.islice(answer, len(names) + 1)) if not one and np.iterable(answer) else [answer]
+
+    @functools.wraps(function)
+    def taken() -> list[Any]:  # a function that yields its values runs only now
+        return list(itertools.islice(answer, len(names) + 1))
+
+    rows = ask_function(taken) if not one and np.iterable(answer) else [answer]
     if len(rows) != len(names):
         raise ShapeError(
             f"{_name(function)} returned {_count(answer, rows, names)} values.",
@@ -341,7 +347,7 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
         )
     try:
         return np.stack(np.broadcast_arrays(*[np.asarray(r, dtype=float) for r in rows]))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(
             f"{_name(function)} did not return plain numbers ({error}).", "numbers", "Correct it."
         ) from None

@@ -128,11 +128,9 @@ class MujocoCallbacks:
 
 
 def corrected(page: str | Path) -> tuple[Any, MujocoCallbacks]:
-    """Return the model of a simulator file, and its effects as callbacks."""
-    import mujoco
-
+    """Return the model of a simulator file, with its numbers, and its effects as callbacks."""
     simulator = read_simulator(page)
     if not isinstance(simulator, MujocoSimulator):
         raise SimulatorTypeError(f"{page} is a {simulator.kind}.", "a MuJoCo model", "Name its simulator file.")
-    model = mujoco.MjModel.from_xml_path(str(simulator.path))
+    model = simulator.compiled()
     return model, MujocoCallbacks(model, simulator.effects, simulator.between)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -238,11 +239,53 @@ class MujocoSimulator(Simulator):
         still, numbers = np.zeros((len(self._inputs), x.shape[1])), np.repeat(self.numbers[:, None], x.shape[1], axis=1)
         return self._each(x, still, numbers, n * n, read).T.reshape(-1, n, n)
 
+    def in_elements(self, but: Collection[str] = ()) -> MujocoSimulator:
+        """Return the simulator with those of its effects that MJCF has elements for as numbers of its model.
+
+        Viscous friction becomes ``damping``, dry friction ``frictionloss``, the gain of a motor its gear.
+
+        Parameters
+        ----------
+        but : collection of str, default=()
+            Names of effects that stay effects; where one of them is dry friction, the joint's own ``frictionloss`` is
+            stated.
+        """
+        numbers, rest = dict(self.parameters), []
+
+        def change(key: str, factor: float, more: float) -> None:
+            array, at = self._slot(key)
+            own = numbers.get(key, ModelParameter(float(array[at])))
+            numbers[key] = replace(own, value=factor * float(own.value) + more)
+
+        for name, where, values in self.effects:
+            if name == "coulomb_friction" and where in self._joints:
+                change(f"dof_frictionloss.{where}", 1.0, 0.0 if name in but else values["amplitude"])
+                rest += [(name, where, values)] if name in but else []
+            elif name == "viscous_friction" and where in self._joints:
+                change(f"dof_damping.{where}", 1.0, values["coefficient"])
+            elif name == "actuator_gain" and where in self._actuators and not self._feeds_back(where):
+                change(f"actuator_gear.{self._actuators[where]}", 1.0 + values["deviation"], 0.0)
+            else:
+                rest.append((name, where, values))
+        out = type(self)(self.path, self.ports, numbers, rest)
+        return out.with_(between=self.between)  # type: ignore[return-value]
+
+    def _feeds_back(self, where: str) -> bool:
+        """Return whether an actuator is a servo: its gear would change what it feeds back, too."""
+        at = list(self._actuators).index(where)
+        return int(self._m.actuator_biastype[at]) != int(_mujoco().mjtBias.mjBIAS_NONE)
+
+    def compiled(self) -> Any:
+        """Return the model for MuJoCo itself, with the values of the parameters."""
+        import copy
+
+        self._set(np.asarray(self.numbers, dtype=float))
+        return copy.copy(self._m)
+
     def corrected_xml(self) -> tuple[str, list[tuple[str, str, dict[str, float]]]]:
         """Return the model with those of its effects and numbers that MJCF has elements for, and the other effects.
 
-        Viscous friction becomes ``damping``, dry friction ``frictionloss``, a gain of an actuator its gear; parameters
-        are written as they stand.
+        See `in_elements`; the gain of a servo's command becomes its ``gainprm``. Parameters are written as they stand.
 
         Returns
         -------
@@ -251,35 +294,39 @@ class MujocoSimulator(Simulator):
         rest : list of (str, str, dict)
             Effects that MJCF has no element for.
         """
-        spec = spec_of(self.path)
-        for name, parameter in self.parameters.items():
+        spec, written = spec_of(self.path), self.in_elements()
+        for name, parameter in written.parameters.items():
             kind, _, thing = name.partition(".")
             item = spec_item(spec, self._m, _NUMBERS[kind], thing)
-            word = kind.partition("_")[2]
             if kind == "body_mass":
-                ratio = parameter.value / float(self._m_original(name))
-                for geom in geoms_of(item, self._m):
-                    if not np.isnan(geom.mass):
-                        geom.mass *= ratio
-                    else:
-                        geom.density *= ratio
+                _scale_mass(item, self._m, parameter.value / written._own(name))
             else:
-                _put(item, word, parameter.value)
+                _put(item, kind.partition("_")[2], parameter.value)
         rest = []
-        for name, where, values in self.effects:
-            if name == "viscous_friction" and where in self._joints:
-                _add(spec_item(spec, self._m, "joint", where), "damping", values["coefficient"])
-            elif name == "coulomb_friction" and where in self._joints:
-                _add(spec_item(spec, self._m, "joint", where), "frictionloss", values["amplitude"])
-            elif name == "actuator_gain" and where in self._actuators:
+        for name, where, values in written.effects:
+            if name == "actuator_gain" and where in self._actuators:
                 actuator = spec_item(spec, self._m, "actuator", self._actuators[where])
-                actuator.gear = np.array(actuator.gear) * (1.0 + values["deviation"])
+                _put(actuator, "gainprm", float(actuator.gainprm[0]) * (1.0 + values["deviation"]))
             else:
                 rest.append((name, where, dict(values)))
         return spec_text(spec), rest
 
-    def _m_original(self, name: str) -> float:
+    def _own(self, name: str) -> float:
         return float(self._nominal[list(self.parameters).index(name)])
+
+
+def _scale_mass(body: Any, m: Any, ratio: float) -> None:
+    """Make a body as it is written heavier, its shape kept."""
+    if getattr(body, "explicitinertial", False):
+        body.mass *= ratio
+        body.inertia = np.array(body.inertia) * ratio
+        body.fullinertia = np.array(body.fullinertia) * ratio  # NaN where it is not given
+        return
+    for geom in geoms_of(body, m):
+        if not np.isnan(geom.mass):
+            geom.mass *= ratio
+        else:
+            geom.density *= ratio
 
 
 def _loaded(path: Path) -> Any:
@@ -328,8 +375,3 @@ def _put(item: Any, word: str, value: float) -> None:
         setattr(item, word, now)
     else:
         setattr(item, word, value)
-
-
-def _add(item: Any, word: str, value: float) -> None:
-    now = np.atleast_1d(np.array(getattr(item, word), dtype=float))
-    _put(item, word, float(now[0]) + value)

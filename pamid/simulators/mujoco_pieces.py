@@ -58,7 +58,7 @@ class Pieces:
         cuts = np.cumsum([nv, nv * nv, nu, nu, nu * nv, most * nv, most, most, most])
         self._a, M, length, speed, moment, J, at, stiff, reach, one_sided = np.split(found, cuts)
         used = np.flatnonzero(np.any(np.nan_to_num(stiff) > 0.0, axis=1))
-        J, self._at, reach, one = J.reshape(most, nv, -1)[used], at[used], reach[used], one_sided[used] > 0.0
+        J, self._at, reach, one = J.reshape(most, nv, x.shape[1])[used], at[used], reach[used], one_sided[used] > 0.0
         # Below, between and above the limits of a constraint force; the solver's own state may be outdated.
         with np.errstate(invalid="ignore"):
             below, above = (self._at <= -reach) & ~one, self._at >= np.where(one, 0.0, reach)
@@ -68,7 +68,7 @@ class Pieces:
         A = np.moveaxis(_inverted(M.reshape(nv, nv, -1) + np.einsum("cin,cn,cjn->ijn", J, D, J)), 0, -1)
         # By input, so that a force at one joint costs one column.
         self._answers = np.concatenate([A, np.einsum("cin,ijn->cjn", J, A)]).transpose(1, 0, 2).copy()
-        self._moment = moment.reshape(nu, nv, -1)
+        self._moment = moment.reshape(nu, nv, x.shape[1])  # a model may have no actuator
         self._drives = np.argwhere(np.any(np.nan_to_num(self._moment) != 0.0, axis=2)).tolist()
         gain, bias = m.actuator_gainprm, m.actuator_biasprm
         affine = (m.actuator_gaintype == int(mj.mjtGain.mjGAIN_AFFINE))[:, None]

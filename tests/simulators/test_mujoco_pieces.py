@@ -99,3 +99,14 @@ def test_actuators_of_other_kinds_are_asked_for_row_by_row(tmp_path: Path, monke
     assert KeptPieces(simulator._m, simulator._d, simulator._each).find(*_motion(simulator)[1:]) is None
     found, true, asked = _rates_asked(simulator, monkeypatch, 0.1)
     assert np.allclose(found, true) and asked == ROWS
+
+
+def test_a_model_without_actuators_is_asked_as_often_as_any(tmp_path: Path) -> None:
+    link = '<body><joint name="q" axis="0 1 0" damping="0.1"/><geom size="0.1" pos="0 0 -0.3" mass="1"/></body>'
+    (tmp_path / "free.xml").write_text(f"<mujoco><worldbody>{link}</worldbody></mujoco>")
+    simulator = MujocoSimulator(tmp_path / "free.xml")
+    t = 0.01 * np.arange(ROWS)
+    x, u, p = np.array([np.sin(t), np.cos(t)]), np.zeros((1, ROWS)), np.repeat(simulator.numbers[:, None], ROWS, axis=1)
+    first = simulator.rate(t, x, u, p)
+    for _ in range(3):
+        assert np.allclose(simulator.rate(t, x, u, p), first, rtol=1e-9)

@@ -56,8 +56,8 @@ def test_sizes_of_one_run_have_intervals_over_its_pieces(found):
 
 def test_sentences_say_sizes_of_several_causes_and_what_was_not_seen(found):
     told = answers(found)
-    assert "Sizes: " in told.which
-    assert "V s/m (" in told.which
+    assert [line.partition(" ")[0] for line in told.which.splitlines()] == ["Viscous", "Coulomb", "Confidence"]
+    assert "V s/m (" in told.which and " N s/m: " in told.which  # in the unit of the input, and as a force
     assert "on unseen pieces of the log" in told.how_far
 
 

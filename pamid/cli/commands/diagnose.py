@@ -14,14 +14,17 @@ from ...errors import ParameterError, UnknownOptionError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ...json_data import json_ready
+from .._corrected import CORRECTED, write_corrected
 from .._drafting import quoted, show_commands
 from .._progress import progress
 from .._several import HISTORY, add_options, diagnosed, judged_after, simulator_before
-from .._simulators import CORRECTED, add_trust_option, write_corrected
+from .._simulators import add_trust_option
 from ..common import DONE, UNTESTED, add_command, add_log_options, any_simulator_of, note, number, print_json, table
 from ..rows import add_where
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ...gap.diagnosis.result import Diagnosis
     from ...gap.several.history import History
     from ...opinion import Opinion, Passport
@@ -122,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     source = _source(args, log)
     passport = Passport.of(opinion, source.log) if opinion is not None else None
     with progress(args, "Writing the report:") as step:
-        files = write(d, folder, source, d.history, passport, step)
+        files = write(d, folder, source, d.history, passport, step, _tried_on(args, d))
     if args.json:
         judged = {"opinion": json_ready(opinion.as_dict())} if opinion is not None else {}
         print_json({**d.as_dict(), **judged, "files": {file.name: str(file) for file in files}})
@@ -134,7 +137,8 @@ def run(args: argparse.Namespace) -> int:
     told = answers(d)
     print(f"{told.verdict}\n")
     for word, text in (("where", told.where), ("which", told.which), ("how far", told.how_far)):
-        print(_paragraph(word, text))
+        for place, line in enumerate(text.splitlines()):
+            print(_paragraph("" if place else word, line))
     if d.candidates:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
@@ -171,19 +175,17 @@ def write(
     history: History | None = None,
     passport: Passport | None = None,
     step: Callable[[str], None] | None = None,
+    log: pd.DataFrame | None = None,
 ) -> list[Path]:
     """Write report, diagnosis and simulator into a folder, all of them or none.
 
-    A corrected simulator with ports that cannot be made, loaded and run is left out, which the diagnosis's notes tell.
+    A corrected simulator that cannot be made, loaded and run is left out, and is tried on `log`; the diagnosis's notes
+    tell what came of it.
     """
     from ...report import report_html
-    from ...simulators import Simulator
 
     with replacing_together(folder, FILES) as stage:
-        if isinstance(d.corrected, Simulator) and not d.corrected.states_equation:
-            d.notes.extend(write_corrected(d.corrected, stage, folder))
-        elif d.corrected is not None:
-            d.corrected.to_toml(stage / "corrected.toml")
+        d.notes.extend(write_corrected(d, stage, folder, log))
         write_whole(stage / "report.html", report_html(d, source, step))
         write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
@@ -193,6 +195,12 @@ def write(
                 (stage / name).write_text(text, encoding="utf-8")
         written = [name for name in FILES if (stage / name).exists()]
     return [folder / name for name in written]
+
+
+def _tried_on(args: argparse.Namespace, d: Diagnosis) -> pd.DataFrame | None:
+    """Return the log on which the corrected simulator is tried; none where conditions or rows of its own hold."""
+    logs = list(d.history.logs.values()) if d.history is not None else []
+    return logs[0] if len(logs) == 1 and not (args.where or args.conditions) else None
 
 
 def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[str]:

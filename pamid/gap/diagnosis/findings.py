@@ -23,6 +23,8 @@ class EquationFinding:
         Probability of at least this excess without a gap.
     excess : float
         Root mean square of the residual beyond its noise, in units of the noise.
+    unit : str
+        Unit of its residual.
 
     Examples
     --------
@@ -35,6 +37,7 @@ class EquationFinding:
     share: float
     p_value: float
     excess: float
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,9 @@ class ParameterEstimate:
         90 % interval over runs; infinite where the data do not bound it.
     at_bound : bool
         Whether the fit ended at a physical bound that is not its usual value.
+    physical : str
+        The same as a force or torque, such as ``"349 N"``, where it is in the unit of an acceleration or of a command
+        and a parameter of the simulator is the mass; else empty.
 
     Examples
     --------
@@ -141,6 +147,7 @@ class ParameterEstimate:
     unit: str
     ci90: Interval
     at_bound: bool = False
+    physical: str = ""
 
     def scaled(self, factor: float, unit: str) -> ParameterEstimate:
         """Return the estimate in another unit; one of its unit is ``factor`` of the other."""

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, SKY, new_figure, style
-from ..quantities import effect, listed, residual
+from ..causes import either
+from ..quantities import residual, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,7 +98,7 @@ def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
     quantity = residual(closure.equation, closure.unit)
 
     def shown(value: float) -> str:
-        return f"{quantity.factor * value:.3g} {quantity.unit}"
+        return typeset(f"{quantity.factor * value:.3g} {quantity.unit}")
 
     before = closure.rmse_before**2
     if before <= 0:
@@ -110,8 +111,7 @@ def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
     parts = taken * (weights / weights.sum() if weights.sum() > 0 else np.full(len(own), 1.0 / max(len(own), 1)))
     level = 1.0
     for cause, part in zip(own, parts, strict=True):
-        name = listed([effect(e) for e in cause.effects], "or")
-        bars.append(Bar(f"− {name}", level, level - part, BLUE, f"−{100 * part:.0f} %"))
+        bars.append(Bar(f"− {either(cause)}", level, level - part, BLUE, f"−{100 * part:.0f} %"))
         level -= part
     bars.append(Bar("after", 0.0, after, SKY, shown(closure.rmse_after)))
     if after > noise:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ..quantities import residual, signal
-from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of, usable
+from .windows import chosen_equation, of_trajectory, states, telling_ports, telling_trajectories, unit_of, usable
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -26,7 +26,6 @@ _ACROSS = {
     "joint_modelled": ("q", "eps"),
     "torque": ("q",),
 }
-_NOT_STATE = ("trajectory", "time", "equation", "side", "measured", "before", "after", "noise")
 _MOST = 1500  # windows drawn of one run
 _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
 
@@ -51,7 +50,7 @@ def loop_figure(
         loop.set_ylabel(quantity.label)
         _draw(course, part, "time", quantity.factor, states(d))
         course.set_xlabel("time / s")
-        course.set_ylabel(f"error / {quantity.unit}" if quantity.unit else "error")
+        course.set_ylabel(quantity._replace(words="error").label)
         for ax in (loop, course) if limits is not None else ():
             ax.set_ylim(limits)
         handles, labels = loop.get_legend_handles_labels()
@@ -70,17 +69,7 @@ def _across(part: pd.DataFrame, equation: str) -> str:
             x = part[name].to_numpy(dtype=float)
             if float(np.nanmax(x) - np.nanmin(x)) > _STILL.get(name, 0.0):
                 return name
-    ports = [str(c) for c in part.columns if c not in _NOT_STATE and pd.api.types.is_numeric_dtype(part[c])]
-    moved = [name for name in ports if usable(part, name)]
-    return max(moved, key=lambda name: _explained(part, name), default="time")
-
-
-def _explained(part: pd.DataFrame, name: str) -> float:
-    """Return the share of an error's variance that lies between tenths of a signal's range of ranks."""
-    x, error = (pd.Series(part[column].to_numpy(dtype=float)) for column in (name, "before"))
-    tenths = (x.rank(method="first", pct=True) * 10).round()
-    spread = float(error.var(ddof=0))
-    return float(error.groupby(tenths).transform("mean").var(ddof=0)) / spread if spread > 0.0 else 0.0
+    return next(iter(telling_ports(part)), "time")
 
 
 def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple[str, ...]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import ParameterError
 from ...plots.style import INK, new_figure, style
 from ..quantities import residual, signal
-from .windows import chosen_equation, of_equation, states, unit_of, usable
+from .windows import chosen_equation, of_equation, states, telling_ports, unit_of, usable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +40,9 @@ def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]
     part = of_equation(d, equation)
     pairs = [p for p in AXES.get(equation, AXES["force"]) if usable(part, p[0]) and usable(part, p[1])]
     regions = [set(bounds(r.query)) for r in d.regions if r.equation == equation]
+    if not pairs:  # the ports of a user's own simulator
+        first, *others = telling_ports(part) or [""]
+        pairs = [(first, other) for other in others]
     pairs.sort(key=lambda p: -max((len(names & set(p)) for names in regions[:1]), default=0))
     return pairs[:most]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...plots.style import BLUE, FAINT, GREY, new_figure, style
-from ..quantities import placed, places
+from ..causes import named
+from ..quantities import places
 from ..ranked import certainty
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:
                 va="center",
                 fontsize=8,
             )
-        ax.set_yticks(range(len(candidates)), [placed(c.effect, c.where) for c in candidates])
+        ax.set_yticks(range(len(candidates)), [named(c.effect, c.where) for c in candidates])
         ax.tick_params(axis="y", length=0)
         ax.set_ylim(max(len(candidates), 1) - 0.4, -0.6)
         ax.set_xlim(0, 110)

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import ShortTrajectoryError
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ...signals.thinning import spaced
-from ..quantities import residual
+from ..quantities import residual, typeset
 from .windows import chosen_equation, states, unit_of
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
         low, high = ax.get_ylim()
         ax.set_ylim(low / 2.5, high * 2.5)  # so that a flat spectrum looks flat
         ax.set_xlabel("frequency / Hz")
-        ax.set_ylabel(f"{quantity.words} / ({quantity.unit}/√Hz)")
+        ax.set_ylabel(f"{quantity.words} / ({typeset(quantity.unit)}/√Hz)")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())

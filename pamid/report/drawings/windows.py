@@ -66,6 +66,28 @@ def usable(part: pd.DataFrame, column: str) -> bool:
     return len(x) > 10 and float(np.ptp(x)) > 1e-12
 
 
+_NOT_STATE = ("trajectory", "time", "equation", "side", "measured", "before", "after", "noise")
+
+
+def telling_ports(part: pd.DataFrame) -> list[str]:
+    """Return the signals of a simulator's ports, the one on which the error depends most first."""
+    from pandas.api.types import is_numeric_dtype
+
+    ports = [str(c) for c in part.columns if c not in _NOT_STATE and is_numeric_dtype(part[c])]
+    moved = [name for name in ports if usable(part, name)]
+    return sorted(moved, key=lambda name: -_explained(part, name))
+
+
+def _explained(part: pd.DataFrame, name: str) -> float:
+    """Return the share of an error's variance that lies between tenths of a signal's range of ranks."""
+    import pandas as pd
+
+    x, error = (pd.Series(part[column].to_numpy(dtype=float)) for column in (name, "before"))
+    tenths = (x.rank(method="first", pct=True) * 10).round()
+    spread = float(error.var(ddof=0))
+    return float(error.groupby(tenths).transform("mean").var(ddof=0)) / spread if spread > 0.0 else 0.0
+
+
 def telling_trajectories(d: Diagnosis, equation: str, most: int = 3) -> list[str]:
     """Return the runs that tell most of an equation's gap, of different kinds where there are several."""
     part = d.windows[d.windows["equation"] == equation]

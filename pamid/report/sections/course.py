@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.course import course_figure, fit, fit_words, shared_limits
 from ..drawings.windows import equations, of_equation, states, telling_trajectories
+from ..quantities import equation
 from .base import Section
 
 
@@ -32,5 +33,5 @@ class CourseSection(Section):
         rows = []
         for one in equations(d):
             part = of_equation(d, one)
-            rows.append({"equation": one, "fits": [fit_words(fit(part, state)) for state in states(d)]})
+            rows.append({"equation": equation(one), "fits": [fit_words(fit(part, state)) for state in states(d)]})
         return {"pictures": pictures, "rows": rows, "added": bool(d.added)}

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.loops import loop_figure, shared_scale
 from ..drawings.windows import equations, telling_trajectories
-from ..quantities import RESIDUALS
+from ..quantities import residual_words
 from .base import Section
 
 
@@ -29,6 +29,7 @@ class LoopsSection(Section):
         runs = telling_trajectories(d, name, 3 if d.gap else 2)
         limits = shared_scale(d, name, runs)
         for place, trajectory in enumerate(runs):
-            caption = f"{RESIDUALS.get(name, name).capitalize()} in the run {trajectory}."
+            words = residual_words(name)
+            caption = f"{words[:1].upper()}{words[1:]} in the run {trajectory}."
             pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
         return {"pictures": pictures, "added": bool(d.added)}

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.maps import axes_of, bounds, map_figure
 from ..drawings.windows import equations
-from ..quantities import RESIDUALS, signal
+from ..quantities import residual_words, signal
 from ..sentences import leading_region, query_words
 from .base import Picture, Section
 
@@ -33,10 +33,10 @@ class MapsSection(Section):
         pictures: list[Picture] = []
         for name in told:
             for x, y in axes_of(d, name):
-                words = f"{RESIDUALS.get(name, name)} over {_words(x)} and {_words(y)}"
+                words = f"{residual_words(name)} over {_words(x)} and {_words(y)}"
                 region = leading_region(d.regions, name)
                 framed = d.gap and region is not None and bool({x, y} & set(bounds(region.query)))
-                caption = f"{words[:1].upper()}{words[1:]}" + (
+                caption = f"Mean {words}" + (
                     f". Framed: {query_words(region.query)}" if framed and region is not None else ""
                 )
                 pictures.append(self.picture(map_figure(d, name, x, y), f"{name}-{x}-{y}", f"{caption}."))

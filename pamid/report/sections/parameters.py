@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..quantities import amount, effect, parameter, percent, share_span, span
+from ..causes import named, shown_unit
+from ..quantities import amount, in_equation, parameter, percent, places, share_span, span
 from .base import Section
 
 if TYPE_CHECKING:
-    from ...gap.diagnosis.findings import ParameterEstimate
+    from ...gap.diagnosis.findings import Cause, ParameterEstimate
 
 
 class ParametersSection(Section):
@@ -35,17 +36,18 @@ class ParametersSection(Section):
         d = self.diagnosis
         causes = [
             {
-                "name": effect(c.effects[0]),
-                "others": [effect(e) for e in c.effects[1:]],
-                "equation": c.equation,
+                "name": names[0],
+                "others": names[1:],
+                "place": in_equation(c.equation),
                 "share": percent(c.share),
                 "ci": share_span(*c.share_ci90),
-                "rows": _rows(c.parameters),
+                "rows": _rows(c, c.effects[0], c.parameters),
                 "instead": [
-                    {"name": effect(e), "rows": _rows(p)} for e, p in zip(c.effects[1:], c.others, strict=False)
+                    {"name": named(e, port), "rows": _rows(c, e, p)}
+                    for e, port, p in zip(c.effects[1:], places(c)[1:], c.others, strict=False)
                 ],
             }
-            for c in d.added
+            for c, names in ((c, [named(*one) for one in zip(c.effects, places(c), strict=True)]) for c in d.added)
         ]
         refitted = []
         if d.corrected is not None and d.nominal is not None:
@@ -56,12 +58,13 @@ class ParametersSection(Section):
         return {"causes": causes, "refitted": refitted}
 
 
-def _rows(parameters: Mapping[str, ParameterEstimate]) -> list[dict[str, str]]:
+def _rows(cause: Cause, effect: str, parameters: Mapping[str, ParameterEstimate]) -> list[dict[str, str]]:
+    port = "".join(places(cause)[:1])
     return [
         {
             "name": parameter(name),
-            "value": amount(p.value, p.unit),
-            "ci": span(*p.ci90, p.unit) + (", at its physical limit" if p.at_bound else ""),
+            "value": amount(p.value, unit) + (f" ({p.physical})" if p.physical else ""),
+            "ci": span(*p.ci90, unit) + (", at its physical limit" if p.at_bound else ""),
         }
-        for name, p in parameters.items()
+        for name, p, unit in ((name, p, shown_unit(effect, name, p.unit, port)) for name, p in parameters.items())
     ]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from ..causes import cause_names, named
 from ..drawings.ranking import answer_names
-from ..quantities import cell, placed
+from ..quantities import cell
 from ..ranked import certainty, closes, reason
-from ..sentences import cause_names, query_words
+from ..sentences import query_words
 from .base import Section
 
 _FIRST = 6
@@ -44,20 +45,22 @@ class WhichSection(Section):
             for c in sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))
         ]
         apart = [
-            {"names": cause_names(cause), "by": cause.distinguished_by} for cause in d.causes if len(cause.effects) > 1
+            {"names": cause_names(cause), "by": cause.distinguished_by}
+            for cause in d.causes
+            if len(cause_names(cause)) > 1
         ]
         first = max(_FIRST, len(told) + 2)
         return {
             "first": rows[:first],
             "others": rows[first:],
             "apart": apart,
-            "leftover": _leftover(d.leftover) if d.verdict == "unknown" else [],
+            "leftover": _leftover(d.leftover),
         }
 
 
 def _name(name: str, where: str) -> str:
     known = {"none": "none (no gap)", "unknown": "unknown (not in the library)"}
-    return known.get(name, placed(name, where))
+    return known.get(name) or named(name, where)
 
 
 def _leftover(found: dict[str, Any]) -> list[tuple[str, str]]:

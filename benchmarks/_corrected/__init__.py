@@ -1,0 +1,1 @@
+"""Parts of `benchmarks/corrected_runs.py`: further systems, their pages, and the logs of bench, cylinder and joint."""

@@ -1,0 +1,170 @@
+"""What a cause is called and how large it is, in the quantity that an engineer would measure."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..effects import Effect, Parameter, all_effects
+from ..simulators.dimensions import unit_powers
+from .quantities import amount, effect, listed, number_of, parameter, placed, places, said_at, span
+
+if TYPE_CHECKING:
+    from ..gap.diagnosis.findings import Cause, ParameterEstimate
+
+Estimates = Mapping[str, "ParameterEstimate"]
+
+DEVIATION, DRIFT = "parameter_deviation", "parameter_drift"
+_ALIKE = 0.1
+"""How much two sizes of one thing may differ, as a share: each is fitted in the place of the other."""
+_MODEL = re.compile(r"^(?:body|dof|actuator)_(\w+)\.(.+)$")
+
+
+def named(name: str, port: str) -> str:
+    """Return a cause's name as words: an effect at its port, or the parameter of the simulator that is wrong."""
+    if name == DEVIATION:
+        return _parameter(port)
+    return f"drift of {_parameter(port)}" if name == DRIFT else placed(name, port)
+
+
+def _parameter(name: str) -> str:
+    of_model = _MODEL.match(name)  # MuJoCo's names, dof_damping.hip
+    return f"{of_model[1]} of {of_model[2]}" if of_model else f"parameter {name}"
+
+
+def cause_names(cause: Cause) -> list[str]:
+    """Return the effects of a cause as words, with the ports at which they act; the same physics only once."""
+    return [named(name, port) for name, port, _ in _alternatives(cause)]
+
+
+def either(cause: Cause) -> str:
+    """Return what a cause may be, in a few words, each place said once."""
+    at: dict[str, list[str]] = {}
+    for name, port, _ in _alternatives(cause):
+        if name in (DEVIATION, DRIFT):
+            at[named(name, port)] = []
+        else:
+            at.setdefault(port, []).append(effect(name))
+    return listed([said_at(listed(names, "or"), port) if names else port for port, names in at.items()], "or")
+
+
+def causes_listed(causes: list[str]) -> str:
+    """Return several causes in a row, of which some may be alternatives themselves."""
+    return "; ".join(causes) if any(" or " in c or " and " in c for c in causes) else listed(causes)
+
+
+def _alternatives(cause: Cause) -> list[tuple[str, str, Estimates]]:
+    """Return names, ports and parameters of a cause's alternatives.
+
+    A wrong parameter and an effect in its unit, of the size by which it is wrong, are the same physics: damping and
+    viscous friction. The parameter stands for both.
+    """
+    sizes = [cause.parameters, *cause.others]
+    sizes += [{}] * (len(cause.effects) - len(sizes))
+    found: list[tuple[str, str, Estimates]] = list(zip(cause.effects, places(cause), sizes, strict=True))
+    wrong = [(number_of(port), p["deviation"]) for name, port, p in found if name == DEVIATION and "deviation" in p]
+    deviations = [(n.unit, n.value * p.value) for n, p in wrong if n is not None]
+    kept = [one for one in found if one[0] == DEVIATION or not _same(one[2], deviations)]
+    return sorted(kept, key=lambda one: one[0] != DEVIATION) if len(kept) < len(found) else found
+
+
+def _same(sizes: Estimates, deviations: list[tuple[str, float]]) -> bool:
+    main = next(iter(sizes.values()), None)
+    return main is not None and any(
+        _unit(unit) in ({}, _unit(main.unit)) and abs(main.value - change) <= _ALIKE * abs(change)
+        for unit, change in deviations
+        if _unit(main.unit)
+    )
+
+
+def _unit(unit: str) -> dict[str, int]:
+    return {word: power for word, power in unit_powers(unit).items() if word != "rad"}
+
+
+# --- sizes --------------------------------------------------------------------------------------------------
+def size(cause: Cause, full: bool = False) -> str:
+    """Return the size of a cause's likeliest alternative; `full` says what its interval is."""
+    name, port, sizes = _alternatives(cause)[0]
+    told = [_deviation(port, sizes["deviation"], full)] if name == DEVIATION and "deviation" in sizes else []
+    kind = _effect(name)
+    for word, p in () if told else _telling(kind, sizes):
+        unit = shown_unit(name, word, p.unit, port)
+        words = f"{parameter(word)} {amount(p.value, unit)}{_interval(p, unit, full)}"
+        told.append(f"{words}, which is {p.physical}" if p.physical else words)
+    return ", ".join(told)
+
+
+def _interval(p: ParameterEstimate, unit: str, full: bool) -> str:
+    """Return an interval in brackets; its unit is left out where it stands before."""
+    ends = [amount(end, unit) for end in p.ci90]
+    known = all(math.isfinite(end) for end in p.ci90)
+    if not known:
+        return f" (90 % interval {span(*p.ci90, unit)})" if full else ""
+    tail = ends[0].partition(" ")[2]
+    within = span(*p.ci90, unit) if full else span(*p.ci90, unit).removesuffix(f" {tail}")
+    bound = ", at its physical limit" if p.at_bound and full else ""
+    return f" ({'90 % interval ' if full else ''}{within}{bound})"
+
+
+def _deviation(name: str, p: ParameterEstimate, full: bool) -> str:
+    """Return a wrong parameter's value, and the simulator's."""
+    own = number_of(name)
+    if own is None or not math.isfinite(p.value):
+        return f"off by {amount(p.value, '-')}{_interval(p, '-', full)}"
+    unit = "" if own.unit == "-" else own.unit
+    value, *ends = (own.value * (1.0 + x) for x in (p.value, *p.ci90))
+    found = p.scaled(1.0, unit)
+    known = type(found)(value, unit, (min(ends), max(ends)), p.at_bound)
+    return f"{amount(value, unit)}{_interval(known, unit, full)}, the simulator has {amount(own.value, unit)}"
+
+
+def _telling(kind: type[Effect] | None, sizes: Estimates) -> list[tuple[str, ParameterEstimate]]:
+    """Return the parameters that say how large a cause is: the first, and what else is surely not nothing.
+
+    Of several that add to an effect, one that may be nothing is left out; so is what ended at a bound, where a log says
+    no more than that it is small or large.
+    """
+    known = {p.name: p for p in kind.parameters} if kind else {}
+    adding = [n for n, q in known.items() if q.linear and n in sizes]
+    open_ = [n for n in adding if not _bounded(sizes[n]) and sizes[n].value != 0.0]
+    sure = [n for n in adding if n in open_ or (_bounded(sizes[n]) and sizes[n].ci90[0] * sizes[n].ci90[1] > 0.0)]
+    main = next(iter(sure or sizes), "")
+    found = []
+    for place, (name, p) in enumerate(sizes.items()):
+        more = _bounded(p) and p.ci90[0] * p.ci90[1] > 0.0 and not p.at_bound
+        if name == main or (more and (place < 2 or name in adding)):
+            found.append((name, p))
+    return sorted(found, key=lambda one: one[0] != main)
+
+
+def _bounded(p: ParameterEstimate) -> bool:
+    return all(math.isfinite(end) for end in p.ci90)
+
+
+def _effect(name: str) -> type[Effect] | None:
+    from ..simulators import port_effects
+
+    found = port_effects().get(name)
+    return found[1] if found else all_effects().get(name)
+
+
+def shown_unit(name: str, word: str, unit: str, port: str = "") -> str:
+    """Return the unit in which people read a parameter: a plain number is a share only if it says one.
+
+    At a port without a unit a size has none; on a bench a contraction and a command are said in per cent.
+    """
+    if unit != "-":
+        return unit
+    kind = _effect(name)
+    p = next((q for q in kind.parameters if q.name == word), None) if kind else None
+    return "-" if p is None or _share(p) or (not port and _of_signal(kind, p)) else ""
+
+
+def _share(p: Parameter) -> bool:
+    return p.share or p.skew or "relative" in p.description or "share" in p.description
+
+
+def _of_signal(kind: Any, p: Parameter) -> bool:
+    return bool(p.position) or "command" in kind.hooks()
