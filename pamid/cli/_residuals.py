@@ -96,15 +96,21 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     import numpy as np
     import pandas as pd
 
+    from ..gap.equation import state_names
     from ..gap.evaluation import residuals_of
 
     evidence = residuals_of(log, simulator)
+    spoken: dict[str, str] = _PLAIN
+    if simulator.states_equation:
+        problem = simulator.problem(log)
+        spoken = {k: name for k, name in state_names(problem).items() if name in problem.X}
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
         state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
         state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
-        state = {_PLAIN.get(k, k): v for k, v in state.items()}
+        read = spoken if simulator.states_equation else state
+        state = {spoken.get(k, k): v for k, v in state.items() if k in read}
         table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
         found[equation] = Left(table.assign(**state), evidence.units[equation])
     return found

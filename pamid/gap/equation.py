@@ -163,14 +163,19 @@ def _several(
     return replace(found, logs=sized(found.logs, sizes, held)), gathered
 
 
+def state_names(problem: Problem) -> dict[str, str]:
+    """Return what the log calls the columns of the state: a stroke is not a contraction."""
+    names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
+    return names | {"deps": f"d{problem.roles['position']}" if "position" in problem.roles else "velocity"}
+
+
 def _named(
     found: Diagnosis, simulator: Simulator, problem: Problem, causes: Sequence[tuple[str, Mapping[str, float]]],
     gathered: Gathered, notes: Sequence[str],
 ) -> Diagnosis:  # fmt: skip
     """Return a diagnosis in the names of the log's signals, with the simulator and the corrected one."""
-    names = {name: problem.roles.get(role, role) for name, role in STATE_ROLES.items()}
-    speed = f"d{problem.roles['position']}" if "position" in problem.roles else "velocity"
-    names = {name: speed if label == "velocity" else label for name, label in names.items()}
+    names = state_names(problem)
+    speed = names["deps"]
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     corrected: Any = problem.fitted or simulator
     if causes:
@@ -180,7 +185,7 @@ def _named(
         found,
         nominal=simulator,
         corrected=corrected,
-        windows=found.windows.drop(columns=taken).rename(columns=names),  # a stroke is not a contraction
+        windows=found.windows.drop(columns=taken).rename(columns=names),
         regions=[replace(r, query=re.sub(r"\bvelocity\b", speed, r.query)) for r in found.regions],
         notes=[*notes, *found.notes],
         next_experiment=run and _in_columns(run, problem.roles),

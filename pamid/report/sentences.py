@@ -106,6 +106,9 @@ def verdict(d: Diagnosis) -> str:
         return "Nothing could be tested"
     if d.verdict == "none":
         return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
+    if d.families:
+        kinds = listed(list(dict.fromkeys(c.family for c in d.families)))
+        return f"A gap whose cause is unknown and acts like {kinds}: {listed([either(c) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     return _named(d) + _more(d)
@@ -146,8 +149,6 @@ def _reserve(d: Diagnosis, main: list[Cause]) -> str:
     if not any(c.with_reserve for c in main):
         return ""
     them = "them" if len(main) > 1 else "it"
-    if all(c.grade == "family" for c in main):
-        return f", or something else that acts like {listed(list(dict.fromkeys(c.family for c in main)))}"
     return f", or something that looks like {them} on this log"
 
 
@@ -281,6 +282,10 @@ def which(d: Diagnosis) -> str:
             return f"None: {text}."
         silent = listed([effect(name) for name in d.cannot_show], "or")
         return f"None among those that this log can show: {text}. It cannot show {silent}."
+    if d.families:
+        sizes = [f"{cause_names(c)[0]} {size(c)}".rstrip() for c in d.families]
+        it = "its form is" if len(d.families) == 1 else "their forms are"
+        return f"No effect of the library explains it, even if {it} inexact. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -296,8 +301,6 @@ def which(d: Diagnosis) -> str:
         return _one_a_line(d)
     cause, names = d.causes[0], cause_names(d.causes[0])
     certain, place = f"confidence {percent(cause.confidence)}", in_equation(cause.equation)
-    if cause.grade == "family":
-        certain = f"{certain}: what is left shows that its form differs"
     if len(names) > 1:
         text = f"Either {either(cause)}, {place} ({certain} that it is one of them)"
         text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"

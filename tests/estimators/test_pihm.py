@@ -80,7 +80,7 @@ def test_one_volume_serves_both_laws_with_gaps_in_one_of_them(table):
     model = JointPIHM(**MUSCLE, **QUICK).fit(signals(table), Y)
     assert model.predict(signals(table)).shape == Y.shape
     assert model.score(signals(table), Y) > 0.998
-    with pytest.raises(ValueError, match="2, as in the first fit"):
+    with pytest.raises(ValueError, match="2, as in the fit"):
         model.partial_fit(signals(table), table["F"])
 
 

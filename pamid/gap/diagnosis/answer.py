@@ -17,7 +17,7 @@ from ..residuals.protocol import STATE, ResidualSource
 from ..settings import FALSE_ALARM, MATERIAL
 from .belief import candidates
 from .closure import Clusters, closures, main_equation
-from .decide import Verdict, kind_of
+from .decide import Verdict
 from .findings import Cause, Closure, EquationFinding, HypothesisFinding, ParameterEstimate
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
@@ -75,14 +75,14 @@ def answer(
         corrected = evidence.corrected(fit.spec if verdict.named else {}, deviations)
     gapped = verdict.kind != "none"
     return Diagnosis(
-        verdict=kind_of(verdict, list(fit.spec)) if alike else verdict.kind,
+        verdict="unknown" if alike else verdict.kind,
         p_value=verdict.p_value,
         equations=equations,
         regions=[r for e in main for r in regions(evidence, e, energy)] if gapped else [],
         bands=[b for e in main for b in bands(evidence, e, gap)] if gapped else [],
         trajectories=trajectories(evidence, _balanced(evidence, power)) if gapped else [],
         candidates=candidates(competition, verdict),
-        causes=causes,
+        causes=[] if alike else causes,
         families=causes if alike else [],
         closure=[c for c in closure if gapped],
         next_experiment=experiment,

@@ -62,11 +62,10 @@ class Diagnosis:
         One row per window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state
         at its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
     families : list of Cause
-        Those of the causes that are of the grade ``"family"``: they close most of the gap on held-out runs, and
-        another effect of their kind may be meant.
+        Where the cause is unknown, but effects of the library close most of the gap on held-out runs: what
+        acts like it, of the grade ``"family"``. The corrected simulator holds these.
     leftover : dict
-        For an unknown cause, or one of the grade ``"family"``: what the leftover depends on, and its closest symbolic
-        form.
+        For an unknown cause: what the leftover depends on, and its closest symbolic form.
     remainder : dict
         What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
         ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
@@ -152,8 +151,8 @@ class Diagnosis:
 
     @property
     def added(self) -> list[Cause]:
-        """What the corrected simulator has and the given one lacks: the causes."""
-        return self.causes
+        """What the corrected simulator has and the given one lacks: the causes, or what acts like an unknown one."""
+        return self.causes or self.families
 
     def as_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain numbers and text, the content of ``diagnosis.json``."""
