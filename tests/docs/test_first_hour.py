@@ -20,7 +20,7 @@ if not PAGE.is_file():
 def section() -> tuple[list[str], list[list[str]]]:
     """Return the Python and the commands of the section on simulators of one's own."""
     text = PAGE.read_text(encoding="utf-8")
-    own = text[text.index("## A robot, an FMU") : text.index("## A log of an unknown format")]
+    own = text[text.index("## A robot, an FMU") :]
     return (re.findall(r"```python\n(.*?)```", own, re.S),
             [block.splitlines() for block in re.findall(r"```console\n(.*?)```", own, re.S)])  # fmt: skip
 
