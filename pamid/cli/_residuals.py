@@ -100,7 +100,7 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     from ..gap.evaluation import residuals_of
 
     evidence = residuals_of(log, simulator)
-    spoken: dict[str, str] = _PLAIN
+    spoken = {k: _PLAIN.get(k, k) for k in evidence.state}
     if simulator.states_equation:
         problem = simulator.problem(log)
         spoken = {k: name for k, name in state_names(problem).items() if name in problem.X}
@@ -109,8 +109,7 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
         state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
         state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
-        read = spoken if simulator.states_equation else state
-        state = {spoken.get(k, k): v for k, v in state.items() if k in read}
+        state = {spoken[k]: v for k, v in state.items() if k in spoken}
         table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
         found[equation] = Left(table.assign(**state), evidence.units[equation])
     return found
