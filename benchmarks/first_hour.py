@@ -19,7 +19,8 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._first_hour.cases import Case, cases
-from benchmarks._first_hour.mapped import Mapped, judged, mapped
+from benchmarks._first_hour.held_out import PLANTS, SECOND, SECOND_PLANTS, THIRD, THIRD_PLANTS
+from benchmarks._first_hour.mapped import Mapped, judged, mapped, mapped_plant
 from benchmarks._first_hour.names import Style
 from benchmarks._first_hour.styles import OTHERS, STYLES
 from benchmarks._first_hour.walk import signals, walk
@@ -70,17 +71,24 @@ def main(argv: list[str] | None = None) -> int:
     """Run the walks; return 0 when all commands ran and nothing is wrong unmarked."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", metavar="TEXT", help="only cases whose name holds this")
-    parser.add_argument("--names", action="store_true", help="the names alone")
+    parser.add_argument(
+        "--names", nargs="?", const="", metavar="TEXT", help="the names alone, of sets whose title holds this"
+    )
     parser.add_argument("--limit", type=float, default=900.0, metavar="S", help="seconds for one command")
     parser.add_argument("--every", action="store_true", help="print every signal that is not right")
     args = parser.parse_args(argv)
     unmarked, ran = 0, True
     if not args.only:
-        for title, styles in (("names of drivers", STYLES), ("names tried once, first", OTHERS)):
-            found = tried(styles)
-            unmarked += sum(len(m.unmarked) for m in found.values())
-            counted(title, found, args.every)
-    if not args.names:
+        none: dict[str, dict[str, tuple[str, float]]] = {}
+        for title, styles, plants in (
+            ("names of drivers", STYLES, none), ("names tried once, first", OTHERS, none),
+            ("second", SECOND, SECOND_PLANTS), ("third", THIRD, THIRD_PLANTS),
+        ):  # fmt: skip
+            if args.names is None or args.names in title:
+                found = tried(styles) | {name: mapped_plant(PLANTS[name], c) for name, c in plants.items()}
+                unmarked += sum(len(m.unmarked) for m in found.values())
+                counted(title, found, args.every)
+    if args.names is None:
         chosen = [c for c in cases() if not args.only or args.only in c.name]
         results = {c.name: walked(c, args.limit) for c in chosen}
         counted("simulators", {name: m for name, (_, m) in results.items()}, args.every)

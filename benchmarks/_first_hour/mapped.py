@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from .held_out import Plant
 from .names import ROBOTS, Style, recorded
 
 
@@ -24,17 +26,27 @@ class Mapped(NamedTuple):
 
 
 def mapped(style: Style, seed: int = 0) -> Mapped:
-    """Write model and log of a style, run ``pamid init`` on them and compare with the truth."""
+    """Return what ``pamid init`` makes of a log under the names of a style."""
+    frame, truth = recorded(style, seed)
+    return tried(frame, truth, "robot.xml", ROBOTS[style.robot].xml)
+
+
+def mapped_plant(plant: Plant, columns: dict[str, tuple[str, float]], seed: int = 0) -> Mapped:
+    """Return what ``pamid init`` makes of a log of a plant under the names of some laboratory."""
+    return tried(plant.recorded(columns, seed), columns, "plant.toml", plant.page)
+
+
+def tried(frame: pd.DataFrame, truth: dict[str, tuple[str, float]], name: str, text: str) -> Mapped:
+    """Write a simulator and a log, run ``pamid init`` on them and compare with the truth."""
     from pamid.cli import main
 
-    frame, truth = recorded(style, seed)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "robot.xml").write_text(ROBOTS[style.robot].xml, encoding="utf-8")
+    with tempfile.TemporaryDirectory() as where:
+        folder = Path(where)
+        (folder / name).write_text(text, encoding="utf-8")
         frame.to_csv(folder / "log.csv", index=False)
         out, err = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = main(["init", str(folder / "log.csv"), "--sim", str(folder / "robot.xml"), "--out",
+            code = main(["init", str(folder / "log.csv"), "--sim", str(folder / name), "--out",
                          str(folder / "setup"), "--yes", "--json"])  # fmt: skip
         if code:
             raise RuntimeError(err.getvalue())

@@ -106,6 +106,9 @@ def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
     """Return the part before a slash, a comma or "in", the unit after it, and an invalid unit."""
     for mark in re.finditer(r"\s+in\s+|[/,;:]", name):
         left, right = name[: mark.start()].strip(), name[mark.end() :].strip()
+        whole = re.search(r"[\s_]+(\S[^\s_]*)$", left) if mark[0] == "/" else None
+        if whole and (unit := unit_name(f"{whole[1]}/{right}")) is not None:  # m/s rather than s
+            return left[: whole.start()], unit, ""
         if left and right and (unit := unit_name(right)) is not None and not right.isdigit():
             return left, unit, ""
     slash = re.search(r"\s+/\s+(\S+)$", name)

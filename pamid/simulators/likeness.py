@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from ..signals.headers import read_header
@@ -98,8 +98,21 @@ def dimension(unit: str) -> str:
     return UNITS[found].dimension if found else ""
 
 
-def column_of(name: str) -> Column:
-    """Return the content of a header."""
+def columns_of(names: Sequence[str]) -> list[Column]:
+    """Return the content of headers; a role's word that every column of several quantities bears says nothing."""
+    found = [column_of(name) for name in names]
+    spoken: dict[frozenset[str], list[set[str]]] = {}
+    for c in found:
+        if c.dimensions and not c.apart:
+            spoken.setdefault(c.dimensions, []).append(set(tokens(c.name)) & set(ROLE_OF))
+    shared = [set.intersection(*words) for words in spoken.values()]
+    some = [set.union(*words) - set.intersection(*words) for words in spoken.values()]
+    silent = {w for w, n in Counter(w for words in shared for w in words).items() if n > 1} - set().union(*some)
+    return [column_of(name, silent) for name in names] if silent else found
+
+
+def column_of(name: str, silent: Set[str] = frozenset()) -> Column:
+    """Return the content of a header, of which some words say nothing of its role."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
@@ -109,7 +122,7 @@ def column_of(name: str) -> Column:
     words = tokens(" ".join(header.words) if certain else name)
     numbers = [k for k, w in enumerate(words) if w.isdigit()]
     series = " ".join("#" if numbers and k == numbers[-1] else w for k, w in enumerate(words))
-    roles = roles_of(words)
+    roles = roles_of(w for w in words if w not in silent)
     return Column(
         name,
         tuple(w for w in words if names_itself(w)),

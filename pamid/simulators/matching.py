@@ -19,7 +19,7 @@ from .likeness import (
     Column,
     Names,
     Place,
-    column_of,
+    columns_of,
     dimension,
     is_named,
     letters,
@@ -78,7 +78,8 @@ def matches(
     """Return the columns that ports probably are."""
     search = _Matcher(simulator, ports, frame, t, given or {})
     pairs = search.assigned(search.assigned({}))
-    pairs |= search.in_order(pairs)
+    while more := search.in_order(pairs):  # what is matched may leave one choice for others
+        pairs |= more
     return search.told(pairs)
 
 
@@ -92,14 +93,17 @@ class _Matcher:
         self.given = given
         self.ranges, self.driven = simulator.ranges(), simulator.driven()
         self.places = [place_of(p, p.name in self.driven) for p in ports]
-        self.columns = [column_of(name) for name in frame]
+        self.columns = columns_of(list(frame))
         self.frame, self.t = frame, t
+        self.left_over: set[str] = set()
         self.columns = self._by_motion()
         self.names = Names(self.places, self.columns)
         joints = [p for p in simulator.ports if p.kind == "joint"]
         self.place_under = {p.velocity: p.position for p in joints if p.velocity}
         self.supposed_under = {} if joints else _only_pair(self.places)
-        self.joint_of = {p.position: p.name for p in joints if p.position}
+        position_of = {p.name: p.position for p in joints if p.position}
+        self.moved_by = {p.through: p.position for p in joints if p.through and p.position}
+        self.moved_by |= {drive: position_of[joint] for drive, joint in self.driven.items() if joint in position_of}
         ranks = [self._ranks(column) for column in self.columns]
         self.base = np.array(
             [[self._score(p, c, r) for c, r in zip(self.columns, ranks, strict=True)] for p in self.places]
@@ -125,7 +129,7 @@ class _Matcher:
             family = [said[o.name] for o in self.columns if o.series == c.series != ""] or [said[c.name]]
             dims, ahead = Counter(d for d, _ in family).most_common(1)[0][0], sum(a for _, a in family)
             wanted = c.name in open_ and bool(c.dimensions) and dims == _MOVES
-            faint = dims == _RATES and roles_of(set(tokens(c.name)) - FAINT) != roles_of(tokens(c.name))
+            faint = dims == _RATES and roles_of(w for w in tokens(c.name) if w not in FAINT) != roles_of(tokens(c.name))
             found.append(replace(
                 c, dimensions=dims if c.name in open_ else c.dimensions, leads=2 * ahead > len(family),
                 commanded=(c.commanded or wanted) and not faint,
@@ -172,11 +176,10 @@ class _Matcher:
         """Return the score of each pair by the samples, given what is known of other ports."""
         out = np.zeros_like(self.base)
         over = {position: velocity for velocity, position in self.place_under.items()}
-        position_of = {joint: position for position, joint in self.joint_of.items()}
         for k, place in enumerate(self.places):
             name = place.port.name
             position, velocity = pairs.get(self.place_under.get(name, "")), pairs.get(over.get(name, ""))
-            actual = pairs.get(position_of.get(self.driven.get(name, ""), ""))
+            actual = pairs.get(self.moved_by.get(name, ""))
             for j, column in enumerate(self.columns):
                 if position and position != column.name:
                     out[k, j] += _sign(self._rate(position, column.name)[0])
@@ -219,7 +222,7 @@ class _Matcher:
             ports = [p for p in left if (p.commanded, p.dimensions) == kind]
             columns = [c for c in free if c.name not in found.values() and role_score(ports[0], c) > -math.inf]
             said = [c for c in columns if c.commanded] if kind[0] else []
-            said = said or [c for c in columns if (c.dimensions or c.symbols) & kind[1]]
+            said = said or [c for c in columns if (c.dimensions or c.symbols | {c.dimension}) & kind[1]]
             unsaid = not kind[0] and any(
                 (True, kind[1]) == (p.commanded, p.dimensions) and p.port.start == 0.0 for p in left
             )
@@ -229,7 +232,7 @@ class _Matcher:
         rest = [c for c in free if c.name not in found.values()]
         if len(open_) == 1 == len(rest) and role_score(open_[0], rest[0]) > -math.inf:
             found[open_[0].port.name] = rest[0].name
-        self.left_over = set(found)
+        self.left_over |= set(found)
         return found
 
     # --- units ----------------------------------------------------------------------------------------------
@@ -243,9 +246,9 @@ class _Matcher:
                 doubts[place.port.name] = f"{clash[0].name} is in {clash[0].unit}, the port in {place.port.unit}"
         degrees = self._in_degrees(pairs, by_port, by_column)
         found: list[Match] = []
-        for port, name in sorted(
-            pairs.items(), key=lambda pair: pair[0] in {**self.place_under, **self.supposed_under}
-        ):  # positions first
+        rates = {**self.place_under, **self.supposed_under}
+        for port, name in sorted(pairs.items(), key=lambda pair: pair[0] in rates or by_port[pair[0]].commanded):
+            # positions first
             place, column = by_port[port], by_column[name]
             match = Match(port, name, named=is_named(place, column))
             if port in self.given:
@@ -278,6 +281,12 @@ class _Matcher:
             if unit != stated and stated:
                 doubts[match.port] = why
             return replace(match, unit=stated or unit, why="" if match.named and unit == _own(place) else why)
+        driven = known.get(self.moved_by.get(match.port, ""))
+        if driven is not None and {place.dimension} <= _RATES and not stated:
+            unit, _ = self._unit_of_rate(driven, column, place, "")
+            if unit is not None:
+                why = f"its name, in {unit} as {driven.column} follows it"
+                return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
         basis = "what is left over, in order" if match.port in self.left_over else "its name"
         if stated:
             return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
@@ -301,7 +310,11 @@ class _Matcher:
             for p, c in pairs.items()
             if places[p].dimension == "angle" and columns[c].dimension != "angle" and p not in self.given
         }
-        beyond = [text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))]
+        beyond = [text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))] or [
+            f"{c} goes beyond a turn"  # a servo is seldom told to
+            for p, c in angles.items()
+            if places[p].commanded and p not in self.ranges and self._far(columns[c], places[p])
+        ]
         still = [p for p, c in angles.items() if self._beyond(p, columns[c], UNITS["deg"].factor)]
         return f"degrees, as {beyond[0]}" if beyond and len(still) < len(beyond) else ""
 

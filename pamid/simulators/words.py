@@ -102,8 +102,10 @@ def _compounds(word: str) -> Iterator[list[str]]:
 
 
 def roles_of(words: Iterable[str]) -> set[str]:
-    """Return the roles that some words speak of."""
-    return {ROLE_OF[w] for w in words if w in ROLE_OF}
+    """Return the roles that some words speak of; of command and reading the last, as a name ends in its noun."""
+    said = [ROLE_OF[w] for w in words if w in ROLE_OF]
+    last = [role for role in said if role in ("command", "reading")][-1:]
+    return {role for role in said if role not in ("command", "reading")} | set(last)
 
 
 def dimensions_of(words: Iterable[str]) -> frozenset[str]:

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from pamid.cli import main
+from pamid.signals.headers import read_header
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.matching import matches
 
@@ -35,6 +36,8 @@ STYLES = {
     "isaac": ("dof_pos_target_{k}", "dof_pos_{k}", "dof_vel_{k}"),
     "franka": ("q_d_{one}", "q_{one}", "dq_{one}"),
     "camel": ("{camel}PositionCmd", "{camel}Position", "{camel}Velocity"),
+    "shared words": ("control_command.q[{k}]", "control_data.q[{k}]", "control_data.qd[{k}]"),
+    "two roles": ("feedback.desired.{name}", "feedback.actual.{name}", "feedback.actual.{name}.velocity"),
     "setpoints": ("ref {name}", "{name} angle", "{name} speed"),
 }
 
@@ -203,6 +206,34 @@ def test_a_rate_without_a_unit_has_that_of_its_positions_derivative() -> None:
         found, doubts = matches(simulator, ports[:3], frame, t)
         match = next(m for m in found if m.port == "dq")
         assert match.unit == unit and not doubts and bool(match.why) == (unit != "rad/s")
+
+
+def test_a_commanded_speed_is_in_the_unit_in_which_the_position_follows() -> None:
+    ports = [
+        Port("drive", "input", "rad/s"), Port("q", "state", "rad"),
+        Port("shaft", "joint", "rad/s", position="q", through="drive"),
+    ]  # fmt: skip
+    simulator = FunctionSimulator(lambda t, x, u, p: [u.drive], ports)
+    t = np.linspace(0.0, 10.0, 1000)
+    frame = {"Axis.SetVelo": 57.3 * np.cos(t), "Axis.ActPos [deg]": 57.3 * np.sin(t - 0.05)}
+    found, _ = matches(simulator, ports[:2], frame, t)
+    assert {m.port: m.unit for m in found} == {"drive": "deg/s", "q": "deg"}
+
+
+def test_a_unit_with_a_slash_is_not_cut_at_it() -> None:
+    headers = map(read_header, ("flow L/min", "Achse1_Istdrehzahl_1/min", "/odom/speed m/s"))
+    assert [(" ".join(h.words), h.unit) for h in headers] == [
+        ("flow", "L/min"), ("achse 1 istdrehzahl", "rpm"), ("odom speed", "m/s"),
+    ]  # fmt: skip
+
+
+def test_what_is_matched_leaves_one_choice_for_others() -> None:
+    ports = [Port("P_heat", "input", "W"), Port("T_env", "input", "K"), Port("T", "state", "K")]
+    simulator = FunctionSimulator(lambda t, x, u, p: [u.P_heat - x.T + u.T_env], ports)
+    t = np.linspace(0.0, 10.0, 1000)
+    frame = {"Heizleistung_W": 60 + np.sin(t), "Umgebungstemperatur_°C": 20 + 0.1 * t, "Ist-Temperatur_°C": 50 + t}
+    found, _ = matches(simulator, ports, frame, t)
+    assert [m.column for m in found] == list(frame)
 
 
 def test_an_fmus_log_is_mapped_joined_and_diagnosed_by_the_printed_command(
