@@ -75,7 +75,7 @@ def of_bench(draws: int, rng: np.random.Generator) -> Iterator[tuple[str, list[f
     for name, effect in all_effects().items():
         if "bench" not in effect.kinds:
             continue
-        found, shares = templates(evidence, effect), []
+        found, shares = templates(evidence, name), []
         for _ in range(20 * draws if found else 0):
             gap = evidence.z({name: drawn(effect, evidence.reached, rng)}) - evidence.z0
             size = float(np.linalg.norm(gap - Q @ (Q.T @ gap))) / np.sqrt(len(gap))
@@ -127,7 +127,7 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
             size = float(np.sqrt(np.mean(np.square(added))))
             if SMALL * noise < size < LARGE * noise:
                 evidence = held(target + added + rng.normal(0.0, noise, len(target)), size)
-                shares.append(explained(templates(evidence, effect), -evidence.z0, evidence.J))
+                shares.append(explained(templates(evidence, name), -evidence.z0, evidence.J))
             if len(shares) == draws:
                 break
         yield name, shares

@@ -192,7 +192,7 @@ def _realised(before: Any, plan: Any, more: dict[str, Any], params: Any, case: C
         return []
 
     def scores(tables: dict[str, Any]) -> dict[frozenset[str], float]:
-        stack = StackedEvidence([Log(n, Evidence(t, params), "one") for n, t in tables.items()], lambda *_: True)
+        stack = StackedEvidence([Log(n, Evidence(t, params), "one") for n, t in tables.items()])
         competition, out = Competition(stack, []), {}
         for names, r in known.items():
             x = np.array([r.deviations.get(k, 0.0) for k in stack.free])

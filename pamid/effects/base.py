@@ -156,8 +156,8 @@ class Effect(ABC):
     >>> del Effect.registry["preload"]  # forgets it; not needed in real life
     """
 
-    name: ClassVar[str]
-    """Name, unique in the library."""
+    name: ClassVar[str] = ""
+    """Name, unique in the library; without one it is no effect of the library, but of a port."""
     family: ClassVar[str]
     """Family of effects that are alike."""
     equations: ClassVar[tuple[str, ...]]

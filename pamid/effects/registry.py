@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from functools import cache
-from types import MappingProxyType
 
 from .._discovery import modules
 from .._plugins import left_out, plugins
@@ -15,7 +12,6 @@ from ..errors import UnknownOptionError
 from .base import Effect
 
 _NOT_EFFECTS = {"base", "plant", "registry"}
-_BESIDE: ContextVar[Mapping[str, type[Effect]]] = ContextVar("effects beside the library", default=MappingProxyType({}))
 
 
 def all_effects() -> dict[str, type[Effect]]:
@@ -33,33 +29,7 @@ def all_effects() -> dict[str, type[Effect]]:
     ('flow',)
     """
     _load_library()
-    return dict(sorted({**Effect.registry, **_BESIDE.get()}.items()))
-
-
-@contextmanager
-def effects_beside(effects: Mapping[str, type[Effect]]) -> Iterator[None]:
-    """Add effects to `all_effects` within a block, such as those at the ports of one simulator.
-
-    Parameters
-    ----------
-    effects : mapping of str to class
-        The effects by name.
-
-    Examples
-    --------
-    >>> from pamid.effects import all_effects
-    >>> from pamid.effects.registry import effects_beside
-    >>> with effects_beside({"leakage@tank": all_effects()["leakage"]}):
-    ...     print("leakage@tank" in all_effects())
-    True
-    >>> "leakage@tank" in all_effects()
-    False
-    """
-    token = _BESIDE.set(MappingProxyType({**_BESIDE.get(), **effects}))
-    try:
-        yield
-    finally:
-        _BESIDE.reset(token)
+    return dict(sorted(Effect.registry.items()))
 
 
 @cache

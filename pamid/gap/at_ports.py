@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects.registry import effects_beside
 from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
@@ -110,7 +109,7 @@ def diagnose_simulator(
     evidence = evidence_of(log, simulator, refit=True)
     asked = chosen(evidence.placements, effects)
     # Thousands of small products: threads would only wait for one another.
-    with threadpool_limits(1), effects_beside({k: p.effect for k, p in evidence.placements.items()}):
+    with threadpool_limits(1):
         searched = to_search(evidence) if isinstance(evidence, DirectEvidence) else evidence
         asked = settled(evidence, evidence.log, simulator, asked, say)
         if searched is not evidence:

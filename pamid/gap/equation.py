@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..effects.registry import effects_beside
 from ..errors import PamidError, ShortTrajectoryError
 from ..signals.roles import STATE_ROLES
 from ..simulators.base import Simulator
@@ -155,9 +154,9 @@ def _several(
         one.weights, one.stretch = gathered.evidence.weights, gathered.evidence.stretch
         one.trajectories = [run.removeprefix(f"{name}: ") for run in one.trajectories]
         each.append(Log(name, one, days[k]))
-    variants = Variants(library, names, days)
-    stack = StackedEvidence(each, variants.acts, variants.plain)
-    with threadpool_limits(1), effects_beside(variants.effects):
+    variants = Variants(library, gathered.evidence.effects, names, days)
+    stack = StackedEvidence(each, variants)
+    with threadpool_limits(1):
         found, _ = explained(stack, stack, variants, [*_heard(gathered), *notes], rng, say)
     sizes = {name: (len(log), log["trajectory"].nunique()) for name, log in logs.items()}
     return replace(found, logs=sized(found.logs, sizes, held)), gathered

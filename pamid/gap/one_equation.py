@@ -217,7 +217,7 @@ def gather(
     def look(towards: int) -> tuple[Scaling, SignalEvidence, list[Template]]:
         scaled = replace(scaling, target=towards * scaling.target)
         evidence = m.evidence(scaled, without=without)
-        return scaled, evidence, [t for name in library for t in templates(evidence, all_effects()[name])]
+        return scaled, evidence, [t for name in library for t in templates(evidence, name)]
 
     chosen, evidence, found = look(1 if sense == "auto" else int(sense))
     # The tension, or the flow, of a muscle that is known is what it delivers.

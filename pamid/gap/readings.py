@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..effects.registry import effects_beside
 from ..simulators.base import Simulator
 from ..simulators.port_log import PortLog
 from .inference.competition import Competition
@@ -31,14 +30,13 @@ def settled(
     say("compare readings of the same motion")
     between = KinematicEvidence(log, simulator, {})
     faults = [k for k in library if evidence.placements[k].enters == "output" and between.touched([k])]
-    with effects_beside({k: p.effect for k, p in between.placements.items()}):
-        competition = Competition(between, faults)
-        if competition.enough(competition.base):
-            admitted, left = set(), np.ones(len(between.equations))
-        else:
-            outcome = competition.run()
-            near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - CLOSE]
-            admitted, left = set().union(*(h.names for h in [outcome.best, *near])), outcome.best.left
+    competition = Competition(between, faults)
+    if competition.enough(competition.base):
+        admitted, left = set(), np.ones(len(between.equations))
+    else:
+        outcome = competition.run()
+        near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - CLOSE]
+        admitted, left = set().union(*(h.names for h in [outcome.best, *near])), outcome.best.left
     evidence.widen(dict(zip(between.equations, np.maximum(left, 1.0).tolist(), strict=True)))
     if refused := [k for k in faults if k not in admitted]:
         named = ", ".join(f"{x} and {v}" for x, v in pairs.items())

@@ -10,7 +10,7 @@ from ..effects import Effect
 from .dimensions import unit_powers
 from .laws_between import ONE_BODY, Passage, Play
 from .links import Link
-from .placement import Placement, Scales, named
+from .placement import Placement, Scales, narrowed
 from .placing import GAP, STRAIN, without_pressure
 from .placing import placed as place_at
 from .reciprocity import factor_of
@@ -53,7 +53,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
         if effect is Play:
             held, damped = link.stiffness * scale, link.damping * scale * survey.time
             own = {"stiffness": held / scales.target, "damping": damped / scales.target}
-            bound = named(effect, placed.key, (), equations=(), **own)
+            bound = narrowed(effect, (), **own)
             placed = replace(placed, effect=bound, powers={"half_width": 1}, units={"half_width": link.first.unit})
         found.append(placed)
     return found

@@ -66,8 +66,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
     ('input', 'joint')
     """
     found: dict[str, tuple[str, type[Effect]]] = {}
-    own = [(name, effect) for name, effect in all_effects().items() if "@" not in name]
-    for name, effect in sorted(own, key=lambda item: _rank(item[0])):
+    for name, effect in sorted(all_effects().items(), key=lambda item: _rank(item[0])):
         hooks, bare = effect.hooks(), _PREFIX.sub("", name)
         if "command" in hooks and powers(effect, "command") is not None:
             found.setdefault(f"actuator_{bare}", ("input", effect))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ..effects import Effect, Parameter
 from .base import Simulator
-from .placement import Placement, Scales, named
+from .placement import Placement, Scales, narrowed
 
 
 class ParameterDeviation(Effect):
@@ -76,15 +76,13 @@ def at_parameters(simulator: Simulator) -> list[Placement]:
         if parameter.value == 0.0:
             continue
         for effect_name in ("parameter_deviation", "parameter_drift"):
-            bound = named(OF_PARAMETERS[effect_name], f"{effect_name}@{name}", equations=(), prior=-1.0)
-            units = {p.name: "-" for p in bound.parameters}
-            found.append(Placement(bound.name, effect_name, name, bound, "parameter", name, {}, Scales(), {}, units))
+            effect = narrowed(OF_PARAMETERS[effect_name], prior=-1.0)
+            key, units = f"{effect_name}@{name}", {p.name: "-" for p in effect.parameters}
+            found.append(Placement(key, effect_name, name, effect, "parameter", name, {}, Scales(), {}, units))
     for joint, (name, size) in simulator.joint_inertias().items():
         if simulator.get(name) == 0.0 and size > 0.0:
-            bound = named(AddedInertia, f"added_inertia@{joint}", equations=(), size=size)
+            key, bound = f"added_inertia@{joint}", narrowed(AddedInertia, size=size)
             powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
             place = Scales(target=size)
-            found.append(
-                Placement(bound.name, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units)
-            )
+            found.append(Placement(key, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units))
     return found

@@ -60,7 +60,7 @@ class Placement:
     port : str
         Name of the port: where it acts.
     effect : class
-        The library's effect, under the name `key`.
+        The library's effect, its parameters within what a log can show.
     enters : str
         ``"input"``, ``"output"``, ``"state"`` (its rate), ``"parameter"`` or ``"link"``, see `at`.
     at : str
@@ -230,10 +230,8 @@ class Placement:
         return np.asarray(found, dtype=float) * self.scales.target
 
 
-def named(effect: type[Effect], key: str, hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
-    """Return an effect of the library under another name, without registering it."""
+def narrowed(effect: type[Effect], hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
+    """Return an effect of the library with parameters fixed at their nominal values, and other class attributes."""
     kept = tuple(p for p in effect.parameters if p.name not in hidden)
     fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
-    bound: type[Effect] = type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})
-    bound.name = key  # after its making: the library learns names of classes as they are made
-    return bound
+    return type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

@@ -171,7 +171,7 @@ def test_regions_agree_with_where_the_gap_is(evidence):
 
 @pytest.mark.parametrize("name", ["leakage", "coulomb_friction", "diameter", "gravity"])
 def test_templates_are_the_effects_own_changes(evidence, name):
-    for t in templates(evidence, all_effects()[name])[:2]:
+    for t in templates(evidence, name)[:2]:
         x = 1e-3 * np.where(np.isfinite(t.upper), np.minimum(t.upper, 1.0), 1.0)
         exact = evidence.z({name: t.starts(x)[0]}) - evidence.z0
         np.testing.assert_allclose(t.columns @ x, exact, atol=0.03 * np.abs(exact).max() + 1e-9)
@@ -181,7 +181,7 @@ def test_p_values_without_a_gap_are_not_small():
     values = []
     for seed in range(6):
         e = Evidence(log_with(seed=seed), NOMINAL)
-        found = [t for name in LIBRARY for t in templates(e, all_effects()[name])]
+        found = [t for name in LIBRARY for t in templates(e, name)]
         values.append(library_test(e, Fitter(e).base(), found, np.random.RandomState(0)).p_value)
     assert min(values) > 0.005 and max(values) > 0.2
 
@@ -190,12 +190,12 @@ def test_an_effect_that_turned_into_another_one_is_told(evidence):
     fit = Fitter(evidence).at(
         {"stribeck_friction": {"coulomb": 3.0, "breakaway": 0.0, "velocity": 0.1, "presliding": 1e-4}}
     )
-    assert degenerate(fit, "stribeck_friction", 10.0)
+    assert degenerate(make_effect("stribeck_friction", **fit.spec["stribeck_friction"]), 10.0)
     fit = Fitter(evidence).at(
         {"hysteresis": {"amplitude": 1.0, "slip": 0.0, "displacement": 1e-3, "shape": 0.5, "spread": 0.0}}
     )
-    assert degenerate(fit, "hysteresis", 10.0)
-    assert not degenerate(fit, "leakage", 10.0)
+    assert degenerate(make_effect("hysteresis", **fit.spec["hysteresis"]), 10.0)
+    assert not degenerate(make_effect("leakage"), 10.0)
 
 
 # --- answers --------------------------------------------------------------------------------------------------

@@ -50,15 +50,6 @@ def synthetic(seed: int = 0, n: int = 800) -> tuple[Subsets, np.ndarray]:
     return Subsets(z, np.zeros((n, 0)), empty, empty, empty, library, cost, parts, np.ones(n), np.ones(2)), true
 
 
-@pytest.fixture(autouse=True)
-def _forms(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the effects of the synthetic library, which are none of ours, be exact."""
-    import pamid.gap.inference.subsets as subsets
-    from pamid.gap.inference.discrepancy import has_form
-
-    monkeypatch.setattr(subsets, "has_form", lambda name: False if name.startswith("e") else has_form(name))
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_the_best_set_is_that_of_all_sets(seed: int) -> None:
     subsets, _ = synthetic(seed)

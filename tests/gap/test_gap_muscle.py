@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from pamid.estimators import GapDiagnoser, GeometricForce
 
-from pamid.effects import Signals, all_effects, make_effect
+from pamid.effects import Signals, make_effect
 from pamid.gap.inference.sensitivity import relinearised, templates
 from pamid.gap.residuals.remembered import Remembered
 from pamid.gap.residuals.single import SignalEvidence
@@ -71,7 +71,7 @@ def test_slack_and_the_bladder_are_found_together(log):
 
 
 def test_templates_beside_slack_act_where_the_muscle_is_taut(evidence):
-    [plain] = templates(evidence, all_effects()["braid_geometry"])
+    [plain] = templates(evidence, "braid_geometry")
     spec = {"bladder_preload": BLADDER, "slack": SLACK}
     [beside] = relinearised(evidence, [plain], spec)
     h = 1e-7

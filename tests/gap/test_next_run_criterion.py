@@ -107,7 +107,7 @@ def test_predicted_discrimination_is_realised_within_a_factor_of_two(slow: pd.Da
 
 
 def _scores(fits: list[Fit], tables: dict[str, pd.DataFrame]) -> list[float]:
-    stack = StackedEvidence([Log(n, Evidence(t, NOMINAL), "one") for n, t in tables.items()], lambda *_: True)
+    stack = StackedEvidence([Log(n, Evidence(t, NOMINAL), "one") for n, t in tables.items()])
     competition = Competition(stack, [])
     found = [competition.fitter.refine(f.spec, near=f.x) if f.spec else competition.fitter.base() for f in fits]
     return [competition.hypothesis(f).score for f in found]

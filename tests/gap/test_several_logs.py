@@ -63,7 +63,7 @@ def dead() -> pd.DataFrame:
 # --- several logs -------------------------------------------------------------------------------------------
 def test_stacked_residuals_are_those_of_each_log(healthy: pd.DataFrame, leaking: pd.DataFrame) -> None:
     each = [Evidence(healthy, NOMINAL), Evidence(leaking, NOMINAL)]
-    stack = StackedEvidence([Log("a", each[0], "a"), Log("b", each[1], "b")], lambda *_: True)
+    stack = StackedEvidence([Log("a", each[0], "a"), Log("b", each[1], "b")])
     spec = {"leakage": {"conductance": 1e-10}}
     x = np.linspace(-0.5, 0.5, len(stack.free))
     z = stack.tangent(spec, x) + stack.J @ x
@@ -75,10 +75,10 @@ def test_stacked_residuals_are_those_of_each_log(healthy: pd.DataFrame, leaking:
 
 def test_geometry_is_shared_and_the_valve_is_each_days_own(healthy: pd.DataFrame) -> None:
     evidence = Evidence(healthy, NOMINAL)
-    stack = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "fri")], lambda *_: True)
+    stack = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "fri")])
     assert stack.free.count("braid_angle") == 1
     assert {"sonic_conductance (mon)", "sonic_conductance (fri)"} <= set(stack.free)
-    same = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "mon")], lambda *_: True)
+    same = StackedEvidence([Log("a", evidence, "mon"), Log("b", evidence, "mon")])
     assert same.free == evidence.free
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.effects.registry import effects_beside
 from pamid.gap import diagnose_simulator
 from pamid.gap.simulated import evidence_of
 from pamid.signals.ends import end_of
@@ -57,21 +56,20 @@ def test_an_overflow_that_constants_had_taken_on_is_found_with_them() -> None:
 def test_slopes_are_those_under_the_effects_that_stand() -> None:
     evidence = evidence_of(log(), tanks(), refit=True)
     assert evidence.curved
-    with effects_beside({k: p.effect for k, p in evidence.placements.items()}):
-        place = evidence.placements["overflow@h1"]
-        spec = {"overflow@h1": place.inward({"coefficient": 0.1, "level": 6.0, "returned": 0.5})}
-        x = np.full(len(evidence.free), 0.05)
-        found, step = evidence.slopes(spec, x), 0.01
-        for k, name in enumerate(evidence.free[1:3], start=1):
-            moved = dict(zip(evidence.free, x, strict=True))
-            for _ in range(3):  # initial states are fitted anew with each
-                evidence._kept.clear()
-                here = evidence.z(spec, moved)
-            for _ in range(3):
-                evidence._kept.clear()
-                there = evidence.z(spec, {**moved, name: moved[name] + step})
-            change = (there - here) / step
-            assert np.linalg.norm(change - found[:, k]) < 0.15 * np.linalg.norm(change)
+    place = evidence.placements["overflow@h1"]
+    spec = {"overflow@h1": place.inward({"coefficient": 0.1, "level": 6.0, "returned": 0.5})}
+    x = np.full(len(evidence.free), 0.05)
+    found, step = evidence.slopes(spec, x), 0.01
+    for k, name in enumerate(evidence.free[1:3], start=1):
+        moved = dict(zip(evidence.free, x, strict=True))
+        for _ in range(3):  # initial states are fitted anew with each
+            evidence._kept.clear()
+            here = evidence.z(spec, moved)
+        for _ in range(3):
+            evidence._kept.clear()
+            there = evidence.z(spec, {**moved, name: moved[name] + step})
+        change = (there - here) / step
+        assert np.linalg.norm(change - found[:, k]) < 0.15 * np.linalg.norm(change)
 
 
 def test_readings_at_their_end_speak_for_it() -> None:
@@ -84,8 +82,7 @@ def test_readings_at_their_end_speak_for_it() -> None:
     rounded = np.round(cut["y"].to_numpy(), 1)  # where readings repeat each other anyway, repeats say nothing
     assert end_of(rounded, [(0, 400), (400, 800)]) is None
     ended, free = (evidence_of(some, tanks()) for some in (cut, log()))
-    with effects_beside({k: p.effect for k, p in ended.placements.items()}):
-        assert ended.prior("sensor_saturation@h2") > 10.0
-        assert free.prior("sensor_saturation@h2") == 0.0
-        [limit] = ended.placements["sensor_saturation@h2"].effect.parameters
-        assert limit.lower > 0.99 * limit.upper
+    assert ended.prior("sensor_saturation@h2") > 10.0
+    assert free.prior("sensor_saturation@h2") == 0.0
+    [limit] = ended.placements["sensor_saturation@h2"].effect.parameters
+    assert limit.lower > 0.99 * limit.upper

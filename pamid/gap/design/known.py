@@ -60,6 +60,8 @@ class Known:
     belief: float
     windows: int = 0
     draws: Sequence[Draw] = ()
+    slots: Sequence[tuple[str, Parameter]] = ()
+    """The parameters of its effects, in order."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,7 +70,7 @@ class Known:
 
     def step_to(self, other: Fit) -> np.ndarray:
         """Return how far tolerances and parameters of another fit of the same effects are from its own."""
-        own, there = ([fit.spec[name][p.name] for name, p in slots_of(fit.spec)] for fit in (self.fit, other))
+        own, there = ([fit.spec[name][p.name] for name, p in self.slots] for fit in (self.fit, other))
         return np.concatenate([other.x - self.fit.x, np.array(there) - np.array(own)])
 
     def curvature(self, H: np.ndarray) -> np.ndarray:
@@ -85,7 +87,7 @@ class Known:
 
     def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
         """Return for each effect the places, parameters and values of its parameters."""
-        slots = slots_of(self.fit.spec)
+        slots = self.slots
         mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
         return [
             (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
@@ -117,9 +119,13 @@ class Known:
     @property
     def held(self) -> np.ndarray:
         """The precision with which the explanation is refitted: nonlinear parameters no further than they reach."""
-        linear = np.array([p.linear for _, p in slots_of(self.fit.spec)], dtype=bool)
+        linear = np.array([p.linear for _, p in self.slots], dtype=bool)
         free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
         return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
+
+
+def _slots(logs: Sequence[Evidence], fit: Fit) -> list[tuple[str, Parameter]]:
+    return slots_of(logs[0].effects, fit.spec)
 
 
 def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
@@ -130,8 +136,8 @@ def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[f
 
 def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
     """Return an explanation with the posterior of its parameters from logs."""
-    known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs))
-    linear = np.array([True] * len(fit.x) + [p.linear for _, p in slots_of(fit.spec)], dtype=bool)
+    known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs), (), _slots(logs, fit))
+    linear = np.array([True] * len(fit.x) + [p.linear for _, p in known.slots], dtype=bool)
     now, found = _loglik(logs, fit), []
     for k in range(draws):
         # Where all parameters move, bounds of nonlinear ones end a step early: every other pair of draws leaves them.
@@ -153,7 +159,7 @@ def _allowed(logs: Sequence[Evidence], fit: Fit, step: np.ndarray, now: float, p
 
     The posterior is Gaussian only about the fit; a step along which the logs lose more does not belong to it.
     """
-    slots, m = slots_of(fit.spec), len(fit.x)
+    slots, m = _slots(logs, fit), len(fit.x)
     value = np.array([fit.spec[name][p.name] for name, p in slots])
     end = np.array([p.upper if d > 0.0 else p.lower for d, (_, p) in zip(step[m:], slots, strict=True)])
     moves = step[m:] != 0.0
@@ -212,7 +218,7 @@ def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.
 
 def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of an explanation on a log, and their sensitivities to tolerances and its parameters."""
-    slots = slots_of(fit.spec)
+    slots = _slots([evidence], fit)
     z = evidence.tangent(fit.spec, fit.x)
     if not slots:
         return z + evidence.J @ fit.x, evidence.J
@@ -224,7 +230,7 @@ def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]
 def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
     """Return the posterior precision of an explanation's parameters after logs, its inexact form left free."""
     m = logs[0].J.shape[1]
-    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(fit.spec)))]))
+    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(_slots(logs, fit)))]))
     for log in logs:
         clean = cleaned(log)
         z, A = map(clean, sensitivities(log, fit))

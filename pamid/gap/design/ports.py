@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects.registry import effects_beside
 from ...errors import ExcitationError, ParameterError
 from ...simulators.base import Simulator
 from ...simulators.catalogue import chosen
@@ -201,9 +200,8 @@ def plan_port_run(
         columns={p.name: p.source for p in simulator.ports},
     )  # fmt: skip
     allowed = _given(allowed, limits or {}, rates or {}, keep or {}, simulator)
-    places = {k: p.effect for k, p in last.placements.items()}
     wanted = [k for k in chosen(last.placements, library) if last.has(k)]
-    with threadpool_limits(1), effects_beside(places):
+    with threadpool_limits(1):
         known = [r for r in rivals if all(name in last.placements for name in r.effects)]
         noise = noise_of(each, known)
 

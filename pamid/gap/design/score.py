@@ -39,7 +39,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..inference.gauss_newton import slots_of
 from ..residuals.bench import Evidence
 from ..settings import CLASS, FORM_SMOOTH, INCLUDED
 from .expected_cost import counts_for, expected_cost
@@ -202,7 +201,7 @@ class Discrimination:
         covariance = np.linalg.pinv(H / np.outer(size, size) + 1e-9 * np.eye(len(H)))
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
         m = len(k.fit.x)
-        return {f"{name}.{p.name}": float(error[m + q]) for q, (name, p) in enumerate(slots_of(k.fit.spec))}
+        return {f"{name}.{p.name}": float(error[m + q]) for q, (name, p) in enumerate(k.slots)}
 
     def information(self, chosen: Sequence[int], which: int = 0) -> float:
         """Return the logarithm of the determinant of an explanation's parameters' precision after some of the runs."""

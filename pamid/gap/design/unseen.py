@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...effects import all_effects
 from ..diagnosis.rivals import Rival
 from ..residuals.bench import Evidence
 from ..settings import TOLERANCE
@@ -18,11 +17,11 @@ MOST = 6
 
 def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown: float) -> list[Rival]:
     """Return no effect, and the effects that would hardly have shown in logs at their typical size."""
-    known, found = all_effects(), []
+    found = []
     for name in library:
         if not any(log.touched([name]) for log in logs):
             continue  # no run shows an effect on a channel that no equation reads
-        typical = {p.name: float(p.nominal) for p in known[name].parameters}
+        typical = {p.name: float(p.nominal) for p in logs[0].effects[name].parameters}
         cost = sum(_cost(log, {name: typical}, base) for log in logs)
         if cost < shown:
             found.append((cost, Rival({name: typical}, dict(base.deviations), 0.0, 0.0)))

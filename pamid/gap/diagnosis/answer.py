@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...effects import all_effects
 from ..inference.competition import Competition
-from ..inference.gauss_newton import Fit, Fitter
+from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.significance import excess
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
@@ -86,7 +85,7 @@ def answer(
         families=causes if alike else [],
         closure=[c for c in closure if gapped],
         next_experiment=experiment,
-        notes=[*notes, *competition.notes, *_beginnings(fit.spec if verdict.named else {})],
+        notes=[*notes, *competition.notes, *_beginnings(evidence, fit.spec if verdict.named else {})],
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
@@ -220,17 +219,17 @@ def _causes(
                 others=others,
                 with_reserve=not trust.sure,
                 grade=trust.grade,
-                family=all_effects()[name].family,
+                family=fitter.evidence.effects[name].family,
                 signs=dict(trust.signs),
             )
         )
     return sorted(found, key=lambda c: -c.share)
 
 
-def _beginnings(spec: Mapping[str, Mapping[str, float]]) -> list[str]:
+def _beginnings(evidence: ResidualSource, spec: Mapping[str, Mapping[str, float]]) -> list[str]:
     """Return notes on causes whose past is not in the log."""
-    library = all_effects()
-    found = [n for n, values in spec.items() if any(p.before and values[p.name] > 0.0 for p in library[n].parameters)]
+    slots = slots_of(evidence.effects, spec)
+    found = dict.fromkeys(n for n, p in slots if p.before and spec[n][p.name] > 0.0)
     return [
         f"The state of {name} at the beginning of a run is not in the log: it was fitted in each run, and is not part "
         "of the corrected simulator, whose runs begin at rest."

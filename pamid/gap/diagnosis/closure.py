@@ -32,7 +32,7 @@ class Clusters:
     def __init__(self, fitter: Fitter, fit: Fit) -> None:
         evidence = fitter.evidence
         self.evidence, self.fit = evidence, fit
-        self.slots = slots_of(fit.spec)
+        self.slots = slots_of(evidence.effects, fit.spec)
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
         z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)

@@ -8,14 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects import all_effects
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, Spec
 from ..settings import CERTAIN, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, OF_ITS_OWN
-from .discrepancy import has_form
 from .first_order import FirstOrder, closed_share, excess_of
-from .gauss_newton import joined
+from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
-from .sensitivity import Template
+from .sensitivity import Template, has_form
 from .so_far import INTERRUPTED, causes_so_far, stopped
 from .subsets import Subset, Subsets
 
@@ -245,7 +243,7 @@ class Competition(FirstOrder):
     def _neighbours(self, at: Hypothesis, out: frozenset[str], most: int, margin: float = 1.0) -> list[Hypothesis]:
         """Refit the most promising sets with one effect more, some effects taken away first."""
         found = self._tried(at, out, most, margin, self._about(at, out))
-        if any(has_form(name) for name in at.fit.spec if name not in out):
+        if any(has_form(self.evidence.effects[name]) for name in at.fit.spec if name not in out):
             # What an inexact form needs may also be another law: then it has fewer parameters.
             known = frozenset(name for h in found for name in h.names)
             found += self._tried(at, out, 1, margin, self._about(at, out, inexact=False), known)
@@ -324,7 +322,7 @@ class Competition(FirstOrder):
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:
         """Return effects refitted from where they are."""
         found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x, behind=behind))
-        if (free := _unsettled(found.fit.spec)) is not None:
+        if (free := self._unsettled(found.fit.spec)) is not None:
             found = max(found, self.hypothesis(self.fitter.refine(free, near=found.fit.x)), key=lambda h: h.score)
         if found.names not in self._done or found.score > self._done[found.names].score:
             self._done[found.names] = found
@@ -357,7 +355,7 @@ class Competition(FirstOrder):
         if (twin := self.evidence.twins.get(name)) in self.usable and twin not in best.names:
             # Effects that commute are equivalent on the log but for initial memory, which cannot decide.
             spec = best.fit.spec
-            start = {p.name: spec[name].get(p.name, p.nominal) for p in all_effects()[twin].parameters}
+            start = {p.name: spec[name].get(p.name, p.nominal) for p in self.evidence.effects[twin].parameters}
             key = others | {twin}
             near = self._refined({**{k: spec[k] for k in others}, twin: start}, best)
             self._done[key] = replace(near, score=best.score)
@@ -370,11 +368,11 @@ class Competition(FirstOrder):
         found = [h for h in found if h is best or not any(self.degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)
 
-
-def _unsettled(spec: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]] | None:
-    """Return effects with half-unknown initial memory; None where none has any, or all have already."""
-    library, out = all_effects(), {name: dict(values) for name, values in spec.items()}
-    settled = [(n, p) for n in spec for p in library[n].parameters if p.before and spec[n][p.name] == 0.0]
-    for name, p in settled:
-        out[name][p.name] = 0.5
-    return out if settled else None
+    def _unsettled(self, spec: Spec) -> dict[str, dict[str, float]] | None:
+        """Return effects with half-unknown initial memory; None where none has any, or all have already."""
+        out = {name: dict(values) for name, values in spec.items()}
+        slots = slots_of(self.evidence.effects, spec)
+        settled = [(n, p) for n, p in slots if p.before and spec[n][p.name] == 0.0]
+        for name, p in settled:
+            out[name][p.name] = 0.5
+        return out if settled else None

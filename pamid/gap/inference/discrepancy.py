@@ -21,23 +21,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects import all_effects
 from ...signals.recursion import past
 from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
 from .gauss_newton import SLACK, Fit
+from .sensitivity import has_form
 from .student_t import bounded
 
 AGES = (0.05, 0.3, 1.5)
 """Ages of the past that forms may differ by, s: from a few windows to the length of a run."""
 _CONFINED = {"friction", "hysteresis", "load"}
-_CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
-
-
-def has_form(name: str) -> bool:
-    """Return whether an effect has a form that may be inexact; a sensor's offset or gain or a wrong length has none."""
-    effect = all_effects()[name]
-    return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
 
 
 class Discrepancy:
@@ -88,11 +81,11 @@ class Discrepancy:
         """Return the standard deviation of each window, in units of its noise; None where nothing is inexact."""
         variance = np.zeros(len(self.evidence.z0))
         for name, d in self.contributions(fit).items():
-            if not has_form(name):
+            if not has_form(self.evidence.effects[name]):
                 variance += np.square(FORM_EXACT * d)
                 continue
             # A change of a muscle's shape shows in force and volume alike; friction does not.
-            elsewhere = 0.0 if all_effects()[name].family in _CONFINED else FORM_ELSEWHERE * self.magnitude(d)
+            elsewhere = 0.0 if self.evidence.effects[name].family in _CONFINED else FORM_ELSEWHERE * self.magnitude(d)
             variance += np.square(FORM_LOCAL * d) + elsewhere**2
         return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
 
@@ -104,7 +97,7 @@ class Discrepancy:
         other, infinite where they add nothing.
         """
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
-        rough = [d for k, d in direct.items() if k != name and has_form(k)]
+        rough = [d for k, d in direct.items() if k != name and has_form(self.evidence.effects[k])]
         if not rough:
             return np.inf
         A = np.column_stack([self.evidence.slopes(fit.spec, fit.x), D])
@@ -137,11 +130,11 @@ class Discrepancy:
             self._signals = _signals(self.evidence.state)
         found: list[np.ndarray] = []
         for name, d in self.contributions(fit).items():
-            if not has_form(name):
+            if not has_form(self.evidence.effects[name]):
                 continue
             raw = self.evidence.raw(d)
             mine = [raw * signal for signal in self._signals]
-            if all_effects()[name].n_states:
+            if self.evidence.effects[name].n_states:
                 mine += pasts(raw, self.evidence)
             # A form is inexact by its share once, however many signals it may vary with.
             found += [column / np.sqrt(len(mine)) for column in mine]

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ...effects import all_effects
 from ..residuals.protocol import ResidualSource
 from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, GRID, KEPT, MOST_CAUSES, TOLERANCE
 from .gauss_newton import Fit, slots_of
@@ -44,7 +43,7 @@ class FirstOrder(Worth):
         for name in library:
             if known is None or name not in known:
                 self.say(f"sensitivity to {name}")
-                self.templates += templates(evidence, all_effects()[name])
+                self.templates += templates(evidence, name)
             else:
                 self.templates += known[name]
         self.further = float(np.log(max(len(self.usable), 1)))
@@ -122,7 +121,7 @@ class FirstOrder(Worth):
         fixed, precision = [evidence.slopes(spec, fit.x)], [np.full(m, TOLERANCE)]
         lower, upper = [self.fitter.low], [self.fitter.high]
         if spec:
-            slots = slots_of(spec)
+            slots = slots_of(evidence.effects, spec)
             phi = np.array([spec[name][p.name] for name, p in slots])
             D, low, high = self.fitter.jacobian(slots, phi, z, fit.x)
             smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales))

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...effects import all_effects
 from ...signals.paths import reversals
 from ..residuals.single import SignalEvidence
 from .sensitivity import Template
@@ -129,8 +128,7 @@ def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:
     It is −1 where the target is the driving force: friction then adds to it. Amplitudes have signs, so only one of the
     two fits. Sensor faults have no sense: a late position looks like friction in either.
     """
-    library = all_effects()
-    found = [t for t in found if not {"measure", "adjust"} & set(library[t.effect].hooks())]
+    found = [t for t in found if not {"measure", "adjust"} & set(evidence.effects[t.effect].hooks())]
     best = {}
     for sense in (1, -1):
         gains = [

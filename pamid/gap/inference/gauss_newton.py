@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...effects import Parameter, all_effects
+from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import TOLERANCE
 from .descent import Bounds, Prior, descend
@@ -153,7 +153,7 @@ class Fitter:
 
     def promise(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
-        slots = slots_of(spec)
+        slots = slots_of(self.evidence.effects, spec)
         phi, z = np.array([spec[name][p.name] for name, p in slots]), self.evidence.tangent(spec, x)
         D, lower, upper = self.jacobian(slots, phi, z, x)
         return self.linear(z, D, lower, upper, iterations=6, start=x, J=self.evidence.slopes(spec, x)).loglik
@@ -186,7 +186,7 @@ class Fitter:
         self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float, behind: float
     ) -> tuple[Fit, np.ndarray]:
         """Fit everything with the tolerances linearised at deviations x; also return where it was linearised last."""
-        slots = slots_of(spec)
+        slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         if self.evidence.curved:
             found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
@@ -233,7 +233,7 @@ class Fitter:
         held: bool = False, turned: Callable[[np.ndarray], np.ndarray] = lambda z: z,
     ) -> Fit:  # fmt: skip
         """Fit everything, or tolerances beside fixed effects, each step linearised where the last one ended."""
-        evidence, n, slots = self.evidence, self.n, [] if held else slots_of(spec)
+        evidence, n, slots = self.evidence, self.n, [] if held else slots_of(self.evidence.effects, spec)
         phi = np.array([spec[name][p.name] for name, p in slots])
         ends = np.array([(p.lower, p.upper) for _, p in slots]).reshape(-1, 2)
 
@@ -284,7 +284,7 @@ class Fitter:
             if only is not None and k not in only:
                 continue
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
-            if len(spec) > 1 and not self.evidence.bends and all(adds(n) for n in spec):
+            if len(spec) > 1 and not self.evidence.bends and all(adds(self.evidence.effects[n]) for n in spec):
                 # Contributions to an equation are additive, with or without other effects.
                 D[:, k] = self.evidence.change({name: moved}, {name: spec[name]}, x) / h
             else:
@@ -311,10 +311,9 @@ def _turned(
     return D + np.outer(changed - D @ moved, along) / power if power > 0.0 else D
 
 
-def slots_of(spec: Spec) -> list[tuple[str, Parameter]]:
+def slots_of(effects: Mapping[str, type[Effect]], spec: Spec) -> list[tuple[str, Parameter]]:
     """Return the parameters of a spec's effects, in order."""
-    library = all_effects()
-    return [(name, p) for name in spec for p in library[name].parameters]
+    return [(name, p) for name in spec for p in effects[name].parameters]
 
 
 def _nudge(p: Parameter, v: float) -> float:

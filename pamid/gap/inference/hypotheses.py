@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...effects import all_effects
+from ...effects import Effect
 from ..settings import CLOSE, CLOSE_SHARE, KEPT
 from .gauss_newton import Fit
 from .subsets import Subset, Subsets
@@ -133,13 +133,10 @@ AT_BOUND = 0.02
 """How near to a bound a parameter is at it, as a share; a bound below that share of a typical value means zero."""
 
 
-def degenerate(fit: Fit, name: str, seconds: float) -> bool:
-    """Return whether an effect of a fit has turned into another one, on runs of at most so many seconds."""
-    if name not in fit.spec:
-        return False
-    values, effect = fit.spec[name], all_effects()[name]
-    parameters = effect.parameters
-    if effect(**values).elastic(seconds):
+def degenerate(effect: Effect, seconds: float) -> bool:
+    """Return whether a fitted effect has turned into another one, on runs of at most so many seconds."""
+    values, parameters = effect.values, effect.parameters
+    if effect.elastic(seconds):
         return True
     pairs = [(values[p.name], values[p.unlike]) for p in parameters if p.unlike]
     if pairs and all(abs(a - b) <= ALMOST * max(abs(a), abs(b)) for a, b in pairs):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects import Effect, Parameter, all_effects
+from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
 
 _REACH = 12.0
@@ -37,8 +37,8 @@ class Template:
         Bounds of the coefficients.
     top : float, default=inf
         Of a limit, where it begins to act: what the signal reaches.
-    family : str, default=""
-        The effect's family; without one it is of its own.
+    kind : class, optional
+        The effect.
     """
 
     effect: str
@@ -48,14 +48,24 @@ class Template:
     lower: np.ndarray
     upper: np.ndarray
     top: float = np.inf
-    family: str = ""
+    kind: type[Effect] | None = None
+
+    @property
+    def family(self) -> str:
+        """The effect's family; empty without a kind."""
+        return self.kind.family if self.kind is not None else ""
+
+    @property
+    def inexact(self) -> bool:
+        """Whether the effect has a form that may be inexact."""
+        return self.kind is not None and has_form(self.kind)
 
     def starts(self, x: np.ndarray) -> list[dict[str, float]]:
         """Return all parameters of the effect at fitted coefficients, in one or two interpretations."""
         if self.linear:
             return [{**self.fixed, **{name: float(v) for name, v in zip(self.linear, x, strict=False)}}]
         found = [dict(self.fixed)]
-        sizes = [p for p in all_effects()[self.effect].parameters if not p.share]
+        sizes = [p for p in self.kind.parameters if not p.share] if self.kind is not None else []
         if len(sizes) == 1 and 0.0 < x[0] < 0.7 and sizes[0].lower >= 0.0:
             # Part of an effect that vanishes with its only size, or with its inverse, is the effect with part of it.
             [p], share = sizes, float(max(x[0], 0.005))
@@ -66,27 +76,27 @@ class Template:
         return found
 
 
-def templates(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
+def templates(evidence: ResidualSource, name: str) -> list[Template]:
     """Return an effect's templates; none if it changes no equation that the log allows."""
-    return laid(evidence, effect) if evidence.touched([effect.name]) else []
+    return laid(evidence, name) if evidence.touched([name]) else []
 
 
-def laid(evidence: ResidualSource, effect: type[Effect]) -> list[Template]:
+def laid(evidence: ResidualSource, name: str) -> list[Template]:
     """Return the same without first checking whether it changes anything."""
+    effect = evidence.effects[name]
     linear = [p for p in effect.parameters if p.linear]
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
-        return _small_change(evidence, effect, others[0])
+        return _small_change(evidence, name, others[0])
     found = []
     for point in itertools.product(*(grid(p, len(others)) for p in others)):
         fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
-        D = _columns(evidence, effect.name, fixed, linear)
+        D = _columns(evidence, name, fixed, linear)
         bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
-            names = tuple(p.name for p in linear)
-            found.append(Template(effect.name, fixed, names, D, lower, upper, top, effect.family))
+            found.append(Template(name, fixed, tuple(p.name for p in linear), D, lower, upper, top, effect))
     return _peaks(evidence, found, [p for p in others if p.spacing])
 
 
@@ -110,19 +120,27 @@ def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec
     reach = evidence.reach(spec) if spec else None
     if reach is None:
         return list(found)
-    known, out = all_effects(), []
+    out = []
     for t in found:
-        D = t.columns * reach[:, None]
-        if not adds(t.effect) and t.effect not in spec:
-            linear = [p for p in known[t.effect].parameters if p.name in t.linear]
+        D, effect = t.columns * reach[:, None], evidence.effects[t.effect]
+        if not adds(effect) and t.effect not in spec:
+            linear = [p for p in effect.parameters if p.name in t.linear]
             D = _columns(evidence, t.effect, t.fixed, linear, spec)
         out.append(replace(t, columns=D) if np.all(np.isfinite(D)) else t)
     return out
 
 
-def adds(name: str) -> bool:
+_CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
+
+
+def has_form(effect: type[Effect]) -> bool:
+    """Return whether an effect has a form that may be inexact; a sensor's offset or gain or a wrong length has none."""
+    return bool(_CONSTITUTIVE & set(effect.hooks())) or effect.n_states > 0
+
+
+def adds(effect: type[Effect]) -> bool:
     """Return whether an effect adds to equations and changes nothing that others read."""
-    return set(all_effects()[name].hooks()) <= {"force", "flow", "torque", "valve"}
+    return set(effect.hooks()) <= {"force", "flow", "torque", "valve"}
 
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
@@ -147,14 +165,14 @@ def _unit(p: Parameter) -> float:
     return p.nominal if p.nominal else 0.01 * p.upper
 
 
-def _small_change(evidence: ResidualSource, effect: type[Effect], p: Parameter) -> list[Template]:
+def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Template]:
     """Return the template of a parameter that changes the equations themselves, to first order."""
     h = 0.1 * p.nominal if p.nominal else 0.01 * p.upper
-    D = evidence.change({effect.name: {p.name: h}}, {}, np.zeros(len(evidence.free))) / h
+    D = evidence.change({name: {p.name: h}}, {}, np.zeros(len(evidence.free))) / h
     if not np.any(D):
         return []
     bounds = np.array([p.lower]), np.array([p.upper])
-    return [Template(effect.name, {}, (p.name,), D[:, None], *bounds, family=effect.family)]
+    return [Template(name, {}, (p.name,), D[:, None], *bounds, kind=evidence.effects[name])]
 
 
 def _peaks(evidence: ResidualSource, found: list[Template], finely: Sequence[Parameter]) -> list[Template]:

@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..settings import KEPT, OF_ITS_OWN
-from .discrepancy import has_form
 from .sensitivity import Template
 from .student_t import bounded
 
@@ -290,7 +289,7 @@ class Subsets:
 
     def _of_its_own(self, child: Subset, parent: Subset, first: Subset) -> bool:
         """Return whether a set adds more to another than an inexact form of the other's effects could."""
-        if not any(has_form(name) for name in self._names(parent.templates)):
+        if not any(self.library[t].inexact for t in parent.templates):
             return True
         added, there = parent.left - child.left, first.left - parent.left
         return bool(np.any((added > OF_ITS_OWN**2 * there) & (added > 0.3 * np.max(added))))

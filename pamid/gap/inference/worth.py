@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...effects import Parameter, all_effects
+from ...effects import Parameter
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import FORM_SMOOTH, FORM_TIMES, OF_ITS_OWN, TOLERANCE
 from .discrepancy import Discrepancy
@@ -62,7 +62,7 @@ class Worth:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
-        if spread is not None and not evidence.exact and _filters(fit.spec):
+        if spread is not None and not evidence.exact and self._filters(fit.spec):
             score -= self._below_noise(left)
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
@@ -138,7 +138,7 @@ class Worth:
 
     def degenerate(self, fit: Fit, name: str) -> bool:
         """Return whether an effect of a fit has turned into another one on this log."""
-        return degenerate(fit, name, self._longest)
+        return name in fit.spec and degenerate(self.evidence.effects[name](**fit.spec[name]), self._longest)
 
     def _own_shares(self, h: Hypothesis) -> list[float]:
         if h.own is None:
@@ -157,22 +157,21 @@ class Worth:
         """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
         key = f"{fit.spec!r} {fit.x.tobytes()!r}"
         if key not in self._jacobians:
-            slots = slots_of(fit.spec)
+            slots = slots_of(self.evidence.effects, fit.spec)
             phi = np.array([fit.spec[name][p.name] for name, p in slots])
             D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
             self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
-        return self._jacobians[key], slots_of(fit.spec)
+        return self._jacobians[key], slots_of(self.evidence.effects, fit.spec)
+
+    def _filters(self, spec: Spec) -> bool:
+        """Return whether undoing a sensor fault filters its noise: one with memory does, an offset does not."""
+        effects = [self.evidence.effects[name] for name in spec]
+        return any(e.n_states and "measure" in e.hooks() for e in effects)
 
 
 def _longest_run(evidence: ResidualSource) -> float:
     """Return the time from the first to the last window of the longest run, s."""
     return max((float(np.ptp(evidence.time[evidence.run == run])) for run in np.unique(evidence.run)), default=0.0)
-
-
-def _filters(spec: Spec) -> bool:
-    """Return whether undoing a sensor fault filters its noise: one with memory does, an offset does not."""
-    library = all_effects()
-    return any(library[name].n_states and "measure" in library[name].hooks() for name in spec)
 
 
 def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:

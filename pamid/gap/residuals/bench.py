@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects import Effect, Parameter, Plant, all_effects, make_effect
+from ...effects import Effect, Parameter, Plant, all_effects
 from ...equations.allowed import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.base import Equation, Residual
 from ...equations.joined import joined
@@ -92,7 +92,7 @@ class Evidence(Straight):
 
     def __init__(self, log: pd.DataFrame | BenchLog, params: BenchParameters) -> None:
         log = BenchLog.of(log)
-        self.params = params
+        self.params, self.effects = params, all_effects()
         self._widening: tuple[str, np.ndarray | None] = ("", None)
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
@@ -151,10 +151,9 @@ class Evidence(Straight):
         self._recent: dict[tuple[str, bytes], np.ndarray] = {}
         self._spreads: dict[str, np.ndarray] = {}
 
-    @staticmethod
-    def prior(name: str) -> float:
+    def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on a bench."""
-        effect = all_effects()[name]
+        effect = self.effects[name]
         return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -OTHER_SYSTEMS))
 
     @staticmethod
@@ -210,12 +209,11 @@ class Evidence(Straight):
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> BenchParameters:
         """Return the simulator with effects added and parameters changed by multiples of their tolerances."""
         params = self.deviated(deviations or {})
-        return params.replace(effects=(*params.effects, *((name, dict(v)) for name, v in spec.items())))
+        return params.replace(effects=(*params.effects, *(self.effects[name](**v) for name, v in spec.items())))
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""
-        library = all_effects()
-        return [e for e in self.equations if any(self._equations[e].changed_by(library[name]) for name in names)]
+        return [e for e in self.equations if any(self._equations[e].changed_by(self.effects[n]) for n in names)]
 
     def reads(self, channel: str) -> bool:
         """Return whether an equation that is tested reads a channel."""
@@ -289,11 +287,11 @@ class Evidence(Straight):
     def _beginnings(self, spec: Spec, equation: str) -> list[np.ndarray]:
         """Return the whitened contribution of each unknown initial memory to an equation, per standard deviation."""
         part, found = self.parts[self.equations.index(equation)], []
-        library = all_effects()
         for name, values in spec.items():
-            if library[name].beginnings is Effect.beginnings:  # most effects have no memory, and this is called often
+            kind = self.effects[name]
+            if kind.beginnings is Effect.beginnings:  # most effects have no memory, and this is called often
                 continue
-            effect = make_effect(name, **values)
+            effect = kind(**values)
             for where, tau, size in effect.beginnings(self._spans, self._plant):
                 if where == equation:
                     column = np.zeros(len(self.noise))
@@ -333,7 +331,7 @@ class Evidence(Straight):
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
-        lags = {name: values for name, values in spec.items() if _lags(name)}
+        lags = {name: values for name, values in spec.items() if _lags(self.effects[name])}
         if not lags:
             return None
         key = repr(lags)
@@ -347,7 +345,7 @@ class Evidence(Straight):
         An undone gain, or a smaller volume to differentiate, makes residuals and their noise smaller: over thousands of
         windows, that alone would count as evidence. Lags are left to `widening`.
         """
-        instant = {name: values for name, values in spec.items() if not _lags(name)}
+        instant = {name: values for name, values in spec.items() if not _lags(self.effects[name])}
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
         if key not in self._spreads:
             params = self.corrected(instant, dict(zip(self.free, map(float, x), strict=True)))
@@ -380,9 +378,8 @@ class Evidence(Straight):
         return self._state
 
 
-def _lags(name: str) -> bool:
+def _lags(effect: type[Effect]) -> bool:
     """Return whether an effect is a lag of a sensor, which is undone in its readings."""
-    effect = all_effects()[name]
     return effect.n_states > 0 and "measure" in effect.hooks()
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects import Effect
 from ...simulators.base import Simulator
 from ...simulators.catalogue import placements
 from ...simulators.placement import Placement
@@ -104,8 +103,7 @@ class Beside(ABC):
         self.skews = {}
         self._laid.clear()
 
-    def also_under(self, names: Mapping[str, tuple[str, type[Effect]]]) -> None:
-        """Register effects under other names, too: for each its own name, and the class of that one."""
-        for name, (known, effect) in names.items():
-            if known in self.placements:
-                self.placements = {**self.placements, name: replace(self.placements[known], key=name, effect=effect)}
+    def also_under(self, names: Mapping[str, str]) -> None:
+        """Let effects also have other names, each with its own."""
+        more = {other: replace(self.placements[k], key=other) for other, k in names.items() if k in self.placements}
+        self.placements = {**self.placements, **more}

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...effects import all_effects
+from ...effects import Effect
 from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError, UnknownOptionError
 from ...simulators.base import Simulator
@@ -141,6 +141,11 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self.z0 = self._whitening.white(self.value / self.noise)
         self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
         self.curved = self.curved or differ(straight, self.J)
+
+    @property
+    def effects(self) -> Mapping[str, type[Effect]]:
+        """The library: each effect at each port."""
+        return {key: place.effect for key, place in self.placements.items()}
 
     # --- the simulator with causes ---------------------------------------------------------------------------
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
@@ -420,13 +425,9 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
         An effect of a path that never reverses could be any function of time.
         """
-        place, prior = self.placements.get(name), float(all_effects()[name].prior)
-        if (
-            place is not None
-            and place.acts
-            and place.effect.follows_path()
-            and not self._turns(place.follows.get("position", ""))
-        ):
+        place = self.placements[name]
+        prior = float(place.effect.prior)
+        if place.acts and place.effect.follows_path() and not self._turns(place.follows.get("position", "")):
             return min(prior, UNTURNED)
         return prior
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...effects import Parameter
+from ...effects import Effect, Parameter
 from ...simulators.placement import Placement
 
 Spec = Mapping[str, Mapping[str, float]]
@@ -28,6 +28,8 @@ class ResidualSource(Protocol):
 
     Attributes
     ----------
+    effects : mapping of str to class
+        The library: what may act here, by the names of a `Spec`.
     equations : list of str
         The equations (of a simulator: its ports) that the log allows.
     parts : list of slice
@@ -65,6 +67,11 @@ class ResidualSource(Protocol):
     one_sided : bool
         Whether `side` is the place of a window's equation, not a muscle.
     """
+
+    @property
+    def effects(self) -> Mapping[str, type[Effect]]:
+        """The effects that may act here, by the names of a `Spec`."""
+        ...
 
     equations: list[str]
     parts: list[slice]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...constants import ATMOSPHERIC_PRESSURE
-from ...effects import Effect, Parameter, Plant, Signals, all_effects, make_effect
+from ...effects import Effect, Parameter, Plant, Signals, all_effects
 from ...effects.plant import Surroundings
 from ...equations.noise import channel_noise
 from ...signals.paths import play, reversals, steady_path
@@ -82,7 +82,7 @@ class SignalEvidence(Straight):
         shown: Table | None = None,
         without: np.ndarray | None = None,
     ) -> None:
-        self.table, self.y, self.dt = dict(table), y, dt
+        self.table, self.y, self.dt, self.effects = dict(table), y, dt, all_effects()
         if plant is None and equation == "flow" and _is_gauge(self.table.get("pressure")):
             # What leaks depends on the absolute pressure.
             self.table["pressure"] = self.table["pressure"] + ATMOSPHERIC_PRESSURE
@@ -181,7 +181,7 @@ class SignalEvidence(Straight):
         On a muscle it is the library's. Elsewhere drag is as likely as any friction; but an effect of a path that never
         reverses could be any function of time.
         """
-        effect = all_effects()[name]
+        effect = self.effects[name]
         if self.scale == 1.0:
             return effect.prior
         if effect.follows_path() and self._turns() < len(self.borders):
@@ -197,7 +197,7 @@ class SignalEvidence(Straight):
     # --- effects --------------------------------------------------------------------------------------------
     def added(self, spec: Spec) -> np.ndarray:
         """Return what effects add to the modelled target at each sample."""
-        return self.added_by([make_effect(name, **values) for name, values in spec.items()])
+        return self.added_by([self.effects[name](**values) for name, values in spec.items()])
 
     def added_by(self, effects: Sequence[Effect]) -> np.ndarray:
         """Return what effects add to the modelled target at each sample."""
@@ -232,12 +232,12 @@ class SignalEvidence(Straight):
 
     def reach(self, spec: Spec) -> np.ndarray:
         """Return the share of a small addition to the model that reaches each window's reading; none if slack."""
-        bending = {k: v for k, v in spec.items() if all_effects()[k].channel == OUTPUT[self.kind][0]}
+        bending = {k: v for k, v in spec.items() if self.effects[k].channel == OUTPUT[self.kind][0]}
         straight = {k: v for k, v in spec.items() if k not in bending}
         total = self.predicted + (self.added(straight) if straight else 0.0)
         small = 1e-4 * float(np.std(self.y)) + 1e-12
         passed = np.ones(len(total))
-        for effect in (make_effect(k, **v) for k, v in bending.items()):
+        for effect in (self.effects[k](**v) for k, v in bending.items()):
             if not effect.n_states:
                 before = np.asarray(effect.measure(total, None), dtype=float)
                 passed = passed * (np.asarray(effect.measure(total + small, None), dtype=float) - before) / small
@@ -301,7 +301,7 @@ class SignalEvidence(Straight):
 
     def _usable(self, name: str) -> bool:
         if name not in self._touched:
-            effect = all_effects()[name]
+            effect = self.effects[name]
             needed = set(effect.roles)
             if effect.channel:
                 needed = {INPUTS.get(effect.channel, OUTPUT[self.kind][1])}

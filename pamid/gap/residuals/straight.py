@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from ...effects import Effect
 from .protocol import Spec
 
 
@@ -14,6 +15,7 @@ class Straight:
     """Methods of a `pamid.gap.residuals.protocol.ResidualSource` whose slopes are the same everywhere."""
 
     J: np.ndarray
+    effects: Mapping[str, type[Effect]]
     curved = False
     one_sided = False
     twins: Mapping[str, str] = MappingProxyType({})
@@ -27,6 +29,10 @@ class Straight:
     def has(self, name: str) -> bool:
         """Return whether an effect has something to act on here."""
         return True
+
+    def also_under(self, names: Mapping[str, str]) -> None:
+        """Let effects also have other names, each with that of the library."""
+        self.effects = {**self.effects, **{other: self.effects[name] for other, name in names.items()}}
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter."""

@@ -66,14 +66,14 @@ def _of_log(stack: StackedEvidence, k: int, spec: Spec, x: np.ndarray, variants:
             continue
         plain = variants.plain(name)
         # Two shares of one effect act as one: linear parameters add up, the larger share gives the form.
-        joined[plain] = _together(plain, joined[plain], values) if plain in joined else dict(values)
+        joined[plain] = _together(stack, plain, joined[plain], values) if plain in joined else dict(values)
     return fitted_alone(stack.logs[k].evidence, joined, stack.deviations_in(k, x))
 
 
-def _together(effect: str, one: Mapping[str, float], two: Mapping[str, float]) -> dict[str, float]:
-    from ...effects import all_effects
-
-    linear = {p.name: p for p in all_effects()[effect].parameters if p.linear}
+def _together(
+    stack: StackedEvidence, effect: str, one: Mapping[str, float], two: Mapping[str, float]
+) -> dict[str, float]:
+    linear = {p.name: p for p in stack.effects[effect].parameters if p.linear}
     main = main_parameter(effect, one)
     form = one if abs(one[main]) >= abs(two[main]) else two
     total = {n: float(np.clip(one[n] + two[n], p.lower, p.upper)) for n, p in linear.items()}
@@ -159,7 +159,7 @@ def _rivals(rivals: Sequence[Rival], stack: StackedEvidence, variants: Variants)
         for name, values in r.effects.items():
             if variants.acts(name, k):
                 plain = variants.plain(name)
-                spec[plain] = _together(plain, spec[plain], values) if plain in spec else dict(values)
+                spec[plain] = _together(stack, plain, spec[plain], values) if plain in spec else dict(values)
         x = stack.deviations_in(k, np.array([r.deviations[n] for n in stack.free]))
         known = found.get(frozenset(spec))
         if known is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects.registry import chosen_effects, effects_beside
+from ...effects.registry import chosen_effects
 from ...equations.log import BenchLog
 from ...errors import IncompatibleError
 from ...signals.readings import run_marks
@@ -104,7 +104,7 @@ def diagnose_logs(
         notes += [f"{name}: {text}" for text in notes_on(one)[1:]]
     notes = list(dict.fromkeys([*notes_on(each[0])[:1], *notes]))
     days = [c.day for c in held]
-    variants = Variants(library, names, days)
+    variants = Variants(library, each[0].effects, names, days)
     stack = _stack(names, each, days, variants)
     searched = stack
     if (rows := sum(len(t) for t in whole)) > SEARCH_ROWS:
@@ -115,7 +115,7 @@ def diagnose_logs(
     random_state = np.random.RandomState(seed)
     if not stack.equations:
         return untested(stack, library, notes)
-    with threadpool_limits(1), effects_beside(variants.effects):
+    with threadpool_limits(1):
         found, verdict = explained(stack, searched, variants, notes, random_state, say)
         last = len(each) - 1
         experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
@@ -154,7 +154,7 @@ def sized(
 
 def _stack(names: Sequence[str], each: Sequence[Evidence], days: Sequence[str], variants: Variants) -> StackedEvidence:
     stacked = [Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)]
-    return StackedEvidence(stacked, variants.acts, variants.plain)
+    return StackedEvidence(stacked, variants)
 
 
 def _tables(

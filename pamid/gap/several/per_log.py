@@ -37,7 +37,7 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     """Return the parameters of a fit with 90 % intervals."""
     from scipy.stats import t as student
 
-    fitter, slots, m = Fitter(evidence), slots_of(fit.spec), evidence.J.shape[1]
+    fitter, slots, m = Fitter(evidence), slots_of(evidence.effects, fit.spec), evidence.J.shape[1]
     if not slots:
         return {}
     phi = np.array([fit.spec[name][p.name] for name, p in slots])

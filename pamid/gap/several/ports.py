@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...effects.registry import effects_beside
 from ...errors import IncompatibleError, PamidError
 from ...simulators.base import Simulator
 from ...simulators.catalogue import chosen
@@ -46,7 +45,7 @@ def diagnose_port_logs(
     each = _evidence(logs, simulator, held)
     places = {k: p for e in reversed(each) for k, p in e.placements.items()}
     asked = chosen(places, effects)
-    with threadpool_limits(1), effects_beside({k: p.effect for k, p in places.items()}):
+    with threadpool_limits(1):
         library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
@@ -54,18 +53,13 @@ def diagnose_port_logs(
         for one, some in zip(each, kept, strict=True):
             learn(one, [k for k in library if k in some])
         days = [c.day for c in held]
-        variants = Variants(library, names, days)
-        for one in each:
-            one.also_under({k: (variants.plain(k), effect) for k, effect in variants.effects.items()})
-        stack = StackedEvidence(
-            [Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)], variants.acts, variants.plain
-        )
+        variants = Variants(library, {k: p.effect for k, p in places.items()}, names, days)
+        stack = StackedEvidence([Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)], variants)
         notes = [f"The residuals are {each[0].how}."]
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
         if not stack.equations:
             return untested(stack, library, notes)
-        with effects_beside(variants.effects):
-            found, _ = explained(stack, stack, variants, notes, np.random.RandomState(seed), say)
+        found, _ = explained(stack, stack, variants, notes, np.random.RandomState(seed), say)
     sizes = {n: (e.log.n, len(e.log.names)) for n, e in zip(names, each, strict=True)}
     found = replace(found, logs=sized(found.logs, sizes, held))
     return outward(found, each[-1], stack)

@@ -10,13 +10,14 @@ residuals are stacked; the columns of a day's own parameters are zero in the log
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...effects import Parameter, all_effects
+from ...effects import Parameter
 from ..residuals.protocol import STATE, ResidualSource, Spec
+from .variants import Variants
 
 KEPT = 1500
 """Residual vectors that are cached: those of the library's grid, which is used several times."""
@@ -47,18 +48,19 @@ class StackedEvidence:
     ----------
     logs : sequence of Log
         The logs, in the order in which they were recorded.
-    active : callable
-        Takes the name of an effect and the place of a log, returns whether the effect acts there.
-    plain : callable
-        Takes the name of an effect, returns that of the library.
+    variants : Variants, optional
+        The library, with effects that act in some of the logs; by default that of the first log.
     """
 
     lasting: Collection[str] = ()
 
-    def __init__(
-        self, logs: Sequence[Log], active: Callable[[str, int], bool], plain: Callable[[str], str] = str
-    ) -> None:
-        self.logs, self.active, self.plain = list(logs), active, plain
+    def __init__(self, logs: Sequence[Log], variants: Variants | None = None) -> None:
+        names, _, days = zip(*logs, strict=True)
+        known = variants or Variants([], logs[0].evidence.effects, names, days)
+        self.logs, self.active, self.plain = list(logs), known.acts, known.plain
+        self.effects, self._odds = known.effects, known.odds
+        for log in logs:
+            log.evidence.also_under(known.names)
         sources: list[ResidualSource] = [log.evidence for log in self.logs]
         self.exact, self.bends, self.one_sided = sources[0].exact, sources[0].bends, sources[0].one_sided
         self.curved = any(s.curved for s in sources)
@@ -294,10 +296,9 @@ class StackedEvidence:
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected."""
-        effect = all_effects()[name]
         plain = self.plain(name)
         known = max(float(log.evidence.prior(plain)) for log in self.logs)
-        return known if name == plain else min(known, float(effect.prior))
+        return known if name == plain else min(known, float(self.effects[name].prior) + self._odds)
 
     def column(self, name: str, side: int = 0) -> str:
         """Return the user's name of a signal of the state."""

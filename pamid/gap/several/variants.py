@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...effects import Effect, all_effects
-from ...simulators.placement import named
+from ...effects import Effect
 
 FROM, UNTIL = "@from ", "@until "
 MOST_DAYS = 4
@@ -24,34 +23,36 @@ class Variants:
     ----------
     library : sequence of str
         Effects that may be causes.
+    known : mapping of str to class
+        The effects of the library.
     logs : sequence of str
         Names of the logs, in the order in which they were recorded.
     days : sequence of str
         The day of each: within a day nothing changes.
     """
 
-    def __init__(self, library: Sequence[str], logs: Sequence[str], days: Sequence[str]) -> None:
-        self.logs = list(logs)
-        self.effects: dict[str, type[Effect]] = {}
-        self._plain: dict[str, str] = {}
+    def __init__(
+        self, library: Sequence[str], known: Mapping[str, type[Effect]], logs: Sequence[str], days: Sequence[str]
+    ) -> None:
+        self.logs, n = list(logs), len(logs)
+        self.names: dict[str, str] = {}
+        """The library's name of each effect that acts in some of the logs."""
         self._acts: dict[str, range] = {}
-        n, known = len(self.logs), all_effects()
         borders = [k for k in range(1, n) if days[k] != days[k - 1]]
+        self.odds = float(np.log(CHANGES / (1.0 - CHANGES) / (2.0 * max(len(borders), 1))))
+        """Logarithm of the odds with which an effect acts in some of the logs."""
         if 0 < len(borders) < MOST_DAYS:
-            odds = float(np.log(CHANGES / (1.0 - CHANGES) / (2.0 * len(borders))))
             for name in library:
                 for k in borders:
-                    self._add(known[name], f"{name}{FROM}{k + 1}", range(k, n), odds)
-                    self._add(known[name], f"{name}{UNTIL}{k}", range(k), odds)
-        self.library = [*library, *self.effects]
-
-    def _add(self, effect: type[Effect], key: str, where: range, odds: float) -> None:
-        self.effects[key] = named(effect, key, prior=effect.prior + odds)
-        self._plain[key], self._acts[key] = effect.name, where
+                    for key, where in ((f"{name}{FROM}{k + 1}", range(k, n)), (f"{name}{UNTIL}{k}", range(k))):
+                        self.names[key], self._acts[key] = name, where
+        self.library = [*library, *self.names]
+        self.effects = {**known, **{key: known[name] for key, name in self.names.items()}}
+        """The effects of the library, and those that act in some of the logs, by name."""
 
     def plain(self, name: str) -> str:
         """Return the library's name of an effect."""
-        return self._plain.get(name, name)
+        return self.names.get(name, name)
 
     def acts(self, name: str, k: int) -> bool:
         """Return whether an effect acts in a log."""
