@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from pamid.bench.parameters import BenchParameters
 from pamid.cli import main
+from pamid.errors import PamidWarning
 from pamid.signals import LogMapping
 from pamid.systems import read_system
 
@@ -97,14 +98,18 @@ def test_a_command_that_no_shell_takes_is_noticed() -> None:
     "page", [p for p in PAGES if any(b.language in ("python", "console") for b in blocks(p))], ids=name
 )
 def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Python and command lines run in the order of the page, one namespace a page."""
+    """Python and command lines run in the order of the page, one namespace a page, and warn only of what it names."""
+    text = page.read_text(encoding="utf-8")
     space: dict[str, object] = {"__name__": "__main__"}
     for block in blocks(page):
         where = f"{page.name}, block of line {block.line}"
         if block.language == "python":
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings.catch_warnings(record=True) as issued:
+                warnings.simplefilter("always")
                 exec(compile("\n" * block.line + block.text, str(page), "exec"), space)
+            own = [w for w in issued if issubclass(w.category, PamidWarning)]
+            unnamed = [f"{w.category.__name__}: {w.message}" for w in own if w.category.__name__ not in text]
+            assert not unnamed, f"{where} warns, and the page does not say so:\n" + "\n".join(unnamed)
         elif block.language == "console":
             for command in re.sub(r"\\\n", " ", block.text).splitlines():
                 words = as_the_shell_reads(command.removeprefix("$ "))
@@ -168,6 +173,19 @@ def test_a_stale_table_is_noticed(tables: ModuleType) -> None:
     page = "<!-- table: commands -->\n| old |\n<!-- end of table -->\n"
     assert "pamid simulate" in tables.updated(page)
     assert tables.updated(tables.updated(page)) == tables.updated(page)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if of(p, "sh")], ids=name)
+def test_commands_that_are_only_shown_are_those_of_pamid(page: Path, tables: ModuleType) -> None:
+    """What a page shows without running it is taken by a shell, and its options by the command."""
+    for block in of(page, "sh"):
+        done = subprocess.run(["bash", "-n"], input=block.text, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 0, done.stderr
+        for line in block.text.splitlines():
+            shown = line.rpartition(" | ")[2]
+            if shown.startswith("pamid ") and not shown.startswith("pamid --"):
+                _, command, *rest = as_the_shell_reads(shown)
+                tables.commands_.subparsers()[command].parse_args(rest)
 
 
 def test_every_estimator_is_explained() -> None:

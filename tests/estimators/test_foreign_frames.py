@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import polars as pl
 import pyarrow as pa
 import pytest
 from pamid.estimators import (
@@ -53,7 +54,7 @@ LikePolars.__module__, LikeLazy.__module__ = "polars.dataframe.frame", "polars.l
 
 
 def of_polars(table: pd.DataFrame) -> Any:
-    return pytest.importorskip("polars").from_pandas(table)
+    return pl.from_pandas(table)
 
 
 @pytest.fixture(scope="module")
