@@ -1,6 +1,5 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
-from .at_ports import diagnose_simulator
 from .design.next_run import next_run
 from .diagnosis.findings import (
     Band,
@@ -15,9 +14,11 @@ from .diagnosis.findings import (
 )
 from .diagnosis.localise import state_table
 from .diagnosis.result import Diagnosis
-from .engine import diagnose
 from .evaluation import evaluate_simulator
 from .refit import Refit, refit_within_tolerance
+from .several.logs import diagnose
+
+diagnose_simulator = diagnose
 
 __all__ = [
     "Band",

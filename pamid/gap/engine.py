@@ -9,7 +9,6 @@ import numpy as np
 
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
-from ..signals.frames import as_pandas
 from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
@@ -28,62 +27,11 @@ if TYPE_CHECKING:
     from ..bench.parameters import BenchParameters
 
 
-def diagnose(
-    log: pd.DataFrame,
-    params: BenchParameters,
-    effects: str | Sequence[str] = "all",
-    *,
-    seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+def diagnose_bench(
+    log: pd.DataFrame, params: BenchParameters, effects: str | Sequence[str], seed: int, say: Callable[[str], None]
 ) -> Diagnosis:
-    """Diagnose where a simulator and a log disagree, which effect is the cause, and how far the gap closes once it is
-    added.
-
-    The parameters that have a tolerance are refitted within it together with every candidate, so that a parameter that
-    is slightly off is not a gap. Residuals are those of `pamid.equations`, over windows of 20 ms.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Log of the bench: ``trajectory``, ``time`` (s), ``q`` (rad), ``P1``, ``P2`` (Pa, absolute), ``F1``, ``F2`` (N),
-        ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``. Without some of them the equations that read them are left out.
-    params : BenchParameters
-        The simulator, with its tolerances.
-    effects : "all" or sequence of str, default="all"
-        The library: names of effects that may be causes; "all" are those that a bench may have.
-    seed : int, default=0
-        Seed of the draws behind p-values and intervals.
-    progress : callable, optional
-        Called with a short text at each step.
-
-    Returns
-    -------
-    Diagnosis
-        The answer.
-
-    Raises
-    ------
-    UnknownOptionError
-        The library has no effect of such a name.
-    ExcitationError
-        The log excites nothing that could distinguish effects.
-    MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
-        The log cannot be used as it is.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, simulate, sine
-    >>> from pamid.gap import diagnose
-    >>> nominal = BenchParameters.for_muscle("B")
-    >>> leaking = nominal.replace(effects=[("leakage", {"conductance": 2e-10})])
-    >>> log = simulate(leaking, [sine(2, 10, 1500), sine(6, 10, 1500)], seed=0)
-    >>> diagnose(log, nominal, ["leakage", "viscous_friction"]).causes[0].effects
-    ('leakage',)
-    """
+    """Diagnose one log of a bench."""
     library = chosen_effects(effects, "bench")
-    log = as_pandas(log)
-    say = progress or (lambda _: None)
-    say("read the log")
     used = BenchLog.of(log).whole(MAX_ROWS)
     notes = check(used, params)
     if len(used) < len(log):

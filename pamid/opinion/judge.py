@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..gap.at_ports import diagnose_simulator
 from ..gap.diagnosis.result import Diagnosis
+from ..gap.several.logs import diagnose
 from ..signals.frames import as_pandas
 from ..simulators import Simulator
 from .estimates import Open, estimates, freed
@@ -226,7 +226,7 @@ def second_opinion(
     # A number is known as the simulator file states; the others may be anything around the fitted value.
     stated = {n for n in values if known[n].tolerance > 0.0 and known[n].value != 0.0}
     fitted = freed(_of_model(simulator, fit, stated), {n: v for n, v in values.items() if n not in stated})
-    found = diagnose_simulator(log, fitted, effects, seed=seed, progress=say)
+    found = diagnose(log, fitted, effects, seed=seed, progress=say)
     say("errors and directions")
     about = found.corrected if found.corrected is not None else _moved(fitted, found)
     est = estimates(log, about, list(values))

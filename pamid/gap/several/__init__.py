@@ -1,9 +1,9 @@
 """Several logs of one bench, one diagnosis: shared causes, nuisances of each log, and what changed between logs."""
 
 from .conditions import Conditions, read_conditions
-from .engine import diagnose_logs
 from .go_on import go_on
 from .history import History, read_history
+from .logs import diagnose as diagnose_logs
 from .result import Change, LogFinding
 
 __all__ = [

@@ -33,66 +33,18 @@ if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
 
 
-def diagnose_logs(
+def diagnose_bench_logs(
     logs: Mapping[str, pd.DataFrame],
     params: BenchParameters,
-    effects: str | Sequence[str] = "all",
-    *,
-    conditions: Mapping[str, Conditions] | None = None,
-    seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    effects: str | Sequence[str],
+    conditions: Mapping[str, Conditions] | None,
+    seed: int,
+    say: Callable[[str], None],
 ) -> Diagnosis:
-    """Diagnose several logs of one bench together.
-
-    Causes and the bench's geometry are shared by all logs. What may change from day to day (valves, friction, gas),
-    each within its tolerance, is each day's own. A cause may also appear or go between two days where the evidence
-    supports it.
-
-    Parameters
-    ----------
-    logs : mapping of str to DataFrame
-        The logs by name, in the order in which they were recorded; each as `pamid.gap.diagnose` takes it.
-    params : BenchParameters
-        The simulator, with its tolerances.
-    effects : "all" or sequence of str, default="all"
-        The library: names of effects that may be causes.
-    conditions : mapping of str to Conditions, optional
-        Conditions of each log: numbers of the simulator that differ, and its day; a log without them is a day of its
-        own.
-    seed : int, default=0
-        Seed of the draws behind p-values and intervals.
-    progress : callable, optional
-        Called with a short text at each step.
-
-    Returns
-    -------
-    Diagnosis
-        The answer. ``logs`` holds the causes' parameters log by log, ``changes`` which of them changed between logs.
-
-    Raises
-    ------
-    IncompatibleError
-        The logs cannot be of one bench.
-    UnknownOptionError, ExcitationError, MissingColumnError, MissingTrajectoryError, TimeOrderError, NonFiniteError
-        As for one log; the message names it.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, simulate, sine
-    >>> from pamid.gap.several import diagnose_logs
-    >>> nominal = BenchParameters.for_muscle("B")
-    >>> runs = [sine(2, 10, 1500), sine(6, 10, 1500)]
-    >>> leak = [("leakage", {"conductance": 2e-10})]
-    >>> logs = {"monday": simulate(nominal, runs, seed=0), "friday": simulate(nominal, runs, seed=1, effects=leak)}
-    >>> found = diagnose_logs(logs, nominal, ["leakage", "viscous_friction"])
-    >>> found.changes[0].effect, found.changes[0].how, found.changes[0].log
-    ('leakage', 'appears', 'friday')
-    """
+    """Diagnose several logs of one bench together."""
     from threadpoolctl import threadpool_limits
 
     library = chosen_effects(effects, "bench")
-    say = progress or (lambda _: None)
-    say("read the logs")
     names = list(logs)
     held = conditions_of(names, conditions)
     tables, notes = _tables(logs, params, held)

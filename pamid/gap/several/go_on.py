@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
 from ...simulators.base import Simulator
-from ..at_ports import diagnose_simulator
-from ..engine import diagnose
 from .conditions import Conditions, conditions_of
-from .engine import diagnose_logs
 from .history import History
+from .logs import diagnose
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,18 +77,13 @@ def go_on(
                 "Name only the new logs; a different recording needs a different name.",
             )
     held = conditions_of(list(logs), conditions)
-    ported = isinstance(history.simulator, Simulator)
-    if history.held and not ported:
+    if history.held and not isinstance(history.simulator, Simulator):
         last = list(history.held.values())[-1].day
         given = {**dict(conditions or {})}
         held = [c if c.day != name or given else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
     every, those = {**history.logs, **logs}, {**history.held, **dict(zip(logs, held, strict=True))}
     asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
-    more: dict[str, Any] = {} if asked is not every else {"conditions": those}
-    if ported:
-        run: Callable[..., Diagnosis] = diagnose_simulator
-    else:
-        run = diagnose if asked is not every else diagnose_logs
-    found = run(asked, history.simulator, history.library, **more, seed=seed, progress=progress)
+    held_by = those if asked is every else None
+    found = diagnose(asked, history.simulator, history.library, conditions=held_by, seed=seed, progress=progress)
     history.add(found, logs, held)
     return found

@@ -34,10 +34,7 @@ def diagnose_port_logs(
     seed: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """Diagnose several logs of one simulator together: `pamid.gap.diagnose_simulator` of more than one log.
-
-    Causes and the simulator's parameters are shared by all logs; clocks and offsets are each day's own.
-    """
+    """Diagnose several logs of one simulator with ports together."""
     from threadpoolctl import threadpool_limits
 
     refuse_twice(logs)

@@ -1,0 +1,122 @@
+"""Diagnose one log or several, with a simulator of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ...signals.frames import logs_as_pandas
+from ...simulators.base import Simulator
+from ..at_ports import diagnose_at_ports
+from ..diagnosis.result import Diagnosis
+from ..engine import diagnose_bench
+from .conditions import Conditions
+from .engine import diagnose_bench_logs
+from .ports import diagnose_port_logs
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ...bench.parameters import BenchParameters
+
+
+def diagnose(
+    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    simulator: BenchParameters | Simulator,
+    effects: str | Sequence[str] = "all",
+    *,
+    conditions: Mapping[str, Conditions] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Diagnose where a simulator and a log disagree, which effect is the cause, and how far the gap closes once it is
+    added.
+
+    Parameters with a tolerance are refitted within it together with every candidate, so that one that is slightly off
+    is not a gap. Of several logs the causes and what lasts, such as lengths and masses, are shared; valves, friction
+    and gas of a bench, clocks and offsets of other simulators are each day's own. A cause may also appear or go between
+    two days where the evidence supports it.
+
+    `pamid.diagnose` also keeps the logs, so that a later diagnosis continues from this one. ``diagnose_simulator`` and
+    ``pamid.gap.several.diagnose_logs`` are this function.
+
+    Parameters
+    ----------
+    log : DataFrame or mapping of str to DataFrame
+        ``trajectory``, ``time`` (s) and the simulator's signals; of a bench ``q`` (rad), ``P1``, ``P2`` (Pa, absolute),
+        ``F1``, ``F2`` (N), ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``, without some of which the equations that read
+        them are left out. Several logs by name, in the order in which they were recorded.
+    simulator : BenchParameters or Simulator
+        The simulator, with its tolerances.
+    effects : "all" or sequence of str, default="all"
+        Effects that may be causes; "all" are those that such a system may have. At ports every port is tried, unless
+        one is named: ``"viscous_friction@motor"``.
+    conditions : mapping of str to `pamid.gap.several.Conditions`, optional
+        Conditions of each of several logs: parameters of the simulator that differ, and its day; a log without them is
+        a day of its own.
+    seed : int, default=0
+        Seed of the draws behind p-values and intervals.
+    progress : callable, optional
+        Called with a short text at each step.
+
+    Returns
+    -------
+    Diagnosis
+        The answer; at ports its causes say where they act. ``corrected`` is the simulator with them. Of several logs
+        ``logs`` holds the causes' parameters log by log, ``changes`` which of them changed between logs.
+
+    Raises
+    ------
+    UnknownOptionError
+        The library has no effect of such a name.
+    ExcitationError
+        The log excites nothing that could distinguish effects.
+    MissingColumnError, MissingTrajectoryError, ShortTrajectoryError, TimeOrderError, NonFiniteError
+        The log cannot be used as it is; of several logs the message names it.
+    IncompatibleError
+        Two logs hold no signal in common, or a run twice, or cannot be of one bench.
+
+    Examples
+    --------
+    >>> from pamid.bench import BenchParameters, simulate, sine
+    >>> from pamid.gap import diagnose
+    >>> nominal, leak = BenchParameters.for_muscle("B"), [("leakage", {"conductance": 2e-10})]
+    >>> runs, library = [sine(2, 10, 1500), sine(6, 10, 1500)], ["leakage", "viscous_friction"]
+    >>> leaking, tight = simulate(nominal, runs, seed=1, effects=leak), simulate(nominal, runs, seed=0)
+    >>> diagnose(leaking, nominal, library).causes[0].effects
+    ('leakage',)
+    >>> found = diagnose({"monday": tight, "friday": leaking}, nominal, library)
+    >>> found.changes[0].effect, found.changes[0].how, found.changes[0].log
+    ('leakage', 'appears', 'friday')
+
+    Any simulator with ports, here a mass of 2 kg on a rail, pushed to and fro, with 3 N s/m of friction:
+
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.simulators import FunctionSimulator, Port
+    >>> rng, runs = np.random.default_rng(0), []
+    >>> for k in range(4):
+    ...     t, x, v = np.arange(0, 8, 0.01), [0.0], [0.0]
+    ...     F = 5 * np.sin((1 + k) * t) + 3 * np.sin(0.7 * t)
+    ...     for f in F[:-1]:
+    ...         v.append(v[-1] + 0.01 * (f - 3 * v[-1]) / 2)
+    ...         x.append(x[-1] + 0.005 * (v[-1] + v[-2]))
+    ...     noisy = {"x": x + 1e-5 * rng.standard_normal(800), "v": v + 1e-3 * rng.standard_normal(800)}
+    ...     runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, **noisy}))
+    >>> ports = [Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    >>> rail = FunctionSimulator(lambda t, x, u, p: [x.v, u.F / p.m], ports, {"m": (2.0, 0.05, "kg")})
+    >>> found = diagnose(pd.concat(runs), rail, ["viscous_friction", "quadratic_drag", "actuator_gain"])
+    >>> found.causes[0].effects, found.causes[0].where, round(found.causes[0].parameters["coefficient"].value, 1)
+    (('viscous_friction',), ('x',), 3.0)
+    """
+    say = progress or (lambda _: None)
+    say("read the log")
+    log = logs_as_pandas(log)
+    if isinstance(simulator, Simulator) and simulator.states_equation:
+        from ..equation import diagnose_stated
+
+        return diagnose_stated(log, simulator, effects, conditions, seed, say)
+    if isinstance(log, Mapping):
+        several = diagnose_port_logs if isinstance(simulator, Simulator) else diagnose_bench_logs
+        return several(log, simulator, effects, conditions, seed, say)  # type: ignore[arg-type]
+    one = diagnose_at_ports if isinstance(simulator, Simulator) else diagnose_bench
+    return one(log, simulator, effects, seed, say)  # type: ignore[arg-type]
